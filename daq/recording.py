@@ -1,0 +1,97 @@
+"""Blocks as a device hands them on, and recordings on one time grid."""
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+class Flag(IntFlag):
+    """What is known to be wrong with a block."""
+
+    NONE = 0
+    AFTER_GAP = 1  #: scans are missing between the previous block and this one
+    BAD_FRAMES = 2  #: damaged frames were dropped while this block was read
+    RESTARTED = 4  #: first block after the device was (re)connected; its index has a new origin
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Block:
+    """Consecutive scans of one device, as the driver read them and as the log stores them."""
+
+    device: str
+    rate: float  #: nominal scans a second [Hz], by the device's own clock
+    first_index: int  #: unwrapped number of the first scan since the device's first connection [-]
+    counts: IntArray  #: (n_scans, n_axes) raw counts [-], no scan missing inside
+    scale: float  #: m/s2 a count
+    pair_index: int  #: the (counter, host time) pair: this scan ...
+    pair_time: int  #: ... had arrived at this host time [ns UTC]
+    temperature: float  #: of the device [degC], NaN if it has no sensor
+    flags: Flag = Flag.NONE
+
+    def __post_init__(self) -> None:
+        """Refuse what no driver can have meant."""
+        if self.counts.ndim != 2 or self.counts.dtype != np.int32:
+            raise ValueError(f"counts of {self.device}: expected int32 (n_scans, n_axes), found "
+                             f"{self.counts.dtype} {self.counts.shape}")
+
+    @property
+    def n_scans(self) -> int:
+        """Number of scans in the block."""
+        return int(self.counts.shape[0])
+
+    @property
+    def end_index(self) -> int:
+        """Number of the scan after the last one."""
+        return self.first_index + self.n_scans
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """One analysed signal: an axis of a device and the name of the sensor place it measures."""
+
+    name: str
+    device: str
+    axis: int  #: 0, 1, 2 = x, y, z of the device
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """Missing samples of one device inside a recording."""
+
+    device: str
+    start: int  #: first missing sample of the recording's grid
+    stop: int  #: sample after the last missing one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Recording:
+    """Signals of all channels on one time grid."""
+
+    channels: tuple[Channel, ...]
+    data: FloatArray  #: (n_samples, n_channels) acceleration [m/s2], NaN where a gap is
+    rate: float  #: samples a second [Hz]
+    start: int  #: time of the first sample [ns UTC]
+    temperature: float = float("nan")  #: mean over the devices [degC], NaN if none has a sensor
+    gaps: tuple[Gap, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that shapes agree."""
+        if self.data.ndim != 2 or self.data.shape[1] != len(self.channels):
+            raise ValueError(f"data: expected (n_samples, {len(self.channels)}), found {self.data.shape}")
+        if not self.rate > 0:
+            raise ValueError(f"rate: expected a positive number of Hz, found {self.rate}")
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self.data) / self.rate
+
+    @property
+    def end(self) -> int:
+        """Time after the last sample [ns UTC]."""
+        return self.start + round(self.duration * 1e9)

@@ -1,0 +1,1 @@
+"""Everything wired: the monitoring loop, the virtual rig, the viewer and the command line."""
