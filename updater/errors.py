@@ -1,0 +1,29 @@
+"""What can go wrong between modes, a structure and its model.
+
+UpdaterError
+    StructureError      the file that describes the structure
+    ModelError          the model built from it (a mechanism, a point that lies on no member)
+    PairingError        measured modes that no model modes answer to
+"""
+
+from pathlib import Path
+
+
+class UpdaterError(Exception):
+    """Base of all errors of this package."""
+
+
+class StructureError(UpdaterError):
+    """A structure file that cannot be used; names the file and the entry."""
+
+    def __init__(self, path: Path | str, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path = path
+
+
+class ModelError(UpdaterError):
+    """A model that cannot be built or solved."""
+
+
+class PairingError(UpdaterError):
+    """Too few measured modes answer to modes of the model."""

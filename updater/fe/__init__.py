@@ -1,0 +1,1 @@
+"""Finite elements of a frame: elements, assembly, modes and response."""

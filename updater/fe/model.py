@@ -1,0 +1,268 @@
+"""A structure as stiffness and mass matrices, with what is needed to read and load it at any point."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+from scipy import sparse
+from scipy.sparse.linalg import eigsh
+
+from daq import FloatArray, IntArray
+from updater.errors import ModelError
+from updater.fe.element import Element, local_axes
+from updater.structure import AXES, Body, Joint, Member, Structure
+
+MassKind = Literal["lumped", "consistent"]
+_COINCIDENT = 1e-6  # m: points nearer than this are the same node
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Modes:
+    """Undamped modes of a model."""
+
+    frequency: FloatArray  #: (n_modes,) [Hz], ascending
+    shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [1/sqrt(kg)]
+
+    @property
+    def omega(self) -> FloatArray:
+        """Angular frequencies (n_modes,) [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Model:
+    """Stiffness, mass and the table that says which row is which node and direction."""
+
+    structure: Structure
+    nodes: FloatArray  #: (n_nodes, 3) [m]
+    dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where it is held
+    elements: tuple[tuple[int, int, Element], ...]  #: start node, end node, constants
+    stiffness: sparse.csc_array  #: (n_dofs, n_dofs)
+    mass: sparse.csc_array  #: (n_dofs, n_dofs)
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of free DOFs."""
+        return int(self.stiffness.shape[0])
+
+    def modes(self, n: int) -> Modes:
+        """Return the lowest `n` modes (shift-invert Lanczos about zero; a semidefinite mass matrix is fine).
+
+        Raises
+        ------
+        ModelError
+            If the structure is a mechanism or stands free, so that its stiffness is singular.
+        """
+        start = np.ones(self.n_dofs)
+        try:
+            value, vector = eigsh(self.stiffness, n, self.mass, sigma=0.0, v0=start)
+        except RuntimeError as error:
+            raise ModelError(f"{self.structure.name}: the stiffness is singular: a support or a member is missing") from error
+        if value[0] <= 1e-9 * value[-1]:
+            raise ModelError(f"{self.structure.name}: it can move without deforming: a support is missing")
+        order = np.argsort(value)
+        return Modes(frequency=np.sqrt(value[order]) / (2 * np.pi), shape=_signed(vector[:, order]))
+
+    def read(self, point: FloatArray, axis: int | None = None) -> FloatArray:
+        """Return the rows that read displacements at a point on a member, through the element's shape functions.
+
+        Parameters
+        ----------
+        point : (3,) array [m]
+        axis : global axis 0..5 (x y z rx ry rz), or None for all six
+
+        Returns
+        -------
+        (6, n_dofs) array, or (n_dofs,) for one axis
+
+        Raises
+        ------
+        ModelError
+            If the point lies on no member.
+        """
+        start, end, element, xi = self._locate(np.asarray(point, float))
+        turn = np.kron(np.eye(4), local_axes(self.nodes[end] - self.nodes[start]))
+        local = turn[:6, :6].T @ element.displacement(xi) @ turn
+        rows = np.zeros((6, self.n_dofs + 1))  # the last column takes what is held, and is cut off
+        rows[:, np.r_[self.dofs[start], self.dofs[end]]] = local
+        return rows[:, :-1] if axis is None else rows[axis, :-1]
+
+    def _locate(self, point: FloatArray) -> tuple[int, int, Element, float]:
+        first, last, lengths = self._spans
+        ends, along = self.nodes[first], self.nodes[last] - self.nodes[first]
+        xi = np.clip(np.einsum("ij,ij->i", point - ends, along) / lengths**2, 0, 1)
+        distance = np.linalg.norm(point - ends - xi[:, None] * along, axis=1)
+        best = int(np.argmin(distance))
+        if distance[best] > 1e-4:
+            raise ModelError(f"the point {point.tolist()} lies on no member ({distance[best]:.3g} m off)")
+        return int(first[best]), int(last[best]), self.elements[best][2], float(xi[best])
+
+    @cached_property
+    def _spans(self) -> tuple[IntArray, IntArray, FloatArray]:
+        first = np.array([a for a, _, _ in self.elements], np.int32)
+        last = np.array([b for _, b, _ in self.elements], np.int32)
+        return first, last, np.linalg.norm(self.nodes[last] - self.nodes[first], axis=1)
+
+    @cached_property
+    def sensor_rows(self) -> FloatArray:
+        """Rows (n_sensors, n_dofs) that read the structure's sensors."""
+        return np.array(
+            [np.asarray(s.direction) / np.linalg.norm(s.direction) @ self.read(np.asarray(s.at))[:3] for s in self.structure.sensor]
+        ).reshape(-1, self.n_dofs)
+
+    def total_mass(self) -> float:
+        """Return the mass that a rigid translation along x would move, held nodes included [kg]."""
+        members = sum(_member_mass(self.structure, m) for m in self.structure.member)
+        return members + sum(body.mass for body in self.structure.body)
+
+
+def _member_mass(structure: Structure, member: Member) -> float:
+    return structure.material[member.material].density * structure.section[member.section].area * member.length
+
+
+def _signed(shape: FloatArray) -> FloatArray:
+    """Turn each mode so that its largest entry is positive: the same on every machine."""
+    peak = shape[np.argmax(np.abs(shape), axis=0), np.arange(shape.shape[1])]
+    return shape * np.sign(peak)
+
+
+class _Mesh:
+    """Nodes and DOF numbers while a model is being built."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self.nodes: list[FloatArray] = []
+        self.twins: list[tuple[int, int, Joint]] = []  # node, its twin on the jointed member, the springs
+        self.spans: list[tuple[int, int, Member]] = []
+        for member in structure.member:
+            self._add(member)
+
+    def _add(self, member: Member) -> None:
+        line = [self._node(p, member) for p in self._stations(member)]
+        self.spans += [(a, b, member) for a, b in zip(line[:-1], line[1:], strict=True)]
+
+    def _stations(self, member: Member) -> FloatArray:
+        """Nodes of one member, with one wherever another member ends on it or a joint, support stands."""
+        even = np.linspace(0, member.length, member.elements + 1)
+        axis = np.subtract(member.end, member.start) / member.length
+        marked = [p for m in self.structure.member if m is not member for p in (m.start, m.end)]
+        marked += [entry.at for entry in (*self.structure.support, *self.structure.joint)]
+        for point in marked:
+            s = float(np.dot(np.subtract(point, member.start), axis))
+            off = np.linalg.norm(np.subtract(point, member.point(s)))
+            if off < _COINCIDENT and -_COINCIDENT < s < member.length + _COINCIDENT and np.abs(even - s).min() > _COINCIDENT:
+                even = np.sort(np.append(even, s))
+        return member.point(even)
+
+    def _node(self, point: FloatArray, member: Member) -> int:
+        near = [i for i, p in enumerate(self.nodes) if np.linalg.norm(p - point) < _COINCIDENT]
+        joint = next((j for j in self.structure.joint if np.linalg.norm(np.subtract(j.at, point)) < _COINCIDENT), None)
+        plain = [i for i in near if i not in {twin for _, twin, _ in self.twins}]
+        if not plain:
+            self.nodes.append(point)
+            plain = [len(self.nodes) - 1]
+        if joint is None or joint.member != member.name:
+            return plain[0]
+        twins = [twin for node, twin, _ in self.twins if node == plain[0]]
+        if not twins:
+            self.nodes.append(point)
+            self.twins.append((plain[0], len(self.nodes) - 1, joint))
+            twins = [len(self.nodes) - 1]
+        return twins[0]
+
+    def find(self, at: tuple[float, float, float], what: str) -> int:
+        for i, point in enumerate(self.nodes):
+            if np.linalg.norm(point - np.asarray(at)) < _COINCIDENT:
+                return i
+        raise ModelError(f"{what} at {list(at)}: no member passes there")
+
+    def number(self) -> IntArray:
+        """Number the DOFs: held ones -1, twins share what their joint leaves rigid."""
+        free = np.ones((len(self.nodes), 6), bool)
+        for support in self.structure.support:
+            free[self.find(support.at, "support"), [AXES.index(a) for a in support.fixed]] = False
+        for _, twin, joint in self.twins:
+            free[twin] = [axis in joint.stiffness for axis in AXES]
+        dofs = np.full(free.shape, -1, np.int32)
+        dofs[free] = np.arange(free.sum())
+        for node, twin, _ in self.twins:
+            dofs[twin] = np.where(free[twin], dofs[twin], dofs[node])
+        return dofs
+
+
+class _Matrix:
+    """A sparse symmetric matrix gathered from small blocks."""
+
+    def __init__(self) -> None:
+        self.rows: list[IntArray] = []
+        self.columns: list[IntArray] = []
+        self.values: list[FloatArray] = []
+
+    def add(self, dofs: IntArray, block: FloatArray) -> None:
+        keep = np.flatnonzero(dofs >= 0)
+        row, column = np.meshgrid(dofs[keep], dofs[keep], indexing="ij")
+        self.rows.append(row.ravel())
+        self.columns.append(column.ravel())
+        self.values.append(block[np.ix_(keep, keep)].ravel())
+
+    def build(self, n: int) -> sparse.csc_array:
+        index = (np.concatenate(self.rows), np.concatenate(self.columns))
+        return sparse.csc_array((np.concatenate(self.values), index), shape=(n, n))
+
+
+def build_model(structure: Structure, *, shear_flexible: bool = False, mass: MassKind = "lumped") -> Model:
+    """Assemble a model; the defaults are the paper's (Euler-Bernoulli, particle-lumped mass).
+
+    Raises
+    ------
+    ModelError
+        If a support, joint or body does not lie on a member.
+    """
+    mesh = _Mesh(structure)
+    dofs = mesh.number()
+    k, m = _Matrix(), _Matrix()
+    elements = tuple(_element(mesh, span, shear_flexible=shear_flexible) for span in mesh.spans)
+    for start, end, element in elements:
+        turn = np.kron(np.eye(4), local_axes(mesh.nodes[end] - mesh.nodes[start]))
+        rows = np.r_[dofs[start], dofs[end]]
+        k.add(rows, turn.T @ element.stiffness() @ turn)
+        local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
+        m.add(rows, turn.T @ local @ turn)
+    for node, twin, joint in mesh.twins:
+        for axis, value in joint.stiffness.items():
+            pair = np.array([dofs[node, AXES.index(axis)], dofs[twin, AXES.index(axis)]], np.int32)
+            k.add(pair, value * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    for support in structure.support:
+        for axis, value in support.stiffness.items():
+            k.add(dofs[[mesh.find(support.at, "support")], AXES.index(axis)], np.array([[value]]))
+    n = int(dofs.max()) + 1
+    bare = Model(structure=structure, nodes=np.array(mesh.nodes), dofs=dofs, elements=elements,
+                 stiffness=k.build(n), mass=m.build(n))
+    return _with_bodies(bare) if structure.body else bare
+
+
+def _element(mesh: _Mesh, span: tuple[int, int, Member], *, shear_flexible: bool) -> tuple[int, int, Element]:
+    start, end, member = span
+    length = float(np.linalg.norm(mesh.nodes[end] - mesh.nodes[start]))
+    material, section = mesh.structure.material[member.material], mesh.structure.section[member.section]
+    return start, end, Element(length, material, section, shear_flexible)
+
+
+def body_mass(body: Body) -> FloatArray:
+    """Return the mass matrix (6, 6) of a rigid body about the point it is fixed to."""
+    x, y, z = body.offset
+    arm = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]], float)  # u_centre = u + arm @ rotation
+    rigid = np.block([[np.eye(3), arm], [np.zeros((3, 3)), np.eye(3)]])
+    own = scipy.linalg.block_diag(body.mass * np.eye(3), np.diag(body.inertia))
+    return np.asarray(rigid.T @ own @ rigid)
+
+
+def _with_bodies(model: Model) -> Model:
+    mass = model.mass
+    for body in model.structure.body:
+        rows = sparse.csc_array(model.read(np.asarray(body.at)))
+        mass = mass + rows.T @ sparse.csc_array(body_mass(body)) @ rows
+    return Model(structure=model.structure, nodes=model.nodes, dofs=model.dofs, elements=model.elements,
+                 stiffness=model.stiffness, mass=sparse.csc_array(mass))
