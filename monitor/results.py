@@ -1,0 +1,132 @@
+"""What the monitoring loop finds, as it stands in the log: plain values, read back to the last digit."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Vector = tuple[float, float, float]
+Phase = Literal["learning", "watching", "alarm"]
+
+TOPIC_WINDOW = "/result/window"
+TOPIC_REFERENCE = "/result/reference"
+TOPIC_ALARM = "/result/alarm"
+
+
+class _Result(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+    def payload(self) -> dict[str, Any]:
+        """Return JSON-ready values, not-a-number as null."""
+        return self.model_dump(mode="json")
+
+
+class ModeResult(_Result):
+    """One tracked mode in one window."""
+
+    id: int  #: identity, counted from 1 in the baseline's order of frequency
+    frequency: float  #: [Hz]
+    frequency_std: float  #: [Hz]
+    damping: float  #: [-]
+    damping_std: float  #: [-]
+    shift_percent: float | None = None  #: of frequency against the baseline [%]
+    shift_std_percent: float | None = None  #: its standard deviation, baseline's share included [%]
+    shape: list[float]  #: real part at each channel, unit norm [-]
+
+
+class Novelty(_Result):
+    """Distance of a window from the baseline."""
+
+    t2: float  #: T2 over its degrees of freedom: F distributed while nothing has changed [-]
+    limit: float  #: alarm limit at the stated false alarm rate [-]
+    modes: list[int]  #: identities of the modes that entered
+
+
+class Interval(_Result):
+    """A stretch of a member."""
+
+    member: str
+    start: Vector  #: [m]
+    end: Vector  #: [m]
+
+
+class ProfilePoint(_Result):
+    """Posterior along the members."""
+
+    member: str
+    position: Vector  #: [m]
+    density: float  #: probability a metre [1/m]
+    mass: float  #: best mass at this place [kg]
+
+
+class MassAnswer(_Result):
+    """Where a mass was added and how much, from all windows since the change."""
+
+    member: str
+    position: Vector  #: on the member's axis [m]
+    position_std: float  #: along the member [m]
+    mass: float  #: [kg]
+    mass_std: float  #: [kg]
+    region: list[Interval]  #: 95 % credible
+    member_probability: float  #: that it sits on this member [-]
+    p_value: float  #: of the fit: chance of a worse one if a mass is the cause [-]
+    n_windows: int  #: windows that entered
+    profile: list[ProfilePoint]
+
+
+class Spectrum(_Result):
+    """Singular values of the spectral matrix, and the stabilisation diagram's poles."""
+
+    frequency: list[float]  #: (n,) [Hz]
+    singular_values: list[list[float]]  #: (k, n) [dB re (m/s2)2/Hz]
+    pole_frequency: list[float]  #: [Hz]
+    pole_order: list[int]
+    pole_stable: list[bool]
+
+
+class WindowResult(_Result):
+    """One analysed window."""
+
+    index: int  #: counted from 0
+    start: int  #: [ns UTC]
+    end: int  #: [ns UTC]
+    phase: Phase
+    channels: list[str]  #: of the shapes
+    modes: list[ModeResult]
+    novelty: Novelty | None = None
+    answer: MassAnswer | None = None
+    spectrum: Spectrum | None = None
+    rms: dict[str, float] = {}  #: of each channel [m/s2]
+    problem: str | None = None  #: why the window gave no modes
+
+
+class ReferenceMode(_Result):
+    """A mode of the calibrated, one-step updated reference."""
+
+    id: int
+    frequency: float  #: [Hz]
+    frequency_std: float  #: of the baseline mean [Hz]
+    damping: float  #: [-]
+    model_frequency: float  #: of the structure file before calibration [Hz]
+    mac: float  #: measured against model before the update [-]
+    displacement: list[Vector]  #: at each node, largest 1 [-]
+
+
+class ReferenceResult(_Result):
+    """The reference learnt from the baseline, with the geometry to draw it."""
+
+    time: int  #: [ns UTC]
+    n_windows: int
+    nodes: list[Vector]  #: [m]
+    lines: dict[str, list[int]]  #: member -> its nodes in order
+    sensors: dict[str, tuple[Vector, Vector]]  #: channel -> place [m], direction
+    modes: list[ReferenceMode]
+    calibrated: dict[str, tuple[float, float]]  #: parameter -> value, standard deviation
+
+
+class AlarmResult(_Result):
+    """A transition of the alarm."""
+
+    time: int  #: end of the window that caused it [ns UTC]
+    state: Literal["normal", "watch", "alarm"]
+    text: str
+    window: Annotated[int, Field(ge=0)]
