@@ -19,7 +19,9 @@ class ModalEstimate:
     frequency_std: FloatArray  #: (n_modes,) [Hz]
     damping: FloatArray  #: (n_modes,) ratio of critical [-]
     damping_std: FloatArray  #: (n_modes,) [-]
-    shape: ComplexArray  #: (n_modes, n_channels) [-], unit Euclidean norm, phase turned so that it is as real as it can be
+    shape: (
+        ComplexArray  #: (n_modes, n_channels) [-], unit Euclidean norm, phase turned so that it is as real as it can be
+    )
     shape_std: FloatArray  #: (n_modes, n_channels) [-], standard deviation of the real part, at the same scale
     support: FloatArray  #: (n_modes,) share of the model orders that showed the mode [-]
     law_ratio: FloatArray  #: (n_modes,) jackknife sigma of frequency over the uncertainty law's [-]

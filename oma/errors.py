@@ -1,0 +1,66 @@
+"""What can go wrong in identification.
+
+OmaError
+└── IdentificationError     the recording does not allow an estimate
+    ├── TooFewChannels      fewer usable channels than needed
+    ├── TooShort            fewer samples than needed
+    └── TooFewModes         nothing in the recording passed for a mode
+"""
+
+
+class OmaError(Exception):
+    """Anything operational modal analysis reports."""
+
+
+class IdentificationError(OmaError):
+    """The recording does not allow an estimate."""
+
+
+class TooFewChannels(IdentificationError):  # noqa: N818
+    """Too few channels carry a signal.
+
+    Parameters
+    ----------
+    usable : tuple of str
+        Channels that carry a signal.
+    needed : int
+        Smallest number that would do.
+    dropped : dict
+        The other channels and what is wrong with each.
+    """
+
+    def __init__(self, usable: tuple[str, ...], needed: int, dropped: dict[str, str]) -> None:
+        reasons = ", ".join(f"{name}: {why}" for name, why in dropped.items())
+        super().__init__(f"{len(usable)} usable channels, {needed} needed ({reasons or 'none dropped'})")
+        self.usable = usable
+        self.needed = needed
+        self.dropped = dropped
+
+
+class TooShort(IdentificationError):  # noqa: N818
+    """The recording is too short.
+
+    Parameters
+    ----------
+    found, needed : float
+        Length of the recording and the smallest that would do [s].
+    """
+
+    def __init__(self, found: float, needed: float) -> None:
+        super().__init__(f"recording of {found:.3g} s is too short: at least {needed:.3g} s are needed")
+        self.found = found
+        self.needed = needed
+
+
+class TooFewModes(IdentificationError):  # noqa: N818
+    """No pole passed for a mode.
+
+    Parameters
+    ----------
+    n_poles : int
+        Poles that were looked at.
+    """
+
+    def __init__(self, n_poles: int) -> None:
+        super().__init__(f"none of {n_poles} poles is a mode: no resonance stands out in the recording")
+        self.n_poles = n_poles

@@ -1,0 +1,212 @@
+"""The front of identification: a recording in, modes out, nothing to choose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, Recording
+from oma.conditioning import PASS, Level, channel_faults, detrended, pyramid
+from oma.correlation import CorrelationSums, correlation_sums
+from oma.errors import TooFewChannels, TooFewModes, TooShort
+from oma.estimate import ComplexArray, ModalEstimate
+from oma.mac import mac_matrix, normalise
+from oma.selection import groups, law
+from oma.ssi import CovarianceSSI, Realisation, realisations, subspace
+from oma.stabilization import Stabilization, join, stabilization
+from oma.uncertainty import Perturbation, PoleInfluence, long_run_std, perturbation, pole_influence
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mode:
+    """One group of stable poles, summed up."""
+
+    frequency: float  #: [Hz]
+    frequency_std: float  #: [Hz]
+    damping: float  #: [-]
+    damping_std: float  #: [-]
+    shape: ComplexArray  #: (n_channels,)
+    shape_std: FloatArray  #: (n_channels,)
+    support: float  #: [-]
+    law_ratio: float  #: [-]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Identification:
+    """Modes, and the poles they were chosen from."""
+
+    estimate: ModalEstimate
+    poles: Stabilization
+
+
+def identify(
+    recording: Recording, method: CovarianceSSI | None = None, band: tuple[float, float] | None = None
+) -> ModalEstimate:
+    """Identify the modes of a structure from its ambient vibration.
+
+    Parameters
+    ----------
+    recording : Recording
+    method : CovarianceSSI, optional
+        Options of the method.
+    band : (float, float), optional
+        Frequencies in which modes are sought [Hz]; unless given, from 100 periods in the recording to 0.42 of the rate.
+
+    Returns
+    -------
+    ModalEstimate
+        Of the channels that carry a signal.
+
+    Raises
+    ------
+    TooFewChannels, TooShort, TooFewModes
+        If the recording does not allow an estimate; all are `IdentificationError`.
+    ValueError
+        If the band is empty or beyond the recording's rate.
+
+    References
+    ----------
+    Peeters, B., De Roeck, G. (1999). Reference-based stochastic subspace identification for output-only modal
+    analysis. MSSP 13(6), 855-878.
+    """
+    return identify_all(recording, method, band).estimate
+
+
+def identify_all(
+    recording: Recording, method: CovarianceSSI | None = None, band: tuple[float, float] | None = None
+) -> Identification:
+    """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
+    method = method or CovarianceSSI()
+    names, data = _usable(recording)
+    band = _band(recording, method, band)
+    modes: list[Mode] = []
+    poles = []
+    for level in pyramid(detrended(data), recording.rate, band, method.decimation):
+        diagram, found = _identify_level(level, recording.duration, method)
+        poles.append(diagram)
+        modes.extend(found)
+    kept = _merged(_physical(modes, method), method)
+    diagram = join(poles)
+    if not kept:
+        raise TooFewModes(len(diagram))
+    return Identification(estimate=_estimate(recording, names, kept), poles=diagram)
+
+
+def _usable(recording: Recording) -> tuple[tuple[str, ...], FloatArray]:
+    """Leave out the channels that carry no signal."""
+    faults = channel_faults(recording)
+    names = tuple(c.name for c in recording.channels if c.name not in faults)
+    if len(names) < 2:
+        raise TooFewChannels(names, 2, faults)
+    return names, recording.data[:, [c.name not in faults for c in recording.channels]]
+
+
+def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float] | None) -> tuple[float, float]:
+    """Return the band to search, checked."""
+    if band is None:
+        band = (method.min_cycles / recording.duration, PASS * recording.rate)
+        if band[0] >= band[1] / method.decimation:
+            raise TooShort(recording.duration, method.min_cycles * method.decimation / band[1])
+    if not 0 < band[0] < band[1] <= 0.5 * recording.rate:
+        raise ValueError(f"band: expected 0 < low < high <= {0.5 * recording.rate} Hz, found {band}")
+    return band
+
+
+def _identify_level(level: Level, duration: float, method: CovarianceSSI) -> tuple[Stabilization, list[Mode]]:
+    """Identify the modes in the band of one rate."""
+    first_lag = level.noise_lags + 1
+    n_lags = first_lag + 2 * method.block_rows
+    if len(level.data) < 2 * n_lags:
+        raise TooShort(duration, 2 * n_lags / level.rate)
+    sums = correlation_sums(level.data, level.rate, n_lags, method.n_blocks)
+    space = subspace(sums, level.rate, first_lag, method)
+    models = realisations(space, method.orders)
+    diagram = stabilization(models, level.band, method.selection)
+    stable = diagram[diagram.stable]
+    moved = perturbation(space, sums, first_lag, method.block_rows)
+    by_order = {model.order: model for model in models}
+    modes = [
+        _mode(stable[members], by_order, moved, sums, duration)
+        for members in groups(stable.frequency, stable.shape, method.selection.cut)
+        if len(members) > 2
+    ]
+    return diagram, modes
+
+
+def _mode(
+    members: Stabilization,
+    models: dict[int, Realisation],
+    moved: Perturbation,
+    sums: CorrelationSums,
+    duration: float,
+) -> Mode:
+    """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean."""
+    members = _one_an_order(members)
+    influences = [pole_influence(moved, models[o], c) for o, c in zip(members.order, members.column, strict=True)]
+    weight = _weights(influences)
+    frequency, damping = float(weight @ members.frequency), float(weight @ members.damping)
+    sign = np.sign(np.real(members.shape @ members.shape[-1].conj()))
+    shape = (weight * sign) @ members.shape
+    memory = 1 / (4 * np.pi * damping * frequency) / sums.duration
+    frequency_std = long_run_std(weight @ np.stack([i.frequency for i in influences]), memory)
+    shape_move = np.tensordot(weight * sign, np.stack([i.shape for i in influences]), axes=1)
+    return Mode(
+        frequency=frequency,
+        frequency_std=float(frequency_std),
+        damping=damping,
+        damping_std=float(long_run_std(weight @ np.stack([i.damping for i in influences]), memory)),
+        shape=normalise(shape),
+        shape_std=long_run_std(np.real(shape_move), memory),
+        support=len(members) / len(models),
+        law_ratio=float(frequency_std) / float(law(np.array(frequency), np.array(damping), duration)),
+    )
+
+
+def _one_an_order(members: Stabilization) -> Stabilization:
+    """Keep the pole nearest to the group's median where an order has several."""
+    away = np.abs(members.frequency - np.median(members.frequency))
+    best = {members.order[i]: i for i in np.argsort(-away, kind="stable")}
+    return members[np.array([best[o] for o in sorted(best)])]
+
+
+def _weights(influences: list[PoleInfluence]) -> FloatArray:
+    """Weigh the orders by the variance of their poles."""
+    variance = np.array([np.sum(i.frequency**2) for i in influences])
+    result: FloatArray = 1 / variance / np.sum(1 / variance)
+    return result
+
+
+def _physical(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:
+    """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
+    largest = max((mode.support for mode in modes), default=1.0)
+    return [m for m in modes if m.law_ratio < method.selection.max_law_ratio * m.support / largest]
+
+
+def _merged(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:
+    """Keep the surer one of two modes that are the same one seen at two rates."""
+    kept: list[Mode] = []
+    for mode in sorted(modes, key=lambda m: m.frequency_std):
+        twin = any(
+            abs(other.frequency - mode.frequency) < method.selection.max_shift * mode.frequency
+            and 1 - mac_matrix(other.shape[None], mode.shape[None])[0, 0] < method.selection.max_mac_loss
+            for other in kept
+        )
+        if not twin:
+            kept.append(mode)
+    return sorted(kept, key=lambda m: m.frequency)
+
+
+def _estimate(recording: Recording, names: tuple[str, ...], modes: list[Mode]) -> ModalEstimate:
+    """Put modes into arrays."""
+    return ModalEstimate(
+        channels=names,
+        frequency=np.array([m.frequency for m in modes]),
+        frequency_std=np.array([m.frequency_std for m in modes]),
+        damping=np.array([m.damping for m in modes]),
+        damping_std=np.array([m.damping_std for m in modes]),
+        shape=np.stack([m.shape for m in modes]),
+        shape_std=np.stack([m.shape_std for m in modes]),
+        support=np.array([m.support for m in modes]),
+        law_ratio=np.array([m.law_ratio for m in modes]),
+        start=recording.start,
+        end=recording.end,
+    )

@@ -1,0 +1,81 @@
+"""Automatic selection: which groups of stable poles are modes.
+
+References
+----------
+Magalhães, F., Cunha, Á., Caetano, E. (2009). Online automatic identification of the modal parameters of a long span
+arch bridge. MSSP 23(2), 316-329.
+Au, S.-K. (2014). Uncertainty law in ambient modal identification, part I: theory. MSSP 48, 15-33.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.cluster import hierarchy
+from scipy.spatial.distance import squareform
+
+from daq import FloatArray
+from oma.estimate import ComplexArray
+from oma.mac import mac_matrix
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Limits of the automatic selection."""
+
+    max_damping: float = 0.1  #: of a pole, ratio of critical [-]
+    min_mpc: float = 0.5  #: modal phase collinearity; a delay of 0.3 ms between devices at 271 Hz leaves 0.76 [-]
+    max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
+    max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
+    cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
+    max_law_ratio: float = 14.0  #: standard deviation of frequency over the uncertainty law, for the largest group [-]
+
+
+def groups(frequency: FloatArray, shape: ComplexArray, cut: float) -> list[npt.NDArray[np.intp]]:
+    """Group poles by average linkage on relative frequency difference plus 1 - MAC.
+
+    Two modes of nearly one frequency are told apart by their shapes, two of nearly one shape by their frequencies.
+
+    Parameters
+    ----------
+    frequency : (n_poles,) array
+        [Hz].
+    shape : (n_poles, n_channels) array
+    cut : float
+        Largest mean distance of groups that are joined.
+
+    Returns
+    -------
+    list of (n_members,) index arrays
+    """
+    if len(frequency) < 2:
+        return [np.arange(len(frequency))] if len(frequency) else []
+    difference = np.abs(frequency[:, None] - frequency) / np.maximum(frequency[:, None], frequency)
+    distance = difference + np.clip(1 - mac_matrix(shape, shape), 0, None)
+    np.fill_diagonal(distance, 0)
+    tree = hierarchy.average(squareform((distance + distance.T) / 2, checks=False))
+    label = hierarchy.fcluster(tree, cut, criterion="distance")
+    return [np.flatnonzero(label == i) for i in range(1, label.max() + 1)]
+
+
+def law(frequency: FloatArray, damping: FloatArray, duration: float) -> FloatArray:
+    """Return the smallest standard deviation of frequency that any method can reach.
+
+    ``sigma_f / f = sqrt(zeta / (2 pi N_c))`` with ``N_c = f T`` cycles (Au 2014): long, well excited records.
+
+    Parameters
+    ----------
+    frequency : array
+        [Hz].
+    damping : array
+        [-].
+    duration : float
+        [s].
+
+    Returns
+    -------
+    array
+        [Hz].
+    """
+    result: FloatArray = frequency * np.sqrt(damping / (2 * np.pi * frequency * duration))
+    return result

@@ -1,0 +1,187 @@
+"""Covariance-driven stochastic subspace identification, all orders from one decomposition.
+
+References
+----------
+Peeters, B., De Roeck, G. (1999). Reference-based stochastic subspace identification for output-only modal analysis.
+Mechanical Systems and Signal Processing 13(6), 855-878.
+Döhler, M., Mevel, L. (2012). Fast multi-order computation of system matrices in subspace-based system identification.
+Control Engineering Practice 20(9), 882-894.
+Halko, N., Martinsson, P. G., Tropp, J. A. (2011). Finding structure with randomness. SIAM Review 53(2), 217-288.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import linalg
+
+from daq import FloatArray
+from oma.correlation import CorrelationSums
+from oma.estimate import ComplexArray
+from oma.selection import Selection
+
+
+@dataclass(frozen=True, kw_only=True)
+class CovarianceSSI:
+    """Options of covariance-driven SSI."""
+
+    block_rows: int = 25  #: lags in the rows, and in the columns, of the block Hankel matrix at each rate [-]
+    min_order: int = 2  #: smallest model order [-]
+    max_order: int = 50  #: largest model order [-]
+    order_step: int = 2  #: from one order to the next [-]
+    n_blocks: int = 20  #: blocks of time, whose scatter gives the uncertainty [-]
+    decimation: int = 5  #: ratio of one rate to the next lower one [-]
+    min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
+    selection: Selection = field(default_factory=Selection)  #: what passes for a mode
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        if self.block_rows < 2:
+            raise ValueError(f"block_rows: expected at least 2, found {self.block_rows}")
+        if not 2 <= self.min_order <= self.max_order or self.order_step < 1:
+            raise ValueError(
+                f"orders: expected 2 <= min <= max and a positive step, found {self.min_order}, {self.max_order}, "
+                f"{self.order_step}"
+            )
+        if self.n_blocks < 4:
+            raise ValueError(f"n_blocks: expected at least 4, found {self.n_blocks}")
+        if self.decimation < 2:
+            raise ValueError(f"decimation: expected at least 2, found {self.decimation}")
+
+    @property
+    def orders(self) -> range:
+        """All model orders."""
+        return range(self.min_order, self.max_order + 1, self.order_step)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Subspace:
+    """Leading singular subspace of the block Hankel matrix of correlations, and what shift invariance needs of it."""
+
+    left: FloatArray  #: (block_rows * n_channels, rank), orthonormal columns
+    values: FloatArray  #: (rank,) singular values, falling
+    right: FloatArray  #: (block_rows * n_channels, rank), orthonormal columns
+    n_channels: int
+    rate: float  #: [Hz]
+
+    @property
+    def up(self) -> FloatArray:
+        """The left vectors without the last block row."""
+        return self.left[: -self.n_channels]
+
+    @property
+    def down(self) -> FloatArray:
+        """The left vectors without the first block row."""
+        return self.left[self.n_channels :]
+
+    @property
+    def output(self) -> FloatArray:
+        """The first block row, (n_channels, rank)."""
+        return self.left[: self.n_channels]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Realisation:
+    """State-space model of one order, in modal coordinates."""
+
+    order: int
+    rate: float  #: [Hz]
+    eigenvalue: ComplexArray  #: (order,) of the discrete state matrix
+    vector: ComplexArray  #: (order, order) right eigenvectors, columns
+    left_vector: ComplexArray  #: (order, order) left eigenvectors, rows; inverse of `vector`
+    gram_inverse: FloatArray  #: (order, order) inverse of up^T up
+    shape: ComplexArray  #: (order, n_channels) observed eigenvectors
+
+    @property
+    def continuous(self) -> ComplexArray:
+        """Eigenvalues in continuous time [rad/s]."""
+        result: ComplexArray = (np.log(self.eigenvalue) * self.rate).astype(np.complex128)
+        return result
+
+
+def hankel(correlation: FloatArray, first_lag: int, block_rows: int) -> FloatArray:
+    """Arrange a correlation function as a block Hankel matrix: block (i, j) is the lag ``first_lag + i + j``.
+
+    Parameters
+    ----------
+    correlation : (n_lags, n_channels, n_channels) array
+    first_lag : int
+        [samples].
+    block_rows : int
+
+    Returns
+    -------
+    (block_rows * n_channels, block_rows * n_channels) array
+    """
+    used = correlation[first_lag : first_lag + 2 * block_rows - 1]
+    windows = sliding_window_view(used, block_rows, axis=0)
+    size = block_rows * correlation.shape[1]
+    return windows.transpose(0, 1, 3, 2).reshape(size, size)
+
+
+def subspace(sums: CorrelationSums, rate: float, first_lag: int, options: CovarianceSSI) -> Subspace:
+    """Return the leading singular subspace of the block Hankel matrix.
+
+    A randomised decomposition with power iterations; its random start is fixed, so that equal data give equal modes.
+
+    Parameters
+    ----------
+    sums : CorrelationSums
+    rate : float
+        [Hz].
+    first_lag : int
+        First lag used: those below hold sensor noise [samples].
+    options : CovarianceSSI
+
+    Returns
+    -------
+    Subspace
+    """
+    matrix = hankel(sums.mean, first_lag, options.block_rows)
+    rank = min(options.max_order, len(matrix))
+    start = np.random.default_rng(0).standard_normal((len(matrix), min(rank + 10, len(matrix))))
+    basis = linalg.qr(matrix @ start, mode="economic", check_finite=False)[0]
+    for _ in range(2):
+        basis = linalg.qr(matrix.T @ basis, mode="economic", check_finite=False)[0]
+        basis = linalg.qr(matrix @ basis, mode="economic", check_finite=False)[0]
+    small, values, right = linalg.svd(basis.T @ matrix, full_matrices=False, check_finite=False)
+    return Subspace(
+        left=basis @ small[:, :rank],
+        values=values[:rank],
+        right=right[:rank].T,
+        n_channels=sums.sums.shape[-1],
+        rate=rate,
+    )
+
+
+def realisations(space: Subspace, orders: range) -> list[Realisation]:
+    """Return the models of all orders by shift invariance of the left singular vectors.
+
+    Parameters
+    ----------
+    space : Subspace
+    orders : range
+
+    Returns
+    -------
+    list of Realisation
+        Those orders that the rank of the subspace allows.
+    """
+    gram, cross = space.up.T @ space.up, space.up.T @ space.down
+    usable = [n for n in orders if n <= len(space.values) and space.values[n - 1] > 1e-12 * space.values[0]]
+    return [_realisation(space, gram[:n, :n], cross[:n, :n]) for n in usable]
+
+
+def _realisation(space: Subspace, gram: FloatArray, cross: FloatArray) -> Realisation:
+    """Solve the shift invariance of one order by least squares."""
+    gram_inverse = np.linalg.inv(gram).astype(np.float64)
+    eigenvalue, vector = (part.astype(np.complex128) for part in np.linalg.eig(gram_inverse @ cross))
+    return Realisation(
+        order=len(gram),
+        rate=space.rate,
+        eigenvalue=eigenvalue,
+        vector=vector,
+        left_vector=np.linalg.inv(vector),
+        gram_inverse=gram_inverse,
+        shape=(space.output[:, : len(gram)] @ vector).T,
+    )

@@ -1,0 +1,132 @@
+"""Standard deviations of modes from the scatter of blocks of time.
+
+Each block's share of the correlation sums moves the modes a little; the moves are followed to first order through
+singular subspace, state matrix and eigenvectors (the infinitesimal jackknife), for all poles at once.
+
+References
+----------
+Döhler, M., Mevel, L. (2013). Efficient multi-order uncertainty computation for stochastic subspace identification.
+Mechanical Systems and Signal Processing 38(2), 346-366.
+Reynders, E., Pintelon, R., De Roeck, G. (2008). Uncertainty bounds on modal parameters obtained from stochastic
+subspace identification. Mechanical Systems and Signal Processing 22(4), 948-969.
+Efron, B. (1982). The jackknife, the bootstrap and other resampling plans. SIAM, chapter 6.
+Newey, W. K., West, K. D. (1987). A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
+covariance matrix. Econometrica 55(3), 703-708.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from oma.correlation import CorrelationSums
+from oma.estimate import ComplexArray
+from oma.mac import normalise
+from oma.ssi import Realisation, Subspace, hankel
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Perturbation:
+    """What each block of time changes in the shift-invariance equations, to first order."""
+
+    cross: FloatArray  #: (n_blocks, rank, rank) of up^T down
+    gram: FloatArray  #: (n_blocks, rank, rank) of up^T up
+    output: FloatArray  #: (n_blocks, n_channels, rank) of the first block row
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoleInfluence:
+    """What each block of time moves a pole by, to first order."""
+
+    frequency: FloatArray  #: (n_blocks,) [Hz]
+    damping: FloatArray  #: (n_blocks,) [-]
+    shape: ComplexArray  #: (n_blocks, n_channels), of the normalised shape
+
+
+def perturbation(space: Subspace, sums: CorrelationSums, first_lag: int, block_rows: int) -> Perturbation:
+    """Follow each block's influence on the correlations to the singular subspace.
+
+    Parameters
+    ----------
+    space : Subspace
+    sums : CorrelationSums
+    first_lag : int
+        As for `oma.ssi.subspace`.
+    block_rows : int
+
+    Returns
+    -------
+    Perturbation
+    """
+    right = space.right / space.values
+    left = np.stack([hankel(block, first_lag, block_rows) @ right for block in sums.influence])
+    up, down = left[:, : -space.n_channels], left[:, space.n_channels :]
+    gram = space.up.T @ up
+    return Perturbation(
+        cross=up.transpose(0, 2, 1) @ space.down + space.up.T @ down,
+        gram=gram + gram.transpose(0, 2, 1),
+        output=left[:, : space.n_channels],
+    )
+
+
+def pole_influence(moved: Perturbation, model: Realisation, column: int) -> PoleInfluence:
+    """Follow each block's influence to one pole of one order.
+
+    Parameters
+    ----------
+    moved : Perturbation
+    model : Realisation
+    column : int
+        Which of the model's eigenvalues.
+
+    Returns
+    -------
+    PoleInfluence
+    """
+    n, eigenvalue, vector = model.order, model.eigenvalue[column], model.vector[:, column]
+    residual = moved.cross[:, :n, :n] @ vector - eigenvalue * (moved.gram[:, :n, :n] @ vector)
+    modal = residual @ (model.left_vector @ model.gram_inverse).T
+    gap = eigenvalue - model.eigenvalue
+    gap[column] = np.inf
+    shape = moved.output[:, :, :n] @ vector + (modal / gap) @ model.shape
+    pole = model.continuous[column]
+    pole_move = modal[:, column] / eigenvalue * model.rate
+    growth = np.real(pole_move * pole.conj()) / abs(pole)
+    return PoleInfluence(
+        frequency=growth / (2 * np.pi),
+        damping=-pole_move.real / abs(pole) + pole.real * growth / abs(pole) ** 2,
+        shape=_normalised_move(model.shape[column], shape),
+    )
+
+
+def _normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
+    """Turn moves of a raw shape into moves of the shape of unit norm turned to its principal direction."""
+    unit = normalise(shape)
+    move = move / (shape @ unit.conj())
+    move = move - np.outer(np.real(move @ unit.conj()), unit)
+    turn = -np.imag(move @ unit) / np.real(np.sum(unit**2))
+    result: ComplexArray = move + 1j * np.outer(turn, unit)
+    return result
+
+
+def long_run_std(influence: FloatArray, memory: float) -> FloatArray:
+    """Return the standard deviation of a sum of blocks that remember each other (Newey and West 1987).
+
+    Parameters
+    ----------
+    influence : (n_blocks, ...) array
+    memory : float
+        Blocks over which the correlation dies away by 1/e [-].
+
+    Returns
+    -------
+    (...) array
+    """
+    n_blocks = len(influence)
+    centred = influence - influence.mean(axis=0)
+    variance = np.sum(centred**2, axis=0)
+    bandwidth = min(int(np.ceil(2 * memory)), n_blocks // 4)
+    for lag in range(1, bandwidth + 1):
+        variance = variance + 2 * (1 - lag / (bandwidth + 1)) * np.sum(centred[lag:] * centred[:-lag], axis=0)
+    result: FloatArray = np.sqrt(np.maximum(variance, 0) * n_blocks / (n_blocks - 1))
+    return result
