@@ -2,7 +2,7 @@
 
 from oma.errors import IdentificationError, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
-from oma.identify import Identification, identify, identify_all
+from oma.identification import Identification, identify, identify_all
 from oma.mac import mac, mac_matrix, mpc, mpd, normalise
 from oma.selection import Selection
 from oma.ssi import CovarianceSSI

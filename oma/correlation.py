@@ -16,7 +16,6 @@ class CorrelationSums:
 
     sums: FloatArray  #: (n_blocks, n_lags, n_channels, n_channels): y_i(t + lag) y_j(t) summed over the t of the block
     counts: FloatArray  #: the same shape: number of products in each sum [-]
-    duration: float  #: of one block [s]
 
     @property
     def mean(self) -> FloatArray:
@@ -31,15 +30,13 @@ class CorrelationSums:
         return result
 
 
-def correlation_sums(data: FloatArray, rate: float, n_lags: int, n_blocks: int) -> CorrelationSums:
+def correlation_sums(data: FloatArray, n_lags: int, n_blocks: int) -> CorrelationSums:
     """Sum lagged products of all channel pairs, block by block.
 
     Parameters
     ----------
     data : (n_samples, n_channels) array
         Zero-mean signals, NaN where a sample is missing.
-    rate : float
-        [Hz].
     n_lags : int
         Lags 0 to ``n_lags - 1`` [samples].
     n_blocks : int
@@ -59,7 +56,7 @@ def correlation_sums(data: FloatArray, rate: float, n_lags: int, n_blocks: int) 
     counts = np.rint(_lagged_sums(patterns.astype(np.float64), n_lags, n_blocks))[:, :, which[:, None], which]
     if np.any(counts.sum(axis=0) < 1):
         raise IdentificationError("two channels have no samples in common: their correlation is unknown")
-    return CorrelationSums(sums=sums, counts=counts, duration=len(data) / n_blocks / rate)
+    return CorrelationSums(sums=sums, counts=counts)
 
 
 def _lagged_sums(data: FloatArray, n_lags: int, n_blocks: int) -> FloatArray:

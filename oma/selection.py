@@ -58,24 +58,25 @@ def groups(frequency: FloatArray, shape: ComplexArray, cut: float) -> list[npt.N
     return [np.flatnonzero(label == i) for i in range(1, label.max() + 1)]
 
 
-def law(frequency: FloatArray, damping: FloatArray, duration: float) -> FloatArray:
-    """Return the smallest standard deviation of frequency that any method can reach.
+def uncertainty_law(frequency: float, damping: float, duration: float) -> tuple[float, float]:
+    """Return the smallest standard deviations of frequency and damping that any method can reach.
 
-    ``sigma_f / f = sqrt(zeta / (2 pi N_c))`` with ``N_c = f T`` cycles (Au 2014): long, well excited records.
+    ``sigma_f / f = sqrt(zeta / (2 pi N_c))`` and ``sigma_zeta / zeta = 1 / sqrt(2 pi zeta N_c)`` with ``N_c = f T``
+    cycles (Au 2014): long, well excited records.
 
     Parameters
     ----------
-    frequency : array
+    frequency : float
         [Hz].
-    damping : array
+    damping : float
         [-].
     duration : float
         [s].
 
     Returns
     -------
-    array
-        [Hz].
+    frequency_std, damping_std : float
+        [Hz], [-].
     """
-    result: FloatArray = frequency * np.sqrt(damping / (2 * np.pi * frequency * duration))
-    return result
+    cycles = frequency * duration
+    return frequency * np.sqrt(damping / (2 * np.pi * cycles)), damping / np.sqrt(2 * np.pi * damping * cycles)

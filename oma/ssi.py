@@ -25,18 +25,18 @@ from oma.selection import Selection
 class CovarianceSSI:
     """Options of covariance-driven SSI."""
 
-    block_rows: int = 25  #: lags in the rows, and in the columns, of the block Hankel matrix at each rate [-]
+    block_rows: int | None = None  #: lags in rows and in columns of the block Hankel matrix; None: `rows` chooses [-]
     min_order: int = 2  #: smallest model order [-]
     max_order: int = 50  #: largest model order [-]
     order_step: int = 2  #: from one order to the next [-]
-    n_blocks: int = 20  #: blocks of time, whose scatter gives the uncertainty [-]
+    n_blocks: int = 30  #: blocks of time, whose scatter gives the uncertainty [-]
     decimation: int = 5  #: ratio of one rate to the next lower one [-]
     min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
     selection: Selection = field(default_factory=Selection)  #: what passes for a mode
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
-        if self.block_rows < 2:
+        if self.block_rows is not None and self.block_rows < 2:
             raise ValueError(f"block_rows: expected at least 2, found {self.block_rows}")
         if not 2 <= self.min_order <= self.max_order or self.order_step < 1:
             raise ValueError(
@@ -47,6 +47,14 @@ class CovarianceSSI:
             raise ValueError(f"n_blocks: expected at least 4, found {self.n_blocks}")
         if self.decimation < 2:
             raise ValueError(f"decimation: expected at least 2, found {self.decimation}")
+
+    def rows(self, n_channels: int) -> int:
+        """Return the number of block rows for so many channels.
+
+        Few rows were measured to be best: 8 to 16 with 12 channels reach the smallest errors and the widest gap
+        between modes and false ones, 50 and more lose both. With few channels the largest order sets the number.
+        """
+        return self.block_rows or max(12, -(-3 * self.max_order // (2 * n_channels)))
 
     @property
     def orders(self) -> range:
@@ -137,7 +145,7 @@ def subspace(sums: CorrelationSums, rate: float, first_lag: int, options: Covari
     -------
     Subspace
     """
-    matrix = hankel(sums.mean, first_lag, options.block_rows)
+    matrix = hankel(sums.mean, first_lag, options.rows(sums.sums.shape[-1]))
     rank = min(options.max_order, len(matrix))
     start = np.random.default_rng(0).standard_normal((len(matrix), min(rank + 10, len(matrix))))
     basis = linalg.qr(matrix @ start, mode="economic", check_finite=False)[0]

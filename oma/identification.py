@@ -6,14 +6,14 @@ import numpy as np
 
 from daq import FloatArray, Recording
 from oma.conditioning import PASS, Level, channel_faults, detrended, pyramid
-from oma.correlation import CorrelationSums, correlation_sums
+from oma.correlation import correlation_sums
 from oma.errors import TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.mac import mac_matrix, normalise
-from oma.selection import groups, law
+from oma.selection import groups, uncertainty_law
 from oma.ssi import CovarianceSSI, Realisation, realisations, subspace
 from oma.stabilization import Stabilization, join, stabilization
-from oma.uncertainty import Perturbation, PoleInfluence, long_run_std, perturbation, pole_influence
+from oma.uncertainty import Perturbation, PoleInfluence, block_std, perturbation, pole_influence
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,50 +114,48 @@ def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float]
 def _identify_level(level: Level, duration: float, method: CovarianceSSI) -> tuple[Stabilization, list[Mode]]:
     """Identify the modes in the band of one rate."""
     first_lag = level.noise_lags + 1
-    n_lags = first_lag + 2 * method.block_rows
+    rows = method.rows(level.data.shape[1])
+    n_lags = first_lag + 2 * rows
     if len(level.data) < 2 * n_lags:
         raise TooShort(duration, 2 * n_lags / level.rate)
-    sums = correlation_sums(level.data, level.rate, n_lags, method.n_blocks)
+    sums = correlation_sums(level.data, n_lags, method.n_blocks)
     space = subspace(sums, level.rate, first_lag, method)
     models = realisations(space, method.orders)
     diagram = stabilization(models, level.band, method.selection)
     stable = diagram[diagram.stable]
-    moved = perturbation(space, sums, first_lag, method.block_rows)
+    moved = perturbation(space, sums, first_lag, rows)
     by_order = {model.order: model for model in models}
     modes = [
-        _mode(stable[members], by_order, moved, sums, duration)
+        _mode(stable[members], by_order, moved, duration)
         for members in groups(stable.frequency, stable.shape, method.selection.cut)
         if len(members) > 2
     ]
     return diagram, modes
 
 
-def _mode(
-    members: Stabilization,
-    models: dict[int, Realisation],
-    moved: Perturbation,
-    sums: CorrelationSums,
-    duration: float,
-) -> Mode:
-    """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean."""
+def _mode(members: Stabilization, models: dict[int, Realisation], moved: Perturbation, duration: float) -> Mode:
+    """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean.
+
+    The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's.
+    """
     members = _one_an_order(members)
     influences = [pole_influence(moved, models[o], c) for o, c in zip(members.order, members.column, strict=True)]
     weight = _weights(influences)
+    turned = weight * np.sign(np.real(members.shape @ members.shape[-1].conj()))
     frequency, damping = float(weight @ members.frequency), float(weight @ members.damping)
-    sign = np.sign(np.real(members.shape @ members.shape[-1].conj()))
-    shape = (weight * sign) @ members.shape
-    memory = 1 / (4 * np.pi * damping * frequency) / sums.duration
-    frequency_std = long_run_std(weight @ np.stack([i.frequency for i in influences]), memory)
-    shape_move = np.tensordot(weight * sign, np.stack([i.shape for i in influences]), axes=1)
+    frequency_std = float(block_std(weight @ np.stack([i.frequency for i in influences])))
+    damping_std = float(block_std(weight @ np.stack([i.damping for i in influences])))
+    shape_move = np.tensordot(turned, np.stack([i.shape for i in influences]), axes=1)
+    floor = uncertainty_law(frequency, damping, duration)
     return Mode(
         frequency=frequency,
-        frequency_std=float(frequency_std),
+        frequency_std=max(frequency_std, floor[0]),
         damping=damping,
-        damping_std=float(long_run_std(weight @ np.stack([i.damping for i in influences]), memory)),
-        shape=normalise(shape),
-        shape_std=long_run_std(np.real(shape_move), memory),
+        damping_std=max(damping_std, floor[1]),
+        shape=normalise(turned @ members.shape),
+        shape_std=block_std(shape_move.real),
         support=len(members) / len(models),
-        law_ratio=float(frequency_std) / float(law(np.array(frequency), np.array(damping), duration)),
+        law_ratio=frequency_std / floor[0],
     )
 
 
