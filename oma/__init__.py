@@ -1,12 +1,15 @@
 """Recordings in, modes with uncertainty out: operational modal analysis without a user."""
 
+from oma.conditioning import channel_faults
 from oma.errors import IdentificationError, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.identification import Identification, identify, identify_all
 from oma.mac import mac, mac_matrix, mpc, mpd, normalise
-from oma.selection import Selection
+from oma.selection import Selection, uncertainty_law
+from oma.spectra import singular_values
 from oma.ssi import CovarianceSSI
 from oma.stabilization import Stabilization
+from oma.tracking import Tracker
 
 __all__ = [
     "ComplexArray",
@@ -20,6 +23,8 @@ __all__ = [
     "TooFewChannels",
     "TooFewModes",
     "TooShort",
+    "Tracker",
+    "channel_faults",
     "identify",
     "identify_all",
     "mac",
@@ -27,4 +32,6 @@ __all__ = [
     "mpc",
     "mpd",
     "normalise",
+    "singular_values",
+    "uncertainty_law",
 ]

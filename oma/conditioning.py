@@ -8,6 +8,7 @@ import numpy.typing as npt
 from scipy import signal
 
 from daq import FloatArray, Recording
+from oma.errors import TooFewChannels
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -47,6 +48,30 @@ def channel_faults(recording: Recording, min_valid: float = 0.25) -> dict[str, s
         elif np.ptp(finite) == 0:
             faults[channel.name] = "constant"
     return faults
+
+
+def usable(recording: Recording) -> tuple[tuple[str, ...], FloatArray]:
+    """Leave out the channels that carry no signal.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    names : tuple of str
+    data : (n_samples, n_names) array
+
+    Raises
+    ------
+    TooFewChannels
+        If fewer than two are left.
+    """
+    faults = channel_faults(recording)
+    names = tuple(c.name for c in recording.channels if c.name not in faults)
+    if len(names) < 2:
+        raise TooFewChannels(names, 2, faults)
+    return names, recording.data[:, [c.name not in faults for c in recording.channels]]
 
 
 def detrended(data: FloatArray) -> FloatArray:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, Recording
-from oma.conditioning import PASS, Level, channel_faults, detrended, pyramid
+from oma.conditioning import PASS, Level, detrended, pyramid, usable
 from oma.correlation import correlation_sums
-from oma.errors import TooFewChannels, TooFewModes, TooShort
+from oma.errors import TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.mac import mac_matrix, normalise
 from oma.selection import groups, uncertainty_law
@@ -76,7 +76,7 @@ def identify_all(
 ) -> Identification:
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
     method = method or CovarianceSSI()
-    names, data = _usable(recording)
+    names, data = usable(recording)
     band = _band(recording, method, band)
     modes: list[Mode] = []
     poles = []
@@ -89,15 +89,6 @@ def identify_all(
     if not kept:
         raise TooFewModes(len(diagram))
     return Identification(estimate=_estimate(recording, names, kept), poles=diagram)
-
-
-def _usable(recording: Recording) -> tuple[tuple[str, ...], FloatArray]:
-    """Leave out the channels that carry no signal."""
-    faults = channel_faults(recording)
-    names = tuple(c.name for c in recording.channels if c.name not in faults)
-    if len(names) < 2:
-        raise TooFewChannels(names, 2, faults)
-    return names, recording.data[:, [c.name not in faults for c in recording.channels]]
 
 
 def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float] | None) -> tuple[float, float]:

@@ -1,0 +1,82 @@
+"""One identity a mode, for years: which mode of an estimate is which mode of the reference.
+
+References
+----------
+Magalhães, F., Cunha, Á., Caetano, E. (2009). Online automatic identification of the modal parameters of a long span
+arch bridge. MSSP 23(2), 316-329.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray
+from oma.estimate import ModalEstimate
+from oma.mac import mac_matrix
+from oma.stabilization import IndexArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tracker:
+    """Assigns the modes of estimates to those of a reference; keeps no state, so that any order of calls agrees."""
+
+    reference: ModalEstimate
+    n_sigma: float = 3.0  #: standard deviations a frequency may be away, whatever the shape mixes with [-]
+    floor: float = 2e-3  #: relative frequency difference always allowed for in the gate of standard deviations [-]
+    max_shift: float = 0.08  #: relative frequency difference a real change may cause [-]
+    min_mac: float = 0.8  #: of a mode whose frequency has left the gate of standard deviations [-]
+    min_mac_near: float = 0.5  #: of a mode inside that gate; above it no two orthogonal shapes can be exchanged [-]
+
+    def assign(self, estimate: ModalEstimate) -> IndexArray:
+        """Find the mode of the estimate that continues each mode of the reference.
+
+        A pair is possible within `n_sigma` standard deviations of both (not less than `floor`) if the shapes
+        agree roughly, or within `max_shift` if they agree well: a structural change moves frequencies much and shapes
+        little. Of all possible one-to-one assignments the one with the smallest sum of ``(1 - MAC) + |d ln f|`` is
+        taken, after as many pairs as possible.
+
+        Parameters
+        ----------
+        estimate : ModalEstimate
+
+        Returns
+        -------
+        (n_reference_modes,) array of int
+            Index into the estimate's modes, or -1 where the mode is missing.
+
+        Raises
+        ------
+        ValueError
+            If fewer than two channels are common to both.
+        """
+        agreement = self._agreement(estimate)
+        shift = np.abs(np.log(estimate.frequency / self.reference.frequency[:, None]))
+        possible = ((agreement >= self.min_mac) & (shift < self.max_shift)) | (
+            (agreement >= self.min_mac_near) & (shift < self._gate(estimate))
+        )
+        cost = np.where(possible, 1 - agreement + shift, 1e3)
+        rows, columns = linear_sum_assignment(cost)
+        result = np.full(self.reference.n_modes, -1, dtype=np.intp)
+        taken = possible[rows, columns]
+        result[rows[taken]] = columns[taken]
+        return result
+
+    def _agreement(self, estimate: ModalEstimate) -> FloatArray:
+        """Return the MAC of all pairs on the common channels."""
+        common = [name for name in self.reference.channels if name in estimate.channels]
+        if len(common) < 2:
+            raise ValueError(
+                f"estimate: expected at least 2 of the channels {self.reference.channels}, found {estimate.channels}"
+            )
+        ours = [self.reference.channels.index(name) for name in common]
+        theirs = [estimate.channels.index(name) for name in common]
+        return mac_matrix(self.reference.shape[:, ours], estimate.shape[:, theirs])
+
+    def _gate(self, estimate: ModalEstimate) -> npt.NDArray[np.float64]:
+        """Return the relative frequency difference that chance explains, for all pairs."""
+        ours = (self.reference.frequency_std / self.reference.frequency)[:, None]
+        chance = np.hypot(ours, estimate.frequency_std / estimate.frequency)
+        result: FloatArray = np.maximum(self.n_sigma * chance, self.floor)
+        return result

@@ -1,0 +1,85 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oma_helpers import FRAME_FREQUENCY, frame, simulate
+
+from daq import FloatArray
+from oma import ModalEstimate, Tracker, identify, normalise
+
+
+def estimate(frequency: FloatArray, shapes: FloatArray, relative_std: float = 1e-3) -> ModalEstimate:
+    order = np.argsort(frequency)
+    n, channels = len(frequency), tuple(frame().channels)
+    return ModalEstimate(
+        channels=channels,
+        frequency=frequency[order],
+        frequency_std=relative_std * frequency[order],
+        damping=np.full(n, 0.005),
+        damping_std=np.full(n, 0.001),
+        shape=normalise(shapes[order]),
+        shape_std=np.full(shapes.shape, 0.01),
+        support=np.ones(n),
+        law_ratio=np.ones(n),
+        start=0,
+        end=1,
+    )
+
+
+def some(whole: ModalEstimate, modes: list[int]) -> ModalEstimate:
+    return estimate(whole.frequency[modes], whole.shape[modes].real)
+
+
+REFERENCE = estimate(FRAME_FREQUENCY, frame().shapes)
+
+
+def test_identity_survives_the_shift_of_an_added_mass() -> None:
+    # 304 g on the frame: frequencies of the reference structure's definition
+    shifted = np.array([10.36, 10.55, 36.65, 66.37, 91.93, 153.98, 241.08, 269.60])
+    assert Tracker(reference=REFERENCE).assign(estimate(shifted, frame().shapes)).tolist() == list(range(8))
+
+
+def test_close_modes_are_not_exchanged_when_their_frequencies_cross() -> None:
+    crossed = FRAME_FREQUENCY.copy()
+    crossed[:2] = 10.95, 10.75
+    found = Tracker(reference=REFERENCE).assign(estimate(crossed, frame().shapes))
+    assert found.tolist() == [1, 0, 2, 3, 4, 5, 6, 7]
+
+
+def test_a_mode_may_vanish_and_return() -> None:
+    tracker = Tracker(reference=REFERENCE)
+    assert tracker.assign(some(REFERENCE, [0, 2, 3, 4, 5, 6])).tolist() == [0, -1, 1, 2, 3, 4, 5, -1]
+    assert tracker.assign(REFERENCE).tolist() == list(range(8))
+
+
+def test_a_stranger_takes_no_identity() -> None:
+    frequency = np.append(FRAME_FREQUENCY, 10.8)
+    stranger = np.random.default_rng(1).standard_normal((1, 12))
+    found = estimate(frequency, np.vstack((frame().shapes, stranger)))
+    assigned = Tracker(reference=REFERENCE).assign(found)
+    assert np.array_equal(found.frequency[assigned], FRAME_FREQUENCY)
+
+
+def test_missing_channels_are_left_out() -> None:
+    kept = [i for i, name in enumerate(REFERENCE.channels) if not name.startswith("beam_left")]
+    fewer = replace(
+        REFERENCE,
+        channels=tuple(REFERENCE.channels[i] for i in kept)[::-1],
+        shape=normalise(REFERENCE.shape[:, kept[::-1]]),
+        shape_std=REFERENCE.shape_std[:, kept],
+    )
+    assert Tracker(reference=REFERENCE).assign(fewer).tolist() == list(range(8))
+
+
+def test_unrelated_channels_are_refused() -> None:
+    other = replace(REFERENCE, channels=tuple(f"other_{i}" for i in range(12)))
+    with pytest.raises(ValueError, match="at least 2 of the channels"):
+        Tracker(reference=REFERENCE).assign(other)
+
+
+@pytest.mark.parametrize("seed", [20, 21])
+def test_identified_windows_keep_their_identities(seed: int) -> None:
+    found = identify(simulate(frame(), 60.0, 1000.0, seed))
+    assigned = Tracker(reference=REFERENCE).assign(found)
+    assert np.all(assigned >= 0)
+    assert np.all(np.abs(found.frequency[assigned] / FRAME_FREQUENCY - 1) < 0.01)
