@@ -1,8 +1,22 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
+from updater.calibration import Calibration, Parameter, calibrate, channel_rows
+from updater.delays import estimate_delays, real_shape, remove_delays
 from updater.errors import ModelError, PairingError, StructureError, UpdaterError
 from updater.fe.model import Model, Modes, build_model
 from updater.fe.simulate import Ambient, AmbientResponse
+from updater.localization import MassChange, Stretch, locate_mass
+from updater.reference import MassUpdate, Reference, learn_reference, mass_update
+from updater.statistics import (
+    ModalMean,
+    Scatter,
+    TrackedModes,
+    learn_scatter,
+    mean_modes,
+    novelty,
+    novelty_limit,
+    stack_tracks,
+)
 from updater.structure import (
     Body,
     Joint,
@@ -19,19 +33,41 @@ __all__ = [
     "Ambient",
     "AmbientResponse",
     "Body",
+    "Calibration",
     "Joint",
+    "MassChange",
+    "MassUpdate",
     "Member",
+    "ModalMean",
     "Model",
     "ModelError",
     "Modes",
     "PairingError",
+    "Parameter",
+    "Reference",
+    "Scatter",
     "Sensor",
+    "Stretch",
     "Structure",
     "StructureError",
     "Support",
+    "TrackedModes",
     "UpdaterError",
     "build_model",
+    "calibrate",
+    "channel_rows",
+    "estimate_delays",
+    "learn_reference",
+    "learn_scatter",
     "load_structure",
+    "locate_mass",
+    "mass_update",
+    "mean_modes",
+    "novelty",
+    "novelty_limit",
     "parse_structure",
+    "real_shape",
+    "remove_delays",
+    "stack_tracks",
     "t_structure_toml",
 ]

@@ -59,7 +59,9 @@ class Model:
         try:
             value, vector = eigsh(self.stiffness, n, self.mass, sigma=0.0, v0=start)
         except RuntimeError as error:
-            raise ModelError(f"{self.structure.name}: the stiffness is singular: a support or a member is missing") from error
+            raise ModelError(
+                f"{self.structure.name}: the stiffness is singular: a support or a member is missing"
+            ) from error
         if value[0] <= 1e-9 * value[-1]:
             raise ModelError(f"{self.structure.name}: it can move without deforming: a support is missing")
         order = np.argsort(value)
@@ -109,7 +111,10 @@ class Model:
     def sensor_rows(self) -> FloatArray:
         """Rows (n_sensors, n_dofs) that read the structure's sensors."""
         return np.array(
-            [np.asarray(s.direction) / np.linalg.norm(s.direction) @ self.read(np.asarray(s.at))[:3] for s in self.structure.sensor]
+            [
+                np.asarray(s.direction) / np.linalg.norm(s.direction) @ self.read(np.asarray(s.at))[:3]
+                for s in self.structure.sensor
+            ]
         ).reshape(-1, self.n_dofs)
 
     def total_mass(self) -> float:
@@ -152,7 +157,11 @@ class _Mesh:
         for point in marked:
             s = float(np.dot(np.subtract(point, member.start), axis))
             off = np.linalg.norm(np.subtract(point, member.point(s)))
-            if off < _COINCIDENT and -_COINCIDENT < s < member.length + _COINCIDENT and np.abs(even - s).min() > _COINCIDENT:
+            if (
+                off < _COINCIDENT
+                and -_COINCIDENT < s < member.length + _COINCIDENT
+                and np.abs(even - s).min() > _COINCIDENT
+            ):
                 even = np.sort(np.append(even, s))
         return member.point(even)
 
@@ -238,8 +247,14 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         for axis, value in support.stiffness.items():
             k.add(dofs[[mesh.find(support.at, "support")], AXES.index(axis)], np.array([[value]]))
     n = int(dofs.max()) + 1
-    bare = Model(structure=structure, nodes=np.array(mesh.nodes), dofs=dofs, elements=elements,
-                 stiffness=k.build(n), mass=m.build(n))
+    bare = Model(
+        structure=structure,
+        nodes=np.array(mesh.nodes),
+        dofs=dofs,
+        elements=elements,
+        stiffness=k.build(n),
+        mass=m.build(n),
+    )
     return _with_bodies(bare) if structure.body else bare
 
 
@@ -264,5 +279,11 @@ def _with_bodies(model: Model) -> Model:
     for body in model.structure.body:
         rows = sparse.csc_array(model.read(np.asarray(body.at)))
         mass = mass + rows.T @ sparse.csc_array(body_mass(body)) @ rows
-    return Model(structure=model.structure, nodes=model.nodes, dofs=model.dofs, elements=model.elements,
-                 stiffness=model.stiffness, mass=sparse.csc_array(mass))
+    return Model(
+        structure=model.structure,
+        nodes=model.nodes,
+        dofs=model.dofs,
+        elements=model.elements,
+        stiffness=model.stiffness,
+        mass=sparse.csc_array(mass),
+    )

@@ -1,0 +1,69 @@
+"""Pairing of measured with model modes, and their expansion by the local correspondence principle."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray, IntArray
+
+LARGEST_CLUSTER = 4
+
+
+def mac(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the modal assurance criterion (n_a, n_b) of real shapes given as rows [-]."""
+    return np.asarray((a @ b.T) ** 2 / np.outer((a**2).sum(1), (b**2).sum(1)))
+
+
+def pair_modes(
+    frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
+) -> IntArray:
+    """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
+
+    The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors.
+
+    Parameters
+    ----------
+    frequency, shape : (n,) [Hz] and (n, n_channels) measured
+    model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels, k >= n
+
+    A pair with a MAC under 0.5 or frequencies more than 30 % apart is none.
+    """
+    assurance = mac(shape, model_shape)
+    distance = np.abs(np.log(frequency[:, None] / model_frequency))
+    row, column = linear_sum_assignment(1 - assurance + distance)
+    answers = (assurance[row, column] >= 0.5) & (distance[row, column] <= 0.3)
+    return np.where(answers, column, -1)
+
+
+def expand(shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int) -> FloatArray:
+    """Return t (n_modes,) so that the measured shape is `model_shape.T @ t`, eqs 9 to 11.
+
+    The cluster grows from the paired mode outwards by |omega_k^2 - omega_i^2|; its size is the one with the least
+    leave-one-sensor-out error (Brincker et al., MSSP 45 (2014) 91-104).
+
+    Parameters
+    ----------
+    shape : (n_channels,) measured, real
+    model_shape : (n_modes, n_channels) of the model at the channels
+    omega : (n_modes,) [rad/s]
+    paired : the model mode that the measured one answers to
+    largest : most modes in a cluster
+    """
+    near = np.argsort(np.abs(omega**2 - omega[paired] ** 2), kind="stable")
+    sizes = range(1, min(largest, len(shape) - 1, len(near)) + 1)
+    best = min(sizes, key=lambda n: _left_out_error(shape, model_shape[near[:n]].T))
+    t = np.zeros(len(omega))
+    t[near[:best]] = np.linalg.lstsq(model_shape[near[:best]].T, shape, rcond=None)[0]
+    return t
+
+
+def _left_out_error(shape: FloatArray, cluster: FloatArray) -> float:
+    """Sum of squares of leave-one-out residuals, from the hat matrix."""
+    hat = cluster @ np.linalg.pinv(cluster)
+    leverage = np.clip(np.diag(hat), 0, 1 - 1e-9)
+    return float((((shape - hat @ shape) / (1 - leverage)) ** 2).sum())
+
+
+def orthonormal(t: FloatArray) -> FloatArray:
+    """Return the nearest matrix with orthonormal columns (polar factor; Lowdin)."""
+    u, _, vh = np.linalg.svd(t, full_matrices=False)
+    return np.asarray(u @ vh)

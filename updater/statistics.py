@@ -1,0 +1,162 @@
+"""Means of tracked modes over windows, and how far a window may lie from them by chance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from daq import FloatArray, IntArray
+from oma import ModalEstimate
+from updater.delays import real_shape
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrackedModes:
+    """Modes of many windows in the order of their tracks; NaN where a window lacks one."""
+
+    channels: tuple[str, ...]
+    log_frequency: FloatArray  #: (n_windows, n_tracks) [ln Hz]
+    log_frequency_std: FloatArray  #: (n_windows, n_tracks)
+    damping: FloatArray  #: (n_windows, n_tracks) [-]
+    shape: FloatArray  #: (n_windows, n_tracks, n_channels) real, unit norm [-]
+    shape_std: FloatArray  #: (n_windows, n_tracks, n_channels)
+
+
+def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IntArray]) -> TrackedModes:
+    """Order the modes of windows by track; `tracks` holds for each window (n_tracks,) indices into its modes, or -1.
+
+    Windows that lack channels of the first keep their frequencies and give no shapes.
+    """
+    channels = max((e.channels for e in estimates), key=len)
+    n_windows, n_tracks = len(estimates), len(tracks[0])
+    flat = np.full((3, n_windows, n_tracks), np.nan)
+    shaped = np.full((2, n_windows, n_tracks, len(channels)), np.nan)
+    for w, (estimate, track) in enumerate(zip(estimates, tracks, strict=True)):
+        seen = np.flatnonzero(track >= 0)
+        mode = track[seen]
+        flat[0, w, seen] = np.log(estimate.frequency[mode])
+        flat[1, w, seen] = estimate.frequency_std[mode] / estimate.frequency[mode]
+        flat[2, w, seen] = estimate.damping[mode]
+        if estimate.channels == channels:
+            shaped[0, w, seen] = real_shape(estimate.shape[mode])
+            shaped[1, w, seen] = estimate.shape_std[mode]
+    _same_signs(shaped[0])
+    return TrackedModes(
+        channels=channels,
+        log_frequency=flat[0],
+        log_frequency_std=flat[1],
+        damping=flat[2],
+        shape=shaped[0],
+        shape_std=shaped[1],
+    )
+
+
+def _same_signs(shape: FloatArray) -> None:
+    """Turn each track's shapes (n_windows, n_tracks, n_channels) to the sign of its first, in place."""
+    for track in range(shape.shape[1]):
+        seen = np.flatnonzero(np.isfinite(shape[:, track, 0]))
+        if len(seen):
+            agreement = shape[seen, track] @ shape[seen[0], track]
+            shape[seen, track] *= np.where(agreement < 0, -1.0, 1.0)[:, None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModalMean:
+    """Mean of tracked modes; standard deviations are of the mean. NaN for a track never seen."""
+
+    channels: tuple[str, ...]
+    n: IntArray  #: (n_tracks,) windows that entered
+    log_frequency: FloatArray  #: (n_tracks,) [ln Hz]
+    log_frequency_std: FloatArray  #: (n_tracks,)
+    damping: FloatArray  #: (n_tracks,) [-]
+    shape: FloatArray  #: (n_tracks, n_channels) unit norm [-]
+    shape_std: FloatArray  #: (n_tracks, n_channels)
+
+    def only(self, tracks: IntArray) -> "ModalMean":
+        """Return the mean of some tracks."""
+        kept = {f.name: getattr(self, f.name)[tracks] for f in fields(self) if f.name != "channels"}
+        return ModalMean(channels=self.channels, **kept)
+
+
+def mean_modes(modes: TrackedModes, *, frequency_factor: float = 1.0, shape_factor: float = 1.0) -> ModalMean:
+    """Average windows; the factors correct the windows' own standard deviations (see `Scatter`)."""
+    n = np.isfinite(modes.log_frequency).sum(0).astype(np.int32)
+    n_shape = np.isfinite(modes.shape[:, :, 0]).sum(0)
+    shape = _mean(modes.shape)
+    return ModalMean(
+        channels=modes.channels,
+        n=n,
+        log_frequency=_mean(modes.log_frequency),
+        log_frequency_std=frequency_factor * _std_of_mean(modes.log_frequency_std, n),
+        damping=_mean(modes.damping),
+        shape=shape / np.linalg.norm(shape, axis=1, keepdims=True),
+        shape_std=shape_factor * _std_of_mean(modes.shape_std, n_shape[:, None]),
+    )
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    seen = np.isfinite(values)
+    count = seen.sum(0)
+    total = np.where(seen, values, 0).sum(0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _std_of_mean(std: FloatArray, n: IntArray) -> FloatArray:
+    return np.asarray(np.sqrt(_mean(std**2) / np.maximum(n, 1)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scatter:
+    """How much windows scatter about their mean, while nothing changes.
+
+    Each window states a standard deviation; what the baseline really scatters over what was stated is one factor for
+    all frequencies (and one for all shapes), pooled over modes and windows, so that few windows give many degrees
+    of freedom.
+    """
+
+    frequency_factor: float  #: real over stated standard deviation of log frequency [-]
+    shape_factor: float  #: the same for shapes [-]
+    degrees_of_freedom: int  #: of frequency_factor
+    window_std: FloatArray  #: (n_tracks,) of one window's log frequency, factor included
+
+
+def learn_scatter(modes: TrackedModes) -> Scatter:
+    """Learn the scatter from baseline windows.
+
+    Raises
+    ------
+    ValueError
+        With fewer than three windows.
+    """
+    if len(modes.log_frequency) < 3:
+        raise ValueError(f"baseline: expected at least 3 windows, found {len(modes.log_frequency)}")
+    stated = np.sqrt(_mean(modes.log_frequency_std**2))
+    z = (modes.log_frequency - _mean(modes.log_frequency)) / stated
+    freedom = int(np.maximum(np.isfinite(z).sum(0) - 1, 0).sum())
+    factor = float(np.sqrt(np.nansum(z**2) / freedom))
+    z_shape = (modes.shape - _mean(modes.shape)) / np.sqrt(_mean(modes.shape_std**2))
+    shape_freedom = np.maximum(np.isfinite(z_shape).sum(0) - 1, 0).sum()
+    return Scatter(
+        frequency_factor=factor,
+        shape_factor=float(np.sqrt(np.nansum(z_shape**2) / max(shape_freedom, 1))),
+        degrees_of_freedom=freedom,
+        window_std=factor * stated,
+    )
+
+
+def novelty(log_frequency: FloatArray, baseline: ModalMean, scatter: Scatter) -> tuple[float, int]:
+    """Return T2 over its degrees of freedom p, and p, of one window's log frequencies (n_tracks,).
+
+    While nothing has changed it follows F(p, scatter.degrees_of_freedom): the predictive distribution, which allows for
+    what the baseline itself does not know. A window that states a larger deviation than the baseline's is not believed more.
+    """
+    variance = scatter.window_std**2 + baseline.log_frequency_std**2
+    z2 = (log_frequency - baseline.log_frequency) ** 2 / variance
+    p = int(np.isfinite(z2).sum())
+    return (float(np.nansum(z2) / p) if p else 0.0), p
+
+
+def novelty_limit(p: int, scatter: Scatter, false_alarm_probability: float) -> float:
+    """Return the limit of `novelty` for p modes at a false alarm probability a window."""
+    return float(f_distribution.isf(false_alarm_probability, max(p, 1), scatter.degrees_of_freedom))
