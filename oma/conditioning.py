@@ -26,28 +26,34 @@ class Level:
     noise_lags: int  #: lags up to this one hold white sensor noise, spread by the decimating filter [samples]
 
 
-def channel_faults(recording: Recording, min_valid: float = 0.25) -> dict[str, str]:
-    """Name the channels that carry no signal, and say why.
+def channel_faults(recording: Recording, min_complete: float = 0.5) -> dict[str, str]:
+    """Name the channels that identification has to do without, and say why.
+
+    Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
+    of the recording is complete.
 
     Parameters
     ----------
     recording : Recording
-    min_valid : float
-        Smallest share of samples that must be there [-].
+    min_complete : float
+        Smallest share of samples that the channels kept have in common [-].
 
     Returns
     -------
     dict
         Channel name to reason.
     """
+    valid = np.isfinite(recording.data)
     faults = {}
-    for channel, column in zip(recording.channels, recording.data.T, strict=True):
-        finite = column[np.isfinite(column)]
-        if len(finite) < max(min_valid * len(column), 2):
-            faults[channel.name] = f"{len(finite) / max(len(column), 1):.0%} of the samples are there"
-        elif np.ptp(finite) == 0:
+    for channel, column, there in zip(recording.channels, recording.data.T, valid.T, strict=True):
+        if np.any(there) and np.ptp(column[there]) == 0:
             faults[channel.name] = "constant"
-    return faults
+    kept = [i for i, channel in enumerate(recording.channels) if channel.name not in faults]
+    while kept and np.count_nonzero(valid[:, kept].all(axis=1)) < min_complete * len(valid):
+        share = valid[:, kept].mean(axis=0)
+        worst = kept.pop(int(np.argmin(share)))
+        faults[recording.channels[worst].name] = f"{share.min():.0%} of the samples are there"
+    return {c.name: faults[c.name] for c in recording.channels if c.name in faults}
 
 
 def usable(recording: Recording) -> tuple[tuple[str, ...], FloatArray]:
@@ -94,30 +100,44 @@ def detrended(data: FloatArray) -> FloatArray:
     return result
 
 
-def decimated(data: FloatArray, factor: int, half_length: int = 8) -> FloatArray:
-    """Low-pass and keep every `factor`-th sample; what a gap touches becomes NaN.
+def decimated(data: FloatArray, factor: int, half_length: int = 8, max_missing: float = 0.25) -> FloatArray:
+    """Low-pass and keep every `factor`-th sample.
 
-    The filter is a Kaiser-windowed sinc: flat up to 0.42 of the new rate, 60 dB down from 0.58 on, so that nothing
-    folds into the band kept.
+    The filter is a Kaiser-windowed sinc: 3 % down at 0.42 of the new rate and 40 dB down from 0.58 on, so that next
+    to nothing folds into the band kept. Gaps are bridged by straight lines; a new sample is missing if too much of
+    its weight rests on such a line.
 
     Parameters
     ----------
     data : (n_samples, n_channels) array
+        NaN where a sample is missing.
     factor : int
     half_length : int
         Of the filter, in samples of the new rate.
+    max_missing : float
+        Share of the filter's absolute weight that may be missing [-].
 
     Returns
     -------
     (about n_samples / factor, n_channels) array
     """
     taps = signal.firwin(2 * half_length * factor + 1, 1.0 / factor, window=("kaiser", 5.65))
-    skip = half_length
-    valid = np.isfinite(data)
-    smooth = signal.upfirdn(taps, np.where(valid, data, 0.0), down=factor, axis=0)
-    touched = signal.upfirdn(np.ones_like(taps), (~valid).astype(np.float64), down=factor, axis=0) > 0.5
-    smooth[touched] = np.nan
-    result: FloatArray = smooth[2 * skip : len(smooth) - 2 * skip]
+    weight = np.abs(taps) / np.sum(np.abs(taps))
+    missing = np.isnan(data)
+    smooth = signal.upfirdn(taps, _bridged(data, missing), down=factor, axis=0)
+    if missing.any():
+        smooth[signal.upfirdn(weight, missing.astype(np.float64), down=factor, axis=0) > max_missing] = np.nan
+    result: FloatArray = smooth[2 * half_length : len(smooth) - 2 * half_length]
+    return result
+
+
+def _bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
+    """Fill gaps with straight lines."""
+    result = data.copy()
+    time = np.arange(len(data))
+    for column, gap in zip(result.T, missing.T, strict=True):
+        if gap.any():
+            column[gap] = np.interp(time[gap], time[~gap], column[~gap]) if not gap.all() else 0.0
     return result
 
 

@@ -54,7 +54,8 @@ def identify(
     Returns
     -------
     ModalEstimate
-        Of the channels that carry a signal.
+        Of the channels that carry a signal (`channel_faults` names the others). Where gaps leave too little for the
+        lowest frequencies, these are passed over.
 
     Raises
     ------
@@ -76,14 +77,17 @@ def identify_all(
 ) -> Identification:
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
     method = method or CovarianceSSI()
-    names, data = usable(recording)
     band = _band(recording, method, band)
+    names, data = usable(recording)
     modes: list[Mode] = []
     poles = []
     for level in pyramid(detrended(data), recording.rate, band, method.decimation):
-        diagram, found = _identify_level(level, recording.duration, method)
-        poles.append(diagram)
-        modes.extend(found)
+        if _long_enough(level, method):
+            diagram, found = _identify_level(level, method)
+            poles.append(diagram)
+            modes.extend(found)
+    if not poles:
+        raise TooShort(recording.duration, 4 * method.lags(len(names), 1) / recording.rate)
     kept = _merged(_physical(modes, method), method)
     diagram = join(poles)
     if not kept:
@@ -93,6 +97,8 @@ def identify_all(
 
 def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float] | None) -> tuple[float, float]:
     """Return the band to search, checked."""
+    if recording.duration == 0:
+        raise TooShort(0, method.min_cycles * method.decimation / PASS / recording.rate)
     if band is None:
         band = (method.min_cycles / recording.duration, PASS * recording.rate)
         if band[0] >= band[1] / method.decimation:
@@ -102,19 +108,23 @@ def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float]
     return band
 
 
-def _identify_level(level: Level, duration: float, method: CovarianceSSI) -> tuple[Stabilization, list[Mode]]:
+def _long_enough(level: Level, method: CovarianceSSI) -> bool:
+    """Tell whether gaps leave enough at this rate to be worth a look."""
+    complete = np.count_nonzero(np.isfinite(level.data).all(axis=1))
+    return int(complete) >= 4 * method.lags(level.data.shape[1], level.noise_lags + 1)
+
+
+def _identify_level(level: Level, method: CovarianceSSI) -> tuple[Stabilization, list[Mode]]:
     """Identify the modes in the band of one rate."""
     first_lag = level.noise_lags + 1
-    rows = method.rows(level.data.shape[1])
-    n_lags = first_lag + 2 * rows
-    if len(level.data) < 2 * n_lags:
-        raise TooShort(duration, 2 * n_lags / level.rate)
-    sums = correlation_sums(level.data, n_lags, method.n_blocks)
+    n_channels = level.data.shape[1]
+    sums = correlation_sums(level.data, method.lags(n_channels, first_lag), method.n_blocks)
+    duration = float(sums.counts[:, 0].sum()) / level.rate
     space = subspace(sums, level.rate, first_lag, method)
     models = realisations(space, method.orders)
     diagram = stabilization(models, level.band, method.selection)
     stable = diagram[diagram.stable]
-    moved = perturbation(space, sums, first_lag, rows)
+    moved = perturbation(space, sums, first_lag, method.rows(n_channels))
     by_order = {model.order: model for model in models}
     modes = [
         _mode(stable[members], by_order, moved, duration)
@@ -166,8 +176,7 @@ def _weights(influences: list[PoleInfluence]) -> FloatArray:
 
 def _physical(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:
     """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
-    largest = max((mode.support for mode in modes), default=1.0)
-    return [m for m in modes if m.law_ratio < method.selection.max_law_ratio * m.support / largest]
+    return [mode for mode in modes if mode.law_ratio < method.selection.max_law_ratio * mode.support]
 
 
 def _merged(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:

@@ -28,7 +28,7 @@ class Selection:
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
     cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
-    max_law_ratio: float = 14.0  #: standard deviation of frequency over the uncertainty law, for the largest group [-]
+    max_law_ratio: float = 10.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
 
 
 def groups(frequency: FloatArray, shape: ComplexArray, cut: float) -> list[npt.NDArray[np.intp]]:

@@ -6,7 +6,8 @@ Peeters, B., De Roeck, G. (1999). Reference-based stochastic subspace identifica
 Mechanical Systems and Signal Processing 13(6), 855-878.
 Döhler, M., Mevel, L. (2012). Fast multi-order computation of system matrices in subspace-based system identification.
 Control Engineering Practice 20(9), 882-894.
-Halko, N., Martinsson, P. G., Tropp, J. A. (2011). Finding structure with randomness. SIAM Review 53(2), 217-288.
+Larimore, W. E. (1990). Canonical variate analysis in identification, filtering, and adaptive control. Proceedings of
+the 29th IEEE Conference on Decision and Control, 596-604.
 """
 
 from dataclasses import dataclass, field
@@ -56,6 +57,10 @@ class CovarianceSSI:
         """
         return self.block_rows or max(12, -(-3 * self.max_order // (2 * n_channels)))
 
+    def lags(self, n_channels: int, first_lag: int) -> int:
+        """Return how many lags the block Hankel matrix needs, from zero on."""
+        return first_lag + 2 * self.rows(n_channels)
+
     @property
     def orders(self) -> range:
         """All model orders."""
@@ -64,27 +69,27 @@ class CovarianceSSI:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Subspace:
-    """Leading singular subspace of the block Hankel matrix of correlations, and what shift invariance needs of it."""
+    """Leading subspace of the block Hankel matrix of correlations, and what shift invariance needs of it."""
 
-    left: FloatArray  #: (block_rows * n_channels, rank), orthonormal columns
-    values: FloatArray  #: (rank,) singular values, falling
-    right: FloatArray  #: (block_rows * n_channels, rank), orthonormal columns
+    left: FloatArray  #: (block_rows * n_channels, rank) observability matrix of the largest order
+    values: FloatArray  #: (rank,) canonical correlations of past and future, falling [-]
+    right: FloatArray  #: (block_rows * n_channels, rank): the Hankel matrix times `right` is `left` times `values`
     n_channels: int
     rate: float  #: [Hz]
 
     @property
     def up(self) -> FloatArray:
-        """The left vectors without the last block row."""
+        """All but the last block row of `left`."""
         return self.left[: -self.n_channels]
 
     @property
     def down(self) -> FloatArray:
-        """The left vectors without the first block row."""
+        """All but the first block row of `left`."""
         return self.left[self.n_channels :]
 
     @property
     def output(self) -> FloatArray:
-        """The first block row, (n_channels, rank)."""
+        """The first block row of `left`, (n_channels, rank)."""
         return self.left[: self.n_channels]
 
 
@@ -127,10 +132,30 @@ def hankel(correlation: FloatArray, first_lag: int, block_rows: int) -> FloatArr
     return windows.transpose(0, 1, 3, 2).reshape(size, size)
 
 
-def subspace(sums: CorrelationSums, rate: float, first_lag: int, options: CovarianceSSI) -> Subspace:
-    """Return the leading singular subspace of the block Hankel matrix.
+def covariance(correlation: FloatArray, block_rows: int) -> FloatArray:
+    """Return the covariance of `block_rows` successive samples: block (i, j) is the lag ``i - j``.
 
-    A randomised decomposition with power iterations; its random start is fixed, so that equal data give equal modes.
+    Parameters
+    ----------
+    correlation : (n_lags, n_channels, n_channels) array
+    block_rows : int
+
+    Returns
+    -------
+    (block_rows * n_channels, block_rows * n_channels) array
+    """
+    both = np.concatenate((correlation[block_rows - 1 : 0 : -1].transpose(0, 2, 1), correlation[:block_rows]))
+    lag = np.arange(block_rows)
+    size = block_rows * correlation.shape[1]
+    result: FloatArray = both[lag[:, None] - lag + block_rows - 1].transpose(0, 2, 1, 3).reshape(size, size)
+    return result
+
+
+def subspace(sums: CorrelationSums, rate: float, first_lag: int, options: CovarianceSSI) -> Subspace:
+    """Return the leading subspace of the block Hankel matrix between whitened past and whitened future.
+
+    Canonical variate weighting: a weak mode counts as much as a strong one, and neither the gain of a channel nor its
+    noise matters. The weights' own uncertainty moves no mode to first order.
 
     Parameters
     ----------
@@ -145,25 +170,31 @@ def subspace(sums: CorrelationSums, rate: float, first_lag: int, options: Covari
     -------
     Subspace
     """
-    matrix = hankel(sums.mean, first_lag, options.rows(sums.sums.shape[-1]))
-    rank = min(options.max_order, len(matrix))
-    start = np.random.default_rng(0).standard_normal((len(matrix), min(rank + 10, len(matrix))))
-    basis = linalg.qr(matrix @ start, mode="economic", check_finite=False)[0]
-    for _ in range(2):
-        basis = linalg.qr(matrix.T @ basis, mode="economic", check_finite=False)[0]
-        basis = linalg.qr(matrix @ basis, mode="economic", check_finite=False)[0]
-    small, values, right = linalg.svd(basis.T @ matrix, full_matrices=False, check_finite=False)
+    correlation = sums.mean
+    n_channels = correlation.shape[1]
+    rows = options.rows(n_channels)
+    future, future_root = _inverse_root(covariance(correlation, rows))
+    past, _ = _inverse_root(covariance(correlation.transpose(0, 2, 1), rows))
+    left, values, right = linalg.svd(future @ hankel(correlation, first_lag, rows) @ past, check_finite=False)
+    rank = min(options.max_order, len(values))
     return Subspace(
-        left=basis @ small[:, :rank],
+        left=future_root @ left[:, :rank],
         values=values[:rank],
-        right=right[:rank].T,
-        n_channels=sums.sums.shape[-1],
+        right=past @ right[:rank].T,
+        n_channels=n_channels,
         rate=rate,
     )
 
 
+def _inverse_root(matrix: FloatArray, floor: float = 1e-9) -> tuple[FloatArray, FloatArray]:
+    """Return the inverse square root of a covariance, and its root; what gaps made negative counts as `floor`."""
+    values, vectors = linalg.eigh(matrix, check_finite=False)
+    root = np.sqrt(np.maximum(values, floor * values[-1]))
+    return (vectors / root) @ vectors.T, (vectors * root) @ vectors.T
+
+
 def realisations(space: Subspace, orders: range) -> list[Realisation]:
-    """Return the models of all orders by shift invariance of the left singular vectors.
+    """Return the models of all orders by shift invariance of the observability matrix.
 
     Parameters
     ----------

@@ -7,12 +7,13 @@ from oma.correlation import correlation_sums
 
 def brute(data: np.ndarray, n_lags: int, start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
     sums = np.zeros((n_lags, data.shape[1], data.shape[1]))
-    counts = np.zeros_like(sums)
+    counts = np.zeros((n_lags, 1, 1))
+    complete = np.isfinite(data).all(axis=1)
     for lag in range(n_lags):
         for t in range(start, min(stop, len(data) - lag)):
-            product = np.outer(data[t + lag], data[t])
-            sums[lag] += np.nan_to_num(product)
-            counts[lag] += np.isfinite(product)
+            if complete[t] and complete[t + lag]:
+                sums[lag] += np.outer(data[t + lag], data[t])
+                counts[lag] += 1
     return sums, counts
 
 
@@ -49,5 +50,5 @@ def test_channels_never_there_together_are_refused() -> None:
     data = np.random.default_rng(5).standard_normal((100, 2))
     data[:55, 0] = np.nan
     data[45:, 1] = np.nan
-    with pytest.raises(IdentificationError, match="in common"):
+    with pytest.raises(IdentificationError, match="no two complete samples"):
         correlation_sums(data, 4, 4)
