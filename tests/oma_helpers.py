@@ -1,6 +1,6 @@
 """Simulated structures with known modes, sampled exactly."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -86,3 +86,26 @@ def simulate(
     data += noise * np.sqrt(np.mean(data**2)) * rng.standard_normal(data.shape)
     channels = tuple(Channel(name=name, device=name.rsplit("_", 1)[0], axis=0) for name in structure.channels)
     return Recording(channels=channels, data=data, rate=rate, start=1_700_000_000_000_000_000)
+
+
+def frame_with_higher_modes() -> Structure:
+    """Return the frame with modes beyond the eight, inside and outside the band of 1000 samples a second."""
+    low, rng = frame(), np.random.default_rng(7)
+    higher = rng.standard_normal((4, len(FRAME_CHANNELS)))
+    return Structure(
+        frequency=np.append(low.frequency, [341.7, 393.9, 576.1, 733.7]),
+        damping=np.append(low.damping, np.full(4, 0.005)),
+        shapes=np.vstack((low.shapes, higher / np.linalg.norm(higher, axis=1, keepdims=True))),
+        channels=low.channels,
+    )
+
+
+def anti_aliased(recording: Recording, factor: int, noise: float, seed: int) -> Recording:
+    """Return the recording at a lower rate, as a sensor's own filter and noise would leave it.
+
+    `noise` is the standard deviation of white sensor noise as a share of the signals' root mean square.
+    """
+    taps = signal.firwin(32 * factor + 1, 0.88 / factor)
+    data = signal.upfirdn(taps, recording.data, down=factor, axis=0)[32:-32]
+    data = data + noise * np.sqrt(np.mean(data**2)) * np.random.default_rng(seed).standard_normal(data.shape)
+    return replace(recording, data=data, rate=recording.rate / factor)

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from oma_helpers import FRAME_CHANNELS, Structure, chain, frame, simulate
+from oma_helpers import FRAME_CHANNELS, Structure, anti_aliased, chain, frame, frame_with_higher_modes, simulate
 from scipy import stats
 
 from daq import Channel, FloatArray, Recording
@@ -161,6 +161,15 @@ def test_light_and_heavy_damping(damping: float, seed: int) -> None:
 def test_strong_sensor_noise_makes_no_modes() -> None:
     found = identify(simulate(frame(), 60.0, 1000.0, 5, noise=0.5))
     assert found.n_modes == 8
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-3])
+@pytest.mark.parametrize("seed", range(2))
+def test_an_anti_alias_filter_and_modes_beyond_the_band_hide_no_mode(seed: int, noise: float) -> None:
+    truth = frame_with_higher_modes()
+    found = identify(anti_aliased(simulate(truth, 60.0, 4000.0, seed, noise=0.0), 4, noise, seed))
+    assert found.n_modes == 10
+    assert np.all(np.abs(found.frequency - truth.frequency[:10]) < 9 * law(truth, 60.0)[0][:10])
 
 
 def test_a_band_restricts_the_search() -> None:
