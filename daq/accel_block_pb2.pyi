@@ -1,0 +1,31 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable
+from typing import ClassVar as _ClassVar, Optional as _Optional
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class AccelBlock(_message.Message):
+    __slots__ = ("time", "rate", "first_index", "n_axes", "difference", "scale", "temperature", "flags", "pair_index", "pair_time")
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    RATE_FIELD_NUMBER: _ClassVar[int]
+    FIRST_INDEX_FIELD_NUMBER: _ClassVar[int]
+    N_AXES_FIELD_NUMBER: _ClassVar[int]
+    DIFFERENCE_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_FIELD_NUMBER: _ClassVar[int]
+    FLAGS_FIELD_NUMBER: _ClassVar[int]
+    PAIR_INDEX_FIELD_NUMBER: _ClassVar[int]
+    PAIR_TIME_FIELD_NUMBER: _ClassVar[int]
+    time: int
+    rate: float
+    first_index: int
+    n_axes: int
+    difference: _containers.RepeatedScalarFieldContainer[int]
+    scale: float
+    temperature: float
+    flags: int
+    pair_index: int
+    pair_time: int
+    def __init__(self, time: _Optional[int] = ..., rate: _Optional[float] = ..., first_index: _Optional[int] = ..., n_axes: _Optional[int] = ..., difference: _Optional[_Iterable[int]] = ..., scale: _Optional[float] = ..., temperature: _Optional[float] = ..., flags: _Optional[int] = ..., pair_index: _Optional[int] = ..., pair_time: _Optional[int] = ...) -> None: ...

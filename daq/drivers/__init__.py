@@ -1,0 +1,1 @@
+"""Ports, time-outs, reconnects: what stands between a protocol and blocks."""

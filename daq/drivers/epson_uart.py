@@ -1,0 +1,132 @@
+"""Epson M-A352 (and alike M-A370, M-A552AR1) over a serial line."""
+
+import time
+from typing import Any
+
+import numpy as np
+import serial
+
+from daq.drivers.base import Scans
+from daq.errors import DeviceLost, DriverError
+from daq.protocol import epson
+
+BAUD = 460800
+_STALL = 400e-6  # s between commands, at least 350 us
+_REPLY_SECONDS = 0.5
+_READ_SECONDS = 0.1
+_FILTER_SECONDS = 2.0
+
+
+class EpsonUart:
+    """Driver of one device.
+
+    Parameters
+    ----------
+    port : path of the serial port
+    rate : scans a second, one of 50, 100, 200, 500, 1000 [Hz]
+
+    Raises
+    ------
+    ValueError
+        If the device has no such rate.
+    """
+
+    scale = epson.SCALE
+    modulus = 1 << 16
+
+    def __init__(self, port: str, rate: float) -> None:
+        if rate not in epson.RATES:
+            raise ValueError(f"rate of {port}: expected one of {sorted(epson.RATES)} Hz, found {rate:g}")
+        self._port, self._rate = port, int(rate)
+        self._serial: serial.Serial | None = None
+        self._decoder = epson.BurstDecoder()
+
+    def open(self) -> dict[str, Any]:
+        """Open the port, check who answers, set rate, filter and burst format, start sampling."""
+        try:
+            self._serial = serial.Serial(self._port, BAUD, timeout=_REPLY_SECONDS, write_timeout=1.0, exclusive=True)
+            identity = self._configure()
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            self.close()
+            raise DriverError(self._port, f"no M-A352 answers: {error}") from error
+        self._decoder = epson.BurstDecoder()
+        self._serial.timeout = _READ_SECONDS
+        return identity
+
+    def _configure(self) -> dict[str, Any]:
+        self._write(0, epson.MODE_CTRL, epson.MODE_CONFIG)
+        time.sleep(0.02)  # a frame that was on its way ends
+        self._line.reset_input_buffer()
+        found = self._read(0, epson.ID)
+        if found != epson.IDENTITY:
+            raise ValueError(f"identity: expected {epson.IDENTITY:#06x}, found {found:#06x}")
+        identity = {
+            "product": self._text(epson.PRODUCT),
+            "serial": self._text(epson.SERIAL),
+            "version": f"{self._read(1, epson.VERSION):04x}",
+        }
+        self._write(1, epson.SMPL_CTRL, epson.RATES[self._rate])
+        self._write(1, epson.FILTER_CTRL, 8)
+        self._wait_for_filter()
+        self._write(1, epson.BURST_CTRL_LOW, epson.BURST_ALL & 0xFF)
+        self._write(1, epson.BURST_CTRL_HIGH, epson.BURST_ALL >> 8)
+        self._write(1, epson.UART_CTRL, epson.UART_AUTO)
+        self._write(0, epson.MODE_CTRL, epson.MODE_SAMPLING)
+        return identity
+
+    def _wait_for_filter(self) -> None:
+        time.sleep(0.1)
+        end = time.monotonic() + _FILTER_SECONDS
+        while self._read(1, epson.FILTER_CTRL) & epson.FILTER_BUSY:
+            if time.monotonic() > end:
+                raise ValueError("the filter was not set within 2 s")
+
+    @property
+    def _line(self) -> serial.Serial:
+        if self._serial is None:
+            raise DeviceLost(self._port, "is not open")
+        return self._serial
+
+    def _write(self, window: int, address: int, value: int) -> None:
+        for command in (epson.write_register(epson.WINDOW, window), epson.write_register(address, value)):
+            self._line.write(command)
+            time.sleep(_STALL)
+
+    def _read(self, window: int, address: int) -> int:
+        self._line.write(epson.write_register(epson.WINDOW, window))
+        time.sleep(_STALL)
+        self._line.write(epson.read_register(address))
+        value = epson.parse_reply(self._line.read(4), address)
+        time.sleep(_STALL)
+        return value
+
+    def _text(self, registers: range) -> str:
+        """Return what registers spell, two characters each, low byte first."""
+        raw = b"".join(self._read(1, address).to_bytes(2, "little") for address in registers)
+        return raw.decode("ascii", "replace").strip("\0 ")
+
+    def read(self) -> Scans:
+        """Return the scans that have arrived; none if nothing came within 0.1 s."""
+        try:
+            before = self._decoder.bad_bytes
+            frames = self._decoder.feed(self._line.read(1) + self._line.read(self._line.in_waiting))
+        except OSError as error:
+            raise DeviceLost(self._port, f"the port is gone: {error}") from error
+        celsius = epson.temperature_celsius(frames.temperature)
+        return Scans(
+            counts=frames.counts,
+            counter=frames.counter.astype(np.int32),
+            temperature=float(celsius.mean()) if len(celsius) else float("nan"),
+            bad_bytes=self._decoder.bad_bytes - before,
+        )
+
+    def close(self) -> None:
+        """Stop sampling if the device still listens, and free the port."""
+        if self._serial is None:
+            return
+        try:
+            self._write(0, epson.MODE_CTRL, epson.MODE_CONFIG)
+            self._serial.close()
+        except OSError:
+            self._serial.close()  # it is gone: nothing to stop
+        self._serial = None

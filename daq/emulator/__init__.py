@@ -1,0 +1,1 @@
+"""The device side of each protocol, on a pty: real bytes between real processes."""

@@ -1,0 +1,33 @@
+"""What can go wrong between a sensor and a recording.
+
+DaqError
+    DriverError         a device that does not answer as its protocol says
+        DeviceLost      a device that answered and is gone
+    LogError            a log that cannot be read or written; names the file
+"""
+
+from pathlib import Path
+
+
+class DaqError(Exception):
+    """Base of all errors of this package."""
+
+
+class DriverError(DaqError):
+    """A device that does not answer as its protocol says; names the port."""
+
+    def __init__(self, port: str, message: str) -> None:
+        super().__init__(f"{port}: {message}")
+        self.port = port
+
+
+class DeviceLost(DriverError):
+    """A device that was streaming and is gone, or silent."""
+
+
+class LogError(DaqError):
+    """A log file that cannot be used."""
+
+    def __init__(self, path: Path | str, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path = path

@@ -1,0 +1,256 @@
+"""The log: one MCAP file, written by the stock writer, readable by stock tools, whole up to the last flush after a kill.
+
+Blocks are protobuf messages on /accel/DEVICE; everything else that happened (gaps, faults, decisions, results) is a JSON message
+on a topic of its own. What is needed to replay (settings, structure) is attached at the start, so that a cut file has it.
+"""
+
+import contextlib
+import json
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import build_file_descriptor_set
+
+from daq.accel_block_pb2 import AccelBlock
+from daq.errors import LogError
+from daq.recording import Block, Flag
+
+ACCEL = "/accel/"
+_BUFFER = 1 << 20
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Event:
+    """Anything that is not a block: it happened, and replay needs to know."""
+
+    topic: str
+    time: int  #: [ns UTC]
+    payload: dict[str, Any]  #: JSON values
+
+
+Item = Block | Event
+
+
+def encode_block(block: Block) -> bytes:
+    """Return a block as protobuf; differences modulo 2^32 keep every int32 exactly."""
+    difference = np.diff(block.counts.T.view(np.uint32), axis=1, prepend=np.uint32(0)).view(np.int32)
+    nominal = block.pair_time - round((block.pair_index - block.first_index) / block.rate * 1e9)
+    return AccelBlock(
+        time=nominal,
+        rate=block.rate,
+        first_index=block.first_index,
+        n_axes=block.counts.shape[1],
+        difference=difference.ravel().tolist(),
+        scale=block.scale,
+        temperature=block.temperature,
+        flags=int(block.flags),
+        pair_index=block.pair_index,
+        pair_time=block.pair_time,
+    ).SerializeToString()
+
+
+def decode_block(device: str, data: bytes) -> Block:
+    """Return the block of a device from protobuf."""
+    message = AccelBlock.FromString(data)
+    difference = np.array(message.difference, np.int32).reshape(message.n_axes, -1)
+    counts = np.cumsum(difference.view(np.uint32), axis=1, dtype=np.uint32).view(np.int32).T
+    return Block(
+        device=device,
+        rate=message.rate,
+        first_index=message.first_index,
+        counts=counts,
+        scale=message.scale,
+        pair_index=message.pair_index,
+        pair_time=message.pair_time,
+        temperature=message.temperature,
+        flags=Flag(message.flags),
+    )
+
+
+class LogWriter:
+    """Writes one log; not for several threads (see `LogThread`).
+
+    Parameters
+    ----------
+    path : of the new file
+    attachments : name -> text, written first
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    """
+
+    def __init__(self, path: Path, attachments: Mapping[str, str]) -> None:
+        try:
+            self._file = path.open("xb", buffering=_BUFFER)
+        except OSError as error:
+            raise LogError(path, f"cannot be written: {error.strerror}") from error
+        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._writer.start(profile="modalwatch", library="modalwatch")
+        self._channels: dict[str, int] = {}
+        self._written: dict[str, int] = {}
+        for name, text in attachments.items():
+            self._writer.add_attachment(time.time_ns(), time.time_ns(), name, "text/plain", text.encode())
+        descriptor = build_file_descriptor_set(AccelBlock).SerializeToString()
+        self._accel = self._writer.register_schema("modalwatch.AccelBlock", "protobuf", descriptor)
+        self._json = self._writer.register_schema("modalwatch.Event", "jsonschema", b'{"type": "object"}')
+        self.flush()
+
+    def write(self, item: Item) -> None:
+        """Append a block or an event to the open chunk."""
+        if isinstance(item, Block):
+            self._add(ACCEL + item.device, self._accel, "protobuf", item.pair_time, encode_block(item))
+        else:
+            text = json.dumps(item.payload, separators=(",", ":"))
+            self._add(item.topic, self._json, "json", item.time, text.encode())
+
+    def _add(self, topic: str, schema: int, encoding: str, log_time: int, data: bytes) -> None:
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, encoding, schema)
+            self._written[topic] = 0
+        self._written[topic] += 1
+        self._writer.add_message(
+            self._channels[topic], log_time=log_time, publish_time=log_time, data=data, sequence=self._written[topic]
+        )
+
+    def flush(self) -> None:
+        """Close the chunk and bring it to the disk."""
+        self._writer.flush()
+        self._file.flush()
+        os.fdatasync(self._file.fileno())
+
+    def close(self) -> None:
+        """Write the summary and close the file."""
+        self._writer.finish()
+        self._file.close()
+
+
+class LogThread:
+    """Writes a log in a thread of its own, so that a slow disk never stops a reader.
+
+    Parameters
+    ----------
+    writer : the log; closed at the end
+    on_written : called in the writer's thread with every item once it is in the log, in the log's order
+    chunk_seconds : of wall time between flushes
+    capacity : items the queue holds; what comes when it is full is dropped and counted
+    """
+
+    def __init__(
+        self, writer: LogWriter, on_written: Callable[[Item], None], *, chunk_seconds: float = 0.4, capacity: int = 20_000
+    ) -> None:
+        self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
+        self._queue: queue.Queue[Item | None] = queue.Queue(capacity)
+        self._thread = threading.Thread(target=self._run, name="log")
+        self.dropped = 0  #: items that found the queue full
+        self.failure: OSError | None = None  #: why writing stopped; items go on to `on_written`
+
+    def put(self, item: Item) -> None:
+        """Take one item from any thread; never blocks."""
+        try:
+            self._queue.put_nowait(item)
+        except queue.Full:
+            self.dropped += 1
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Write what is queued, finish the file."""
+        self._queue.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        due = time.monotonic() + self._chunk_seconds
+        while True:
+            with contextlib.suppress(queue.Empty):
+                item = self._queue.get(timeout=max(0.0, due - time.monotonic()))
+                if item is None:
+                    break
+                self._guarded(self._writer.write, item)
+                self._on_written(item)
+            if time.monotonic() >= due:
+                self._guarded(self._writer.flush)
+                due = time.monotonic() + self._chunk_seconds
+        self._guarded(self._writer.close)
+
+    def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
+        """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""
+        if self.failure is None:
+            try:
+                action(*arguments)
+            except OSError as error:
+                self.failure = error
+
+
+def read_log(path: Path) -> Iterator[Item]:
+    """Yield blocks and events in the order in which they were written, in bounded memory.
+
+    A file cut anywhere is read up to its last whole chunk.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read, or is not a log.
+    """
+    topics: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            yield _item(topics[record.channel_id], record)
+
+
+def _item(topic: str, message: Message) -> Item:
+    if topic.startswith(ACCEL):
+        return decode_block(topic.removeprefix(ACCEL), message.data)
+    return Event(topic=topic, time=message.log_time, payload=json.loads(message.data))
+
+
+def read_attachments(path: Path) -> dict[str, str]:
+    """Return name -> text of what is attached; errors as for `read_log`."""
+    found: dict[str, str] = {}
+    for record in _records(path):
+        if isinstance(record, Attachment):
+            found[record.name] = record.data.decode()
+        elif isinstance(record, Message):
+            break  # attachments come before the first message
+    return found
+
+
+def _records(path: Path) -> Iterator[object]:
+    try:
+        with path.open("rb") as file:
+            if file.read(8) != b"\x89MCAP0\r\n":
+                raise LogError(path, "is not an MCAP log")
+            file.seek(0)
+            yield from _until_cut(StreamReader(file))
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _until_cut(reader: StreamReader) -> Iterator[object]:
+    """Yield records until the file's end, planned or not: the stock reader raises where a record is cut."""
+    records = reader.records
+    while True:
+        try:
+            record = next(records)
+        except (StopIteration, McapError, EOFError, ValueError):
+            return
+        yield record

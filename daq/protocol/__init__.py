@@ -1,0 +1,1 @@
+"""Bytes to samples and back, pure: no port is opened here."""

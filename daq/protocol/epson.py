@@ -1,0 +1,140 @@
+"""Wire format of the Epson M-A352 accelerometer (UART): registers and burst frames, both directions side by side.
+
+A burst frame is 24 bytes, big-endian: 80 | ND u16 | TEMP i32 | X Y Z i32 | COUNT u16 | CHKSM u16 | 0D, where CHKSM is the 16-bit
+sum of the words between header and checksum.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from daq.recording import FloatArray, IntArray
+
+FRAME_SIZE = 24
+SCALE = 9.80665 / 2**24  #: m/s2 a count
+HEADER, DELIMITER = 0x80, 0x0D
+
+WINDOW, MODE_CTRL, SMPL_CTRL, FILTER_CTRL, UART_CTRL = 0x7E, 0x03, 0x05, 0x06, 0x08
+BURST_CTRL_LOW, BURST_CTRL_HIGH = 0x0C, 0x0D
+ID, PRODUCT, VERSION, SERIAL = 0x4C, range(0x6A, 0x72, 2), 0x72, range(0x74, 0x7C, 2)
+IDENTITY = 0x5345  # 'SE'
+MODE_SAMPLING, MODE_CONFIG = 0x01, 0x02
+BURST_ALL = 0xC703  #: ND, temperature, three axes, count, checksum
+FILTER_BUSY = 1 << 5
+UART_AUTO = 1
+RATES = {1000: 2, 500: 3, 200: 4, 100: 5, 50: 6}  #: scans a second -> SMPL_CTRL
+
+_FRAME = np.dtype(
+    [("head", "u1"), ("nd", ">u2"), ("temperature", ">i4"), ("xyz", ">i4", 3), ("count", ">u2"), ("sum", ">u2"), ("tail", "u1")]
+)
+
+
+def write_register(address: int, value: int) -> bytes:
+    """Return the command that writes one byte."""
+    return bytes([address | 0x80, value, DELIMITER])
+
+
+def read_register(address: int) -> bytes:
+    """Return the command that reads a 16-bit register."""
+    return bytes([address, 0, DELIMITER])
+
+
+def register_reply(address: int, value: int) -> bytes:
+    """Return the answer to `read_register`."""
+    return bytes([address, value >> 8 & 0xFF, value & 0xFF, DELIMITER])
+
+
+def parse_reply(reply: bytes, address: int) -> int:
+    """Return the value of a register from its answer.
+
+    Raises
+    ------
+    ValueError
+        If the answer is not one to this register.
+    """
+    if len(reply) != 4 or reply[0] != address or reply[3] != DELIMITER:
+        raise ValueError(f"answer of register {address:#04x}: expected 4 bytes {address:02x} .. .. 0d, found {reply.hex(' ')!r}")
+    return reply[1] << 8 | reply[2]
+
+
+def temperature_raw(celsius: float) -> int:
+    """Return the TEMP field of a temperature [degC]."""
+    return round((34.987 - celsius) / 0.0037918)
+
+
+def temperature_celsius(raw: npt.NDArray[np.int32] | int) -> FloatArray:
+    """Return temperatures [degC] from TEMP fields: T = -0.0037918 n + 34.987."""
+    return np.asarray(-0.0037918 * np.asarray(raw, float) + 34.987)
+
+
+def encode_frames(counts: IntArray, first_count: int, temperature: int) -> bytes:
+    """Return burst frames of scans (n, 3) numbered from `first_count` on."""
+    frames = np.zeros(len(counts), _FRAME)
+    frames["head"], frames["tail"] = HEADER, DELIMITER
+    frames["nd"] = 0xF000  # all three axes and the temperature are new
+    frames["temperature"] = temperature
+    frames["xyz"] = counts
+    frames["count"] = (first_count + np.arange(len(counts))) & 0xFFFF
+    raw = frames.view(np.uint8).reshape(-1, FRAME_SIZE)
+    frames["sum"] = _sums(raw)
+    return frames.tobytes()
+
+
+def _sums(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
+    """Return the 16-bit sums of the words between header and checksum of frames (n, 24)."""
+    high, low = raw[:, 1:21:2].sum(1, dtype=np.uint32), raw[:, 2:21:2].sum(1, dtype=np.uint32)
+    return ((high << 8) + low).astype(np.uint16)
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Intact frames in the order of the wire."""
+
+    counts: IntArray  #: (n, 3) [-]
+    counter: npt.NDArray[np.uint16]  #: (n,) [-]
+    temperature: IntArray  #: (n,) raw
+
+
+class BurstDecoder:
+    """Frames out of a byte stream that may begin anywhere and be damaged anywhere.
+
+    Every intact frame is found: a frame is 24 bytes with header, delimiter and right checksum; overlapping candidates (a frame
+    seen inside two others' bytes) are taken from the left.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.bad_bytes = 0  #: bytes that belonged to no intact frame, so far
+
+    def feed(self, data: bytes) -> Frames:
+        """Take the next bytes and return the frames that are complete."""
+        stream = np.frombuffer(self._rest + data, np.uint8)
+        starts = _frame_starts(stream)
+        end = int(starts[-1]) + FRAME_SIZE if len(starts) else 0
+        keep = max(end, len(stream) - (FRAME_SIZE - 1))  # a frame may still begin in the last 23 bytes
+        self.bad_bytes += keep - FRAME_SIZE * len(starts)
+        self._rest = stream[keep:].tobytes()
+        raw = stream[starts[:, None] + np.arange(FRAME_SIZE)] if len(starts) else np.empty((0, FRAME_SIZE), np.uint8)
+        frames = np.ascontiguousarray(raw).view(_FRAME)[:, 0]
+        return Frames(frames["xyz"].astype(np.int32), frames["count"].astype(np.uint16), frames["temperature"].astype(np.int32))
+
+
+def _frame_starts(stream: npt.NDArray[np.uint8]) -> npt.NDArray[np.intp]:
+    """Return where intact frames begin, none overlapping another."""
+    n = len(stream) - FRAME_SIZE + 1
+    if n <= 0:
+        return np.empty(0, np.intp)
+    candidate = np.flatnonzero((stream[:n] == HEADER) & (stream[FRAME_SIZE - 1 :] == DELIMITER))
+    raw = stream[candidate[:, None] + np.arange(FRAME_SIZE)]
+    stated = raw[:, 21].astype(np.uint16) << 8 | raw[:, 22]
+    good = candidate[_sums(raw) == stated]
+    return _without_overlap(good) if np.any(np.diff(good) < FRAME_SIZE) else good
+
+
+def _without_overlap(starts: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    kept: list[int] = []
+    for start in starts.tolist():
+        if not kept or start >= kept[-1] + FRAME_SIZE:
+            kept.append(start)
+    return np.array(kept, np.intp)

@@ -1,0 +1,107 @@
+"""Device ticks to UTC: counters unwrapped, and the line that arrival times cannot beat.
+
+A scan can only arrive late. So the device's clock is the lower envelope of (arrival - index/rate): its level is the fastest
+arrival, its slope the drift of the device's oscillator (DEVICES of many makes drift by up to 100 ppm).
+"""
+
+from collections import deque
+
+import numpy as np
+
+_SPAN = 120.0  # s of data that the envelope looks back on
+_LEAST_FOR_DRIFT = 30.0  # s before a slope is believed
+_LARGEST_DRIFT = 200e-6
+_BIN = 1.0  # s: one pair, the earliest, is kept of each
+
+
+def unwrap(counter: np.ndarray, last: int | None, expected: int, modulus: int = 1 << 16) -> np.ndarray:
+    """Return indices (n,) that go on from `last`, from counters (n,) that wrap at `modulus`.
+
+    Parameters
+    ----------
+    counter : (n,) in the order of arrival
+    last : index of the scan before the first one, None at the start
+    expected : index that the host's clock expects for the first one: decides how often a counter wrapped in a gap
+    """
+    steps = np.diff(counter.astype(np.int64)) % modulus
+    if last is None:
+        first = int(counter[0])
+    else:
+        first = last + 1 + (int(counter[0]) - last - 1) % modulus
+        first += modulus * max(0, round((expected - first) / modulus))
+    return first + np.concatenate([[0], np.cumsum(steps)])
+
+
+class ClockFit:
+    """Time of a device's scans from the (index, arrival time) pairs seen so far; depends on nothing else.
+
+    Parameters
+    ----------
+    rate : nominal scans a second [Hz]
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._pairs: deque[tuple[int, int]] = deque()  # (index, lateness [ns]) of the earliest arrival of each second
+        self._origin: int | None = None  # arrival of index 0 at the nominal rate [ns UTC]
+
+    @property
+    def span(self) -> float:
+        """Length of data that the fit rests on [s]."""
+        return (self._pairs[-1][0] - self._pairs[0][0]) / self._rate if self._pairs else 0.0
+
+    def add(self, index: int, time: int) -> None:
+        """Take one pair: this scan had arrived at this time [ns UTC]."""
+        if self._origin is None:
+            self._origin = time - round(index / self._rate * 1e9)
+        late = time - self._origin - round(index / self._rate * 1e9)
+        same = self._pairs and index // int(_BIN * self._rate) == self._pairs[-1][0] // int(_BIN * self._rate)
+        if not same:
+            self._pairs.append((index, late))
+        elif late < self._pairs[-1][1]:
+            self._pairs[-1] = (index, late)
+        while (index - self._pairs[0][0]) / self._rate > _SPAN:
+            self._pairs.popleft()
+
+    def line(self) -> tuple[float, float, int]:
+        """Return (lateness at index 0 [ns], drift [ns a scan], origin [ns UTC]).
+
+        Raises
+        ------
+        ValueError
+            Before the first pair.
+        """
+        if self._origin is None:
+            raise ValueError("clock fit: expected at least one (index, time) pair, found none")
+        index = np.array([p[0] for p in self._pairs], float)
+        late = np.array([p[1] for p in self._pairs], float)
+        slope = self._slope(index, late)
+        return float((late - slope * index).min()), slope, self._origin
+
+    def _slope(self, index: np.ndarray, late: np.ndarray) -> float:
+        """Drift from the lower envelope of halves, refined: robust against late arrivals, zero until there is enough data."""
+        if self.span < _LEAST_FOR_DRIFT:
+            return 0.0
+        slope = 0.0
+        middle = index.mean()
+        limit = _LARGEST_DRIFT * 1e9 / self._rate
+        for _ in range(20):  # the line that touches the envelope on both sides of its middle
+            rest = late - slope * index
+            left, right = (np.flatnonzero(side) for side in (index <= middle, index > middle))
+            a, b = left[np.argmin(rest[left])], right[np.argmin(rest[right])]
+            new = float(np.clip((late[b] - late[a]) / (index[b] - index[a]), -limit, limit))
+            if new == slope:
+                break
+            slope = new
+        return slope
+
+    def index_at(self, time: int) -> tuple[float, float]:
+        """Return the (fractional) index at a time [ns UTC], and scans a second of UTC there."""
+        late, slope, origin = self.line()
+        period = 1e9 / self._rate + slope
+        return (time - origin - late) / period, 1e9 / period
+
+    def time_at(self, index: int) -> int:
+        """Return the time of a scan [ns UTC]."""
+        late, slope, origin = self.line()
+        return origin + round(late + slope * index + index / self._rate * 1e9)

@@ -1,0 +1,145 @@
+"""Arrays of the analysis put into the plain values of the log, and into words."""
+
+import numpy as np
+
+from daq import FloatArray, Recording
+from monitor.alarms import State
+from monitor.results import (
+    Interval,
+    MassAnswer,
+    ModeResult,
+    ProfilePoint,
+    ReferenceMode,
+    ReferenceResult,
+    Spectrum,
+    Vector,
+    WindowResult,
+)
+from oma import ModalEstimate, OmaError, Stabilization, singular_values
+from updater import MassChange, Reference, Structure, real_shape
+
+_SPECTRUM_POINTS = 1024
+_PROFILE_STEP = 10  # of the posterior's positions in the log: every centimetre
+
+
+def mode_results(estimate: ModalEstimate, track: FloatArray, reference: Reference | None) -> list[ModeResult]:
+    """Return the tracked modes; `track` (n_tracks,) holds indices into the estimate's modes, or -1."""
+    shape = real_shape(estimate.shape)
+    return [
+        ModeResult(
+            id=number + 1,
+            frequency=float(estimate.frequency[i]),
+            frequency_std=float(estimate.frequency_std[i]),
+            damping=float(estimate.damping[i]),
+            damping_std=float(estimate.damping_std[i]),
+            shape=shape[i].tolist(),
+            **(_shift(estimate, int(i), reference, number) if reference else {}),
+        )
+        for number, i in enumerate(track)
+        if i >= 0
+    ]
+
+
+def _shift(estimate: ModalEstimate, mode: int, reference: Reference, number: int) -> dict[str, float]:
+    ratio = np.log(estimate.frequency[mode]) - reference.baseline.log_frequency[number]
+    std = np.hypot(reference.scatter.window_std[number], reference.baseline.log_frequency_std[number])
+    return {"shift_percent": float(100 * np.expm1(ratio)), "shift_std_percent": float(100 * std)}
+
+
+def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | None:
+    """Return the first three singular values and the poles for a picture; None where the window is too short."""
+    n_fft = 2 * _SPECTRUM_POINTS
+    try:
+        frequency, values = singular_values(recording, n_fft)
+    except OmaError:
+        return None
+    return Spectrum(
+        frequency=frequency.tolist(),
+        singular_values=np.round(10 * np.log10(np.maximum(values[:, :3].T, 1e-30)), 2).tolist(),
+        pole_frequency=np.round(poles.frequency, 4).tolist(),
+        pole_order=poles.order.tolist(),
+        pole_stable=poles.stable.tolist(),
+    )
+
+
+def reference_result(reference: Reference, time: int) -> ReferenceResult:
+    """Return the reference with the geometry to draw it."""
+    calibration, model = reference.calibration, reference.calibration.model
+    lines: dict[str, list[int]] = {}
+    for member, (start, end) in zip(model.member_names, model.spans, strict=True):
+        lines.setdefault(member, [start]).append(end)
+    padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
+    motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
+    motion = motion / np.abs(motion).max(axis=(0, 1))
+    base = reference.baseline
+    return ReferenceResult(
+        time=time,
+        n_windows=int(base.n.max()),
+        nodes=[_vector(p) for p in model.nodes],
+        lines=lines,
+        sensors={s.channel: (s.at, s.direction) for s in calibration.structure.sensor},
+        modes=[
+            ReferenceMode(
+                id=i + 1,
+                frequency=float(np.exp(base.log_frequency[i])),
+                frequency_std=float(np.exp(base.log_frequency[i]) * base.log_frequency_std[i]),
+                damping=float(base.damping[i]),
+                model_frequency=float(calibration.nominal_frequency[i]),
+                mac=float(calibration.nominal_mac[i]),
+                displacement=[_vector(u) for u in motion[:, :, i]],
+            )
+            for i in range(len(base.n))
+        ],
+        calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
+    )
+
+
+def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> MassAnswer:
+    """Return a located mass in the structure's coordinates."""
+    keep = slice(None, None, _PROFILE_STEP)
+    at = {member.name: member.point for member in structure.member}
+    columns = (change.members[keep], change.position[keep], change.density[keep], change.profile_mass[keep])
+    return MassAnswer(
+        member=change.member,
+        position=_vector(at[change.member](change.distance)),
+        position_std=change.distance_std,
+        mass=change.mass,
+        mass_std=change.mass_std,
+        region=[
+            Interval(member=r.member, start=_vector(at[r.member](r.start)), end=_vector(at[r.member](r.stop)))
+            for r in change.region
+        ],
+        member_probability=change.member_probability,
+        p_value=change.p_value,
+        n_windows=n_windows,
+        profile=[
+            ProfilePoint(member=m, position=_vector(at[m](s)), density=float(d), mass=float(g))
+            for m, s, d, g in zip(*columns, strict=True)
+        ],
+    )
+
+
+def _vector(values: FloatArray) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def mass_text(answer: MassAnswer) -> str:
+    """Say what was found in one line."""
+    what = "added" if answer.mass > 0 else "removed"
+    x, y, z = answer.position
+    return (
+        f"{1000 * abs(answer.mass):.0f} ± {1000 * answer.mass_std:.0f} g {what} on the {answer.member} "
+        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * answer.position_std:.0f} mm"
+    )
+
+
+def alarm_text(state: State, result: WindowResult) -> str:
+    """Say why the alarm changed its state."""
+    score = result.novelty
+    figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
+    if state == "alarm" and result.answer:
+        return f"ALARM: the structure has changed ({figures}): {mass_text(result.answer)}"
+    if state == "alarm":
+        return f"ALARM: the structure has changed ({figures}); where, the next windows will tell"
+    return f"over the limit once: {figures}" if state == "watch" else f"back to normal: {figures}"

@@ -1,0 +1,24 @@
+"""What can stop the monitor before or while it runs.
+
+MonitorError
+    SettingsError   SITE.toml cannot be used; names file and key
+    StartError      it could not start: a device, a port, a folder
+"""
+
+from pathlib import Path
+
+
+class MonitorError(Exception):
+    """Base of all errors of this package."""
+
+
+class SettingsError(MonitorError):
+    """Settings that cannot be used."""
+
+    def __init__(self, path: Path | str, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path = path
+
+
+class StartError(MonitorError):
+    """Something needed to start is not there."""

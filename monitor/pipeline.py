@@ -1,0 +1,195 @@
+"""From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daq import Assembler, Block, Event, FloatArray, Recording
+from monitor.alarms import Alarm
+from monitor.describe import alarm_text, mass_answer, mode_results, reference_result, spectrum_result
+from monitor.results import AlarmResult, Novelty, Phase, ReferenceResult, WindowResult
+from monitor.settings import Settings
+from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
+from updater import (
+    PairingError,
+    Reference,
+    Structure,
+    estimate_delays,
+    learn_reference,
+    locate_mass,
+    mean_modes,
+    novelty,
+    novelty_limit,
+    remove_delays,
+    stack_tracks,
+)
+
+Result = WindowResult | ReferenceResult | AlarmResult
+_LEAST_PRESENCE = 0.7  # share of baseline windows that must show a mode for it to be tracked
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    index: int
+    recording: Recording
+    identification: Identification
+    estimate: ModalEstimate  #: with the devices' delays removed
+
+
+@dataclass(frozen=True, eq=False)
+class _Watch:
+    """What watching needs once a baseline is learnt."""
+
+    tracker: Tracker
+    reference: Reference
+
+
+class Pipeline:
+    """The monitoring loop without clocks, ports and files.
+
+    Parameters
+    ----------
+    structure : of the site
+    settings : of the site
+    """
+
+    def __init__(self, structure: Structure, settings: Settings) -> None:
+        analysis = settings.analysis
+        self._settings, self._structure = settings, structure
+        self._devices = {channel.name: channel.device for channel in settings.channels}
+        self._assembler = Assembler(
+            settings.channels,
+            {device.name: device.rate for device in settings.device},
+            window_seconds=analysis.window_seconds,
+            step_seconds=analysis.window_seconds * (1 - analysis.overlap),
+        )
+        self._alarm = Alarm(hold_windows=settings.alarm.hold_windows)
+        self._n_windows = 0
+        self._baseline: list[_Window] = []
+        self._watch: _Watch | None = None
+        self._out: list[_Window] = []  # windows over the limit, without a break
+
+    def push(self, item: Block | Event) -> Iterator[Result]:
+        """Take one item in the log's order; yield what it lets be said."""
+        windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
+        for recording in windows:
+            yield from self._analyse(recording)
+
+    def _analyse(self, recording: Recording) -> Iterator[Result]:
+        index = self._n_windows
+        self._n_windows += 1
+        try:
+            found = identify_all(recording, band=self._settings.analysis.band)
+        except IdentificationError as error:
+            yield self._bare(index, recording, str(error))
+            return
+        delays = estimate_delays(found.estimate, self._devices)
+        window = _Window(index, recording, found, remove_delays(found.estimate, self._devices, delays))
+        yield from self._learn(window) if self._watch is None else self._judge(window, self._watch)
+
+    def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
+        return WindowResult(
+            index=index,
+            start=recording.start,
+            end=recording.end,
+            phase=self._phase(),
+            channels=[channel.name for channel in recording.channels],
+            modes=[],
+            rms=_rms(recording),
+            problem=problem,
+        )
+
+    def _phase(self) -> Phase:
+        return "learning" if self._watch is None else "alarm" if self._alarm.state == "alarm" else "watching"
+
+    def _result(self, window: _Window, watch: _Watch | None) -> WindowResult:
+        track = np.arange(window.estimate.n_modes) if watch is None else watch.tracker.assign(window.estimate)
+        return self._bare(window.index, window.recording, "").model_copy(
+            update={
+                "channels": list(window.estimate.channels),
+                "modes": mode_results(window.estimate, track, watch.reference if watch else None),
+                "spectrum": spectrum_result(window.recording, window.identification.poles),
+                "problem": None,
+            }
+        )
+
+    def _learn(self, window: _Window) -> Iterator[Result]:
+        self._baseline.append(window)
+        yield self._result(window, None)
+        if len(self._baseline) < self._settings.analysis.baseline_windows:
+            return
+        try:
+            self._watch = learn_baseline(self._structure, [w.estimate for w in self._baseline])
+        except PairingError as error:
+            self._baseline.pop(0)  # go on learning: the oldest window makes room
+            yield self._said(window, str(error))
+            return
+        yield reference_result(self._watch.reference, window.recording.end)
+        yield self._said(window, f"baseline learnt from {len(self._baseline)} windows")
+
+    def _judge(self, window: _Window, watch: _Watch) -> Iterator[Result]:
+        score = judge(window.estimate, watch, self._settings.window_false_alarm_probability)
+        over = score.t2 > score.limit
+        before, self._alarm = self._alarm, self._alarm.consider(over=over)
+        self._out = [*self._out, window] if over else []
+        result = self._result(window, watch).model_copy(update={"novelty": score, "phase": self._phase()})
+        if self._alarm.state == "alarm" and over:
+            result = result.model_copy(update={"answer": self._locate(watch)})
+        yield result
+        if self._alarm.state != before.state:
+            yield self._said(window, alarm_text(self._alarm.state, result))
+
+    def _locate(self, watch: _Watch) -> object:
+        """Locate from the windows that begin after the first one over the limit: that one may hold both states."""
+        pure = [w.estimate for w in self._out if w.recording.start >= self._out[0].recording.end]
+        if not pure:
+            return None
+        event = watch.reference.mean_of(stack_tracks(pure, [watch.tracker.assign(e) for e in pure]))
+        try:
+            return mass_answer(self._structure, locate_mass(watch.reference, event), len(pure))
+        except ValueError:
+            return None  # fewer than three modes left to compare: there is an alarm, but no place
+
+    def _said(self, window: _Window, text: str) -> AlarmResult:
+        return AlarmResult(time=window.recording.end, state=self._alarm.state, text=text, window=window.index)
+
+
+def _rms(recording: Recording) -> dict[str, float]:
+    power: FloatArray = np.nanmean(np.where(np.isfinite(recording.data).any(0), recording.data, 0.0) ** 2, axis=0)
+    return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}
+
+
+def learn_baseline(structure: Structure, estimates: list[ModalEstimate]) -> _Watch:
+    """Choose the modes to track and learn the reference.
+
+    The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode stay.
+
+    Raises
+    ------
+    PairingError
+        If fewer than three stay.
+    """
+    seed = max(estimates, key=lambda e: e.n_modes)
+    assigned = np.array([Tracker(reference=seed).assign(e) for e in estimates])
+    often = np.flatnonzero((assigned >= 0).mean(0) >= _LEAST_PRESENCE)
+    if len(often) < 3:
+        raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
+    reference = learn_reference(structure, estimates, list(assigned[:, often]))
+    kept = often[reference.calibration.tracks]
+    mean = mean_modes(stack_tracks(estimates, list(assigned[:, kept])))
+    fields = {name: getattr(seed, name)[kept] for name in _MODAL_FIELDS}
+    fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
+    return _Watch(Tracker(reference=replace(seed, channels=mean.channels, **fields)), reference)
+
+
+_MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")
+
+
+def judge(estimate: ModalEstimate, watch: _Watch, false_alarm_probability: float) -> Novelty:
+    """Compare one window with the baseline; a window without any tracked mode is as far away as can be."""
+    track = watch.tracker.assign(estimate)
+    modes = stack_tracks([estimate], [track])
+    t2, p = novelty(modes.log_frequency[0], watch.reference.baseline, watch.reference.scatter)
+    limit = novelty_limit(p, watch.reference.scatter, false_alarm_probability)
+    return Novelty(t2=t2, limit=limit, modes=(np.flatnonzero(track >= 0) + 1).tolist())

@@ -1,0 +1,125 @@
+"""SITE.toml: what is connected where, and how it is watched. Every setting is spelled here and nowhere else."""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from daq import Channel
+from monitor.errors import SettingsError
+
+Positive = Annotated[float, Field(gt=0)]
+AXES = ("x", "y", "z")
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class DeviceSettings(_Section):
+    """One accelerometer."""
+
+    name: str
+    driver: str
+    port: str
+    rate: Positive = 1000.0  #: [Hz]
+    channels: dict[Literal["x", "y", "z"], str]  #: device axis -> sensor; the rest is logged, not analysed
+
+
+class RecorderSettings(_Section):
+    """Where the log goes."""
+
+    folder: str = "log"
+    chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.4  #: of wall time between writes to the file
+
+
+class AnalysisSettings(_Section):
+    """How windows are cut and analysed."""
+
+    window_seconds: Positive = 600.0
+    overlap: Annotated[float, Field(ge=0, lt=1)] = 0.0  #: share of a window that the next one repeats
+    band: tuple[float, float] | None = None  #: [Hz]; chosen from rate and window unless given
+    baseline_windows: Annotated[int, Field(ge=5)] = 24  #: windows to learn from before watching
+
+
+class AlarmSettings(_Section):
+    """When to wake somebody."""
+
+    false_alarms_per_year: Positive = 1.0
+    hold_windows: Annotated[int, Field(ge=1)] = 2  #: windows in a row over the limit
+
+
+class ClockSettings(_Section):
+    """The time scale shared with an emulated rig; leave it out for real devices."""
+
+    speed: Positive = 1.0  #: seconds of data a second
+    origin_wall: int  #: wall time [ns UTC] at which ...
+    origin: int  #: ... data time was this [ns UTC]
+
+
+class Settings(_Section):
+    """A whole SITE.toml."""
+
+    structure: str
+    state: str = "state"
+    device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1)]
+    recorder: RecorderSettings = RecorderSettings()
+    analysis: AnalysisSettings = AnalysisSettings()
+    alarm: AlarmSettings = AlarmSettings()
+    clock: ClockSettings | None = None
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Analysed channels, in the order of the devices."""
+        return tuple(
+            Channel(name=name, device=device.name, axis=AXES.index(axis))
+            for device in self.device
+            for axis, name in device.channels.items()
+        )
+
+    @property
+    def window_false_alarm_probability(self) -> float:
+        """Chance a window that keeps to the stated rate, were every window over the limit an alarm."""
+        step = self.analysis.window_seconds * (1 - self.analysis.overlap)
+        return self.alarm.false_alarms_per_year * step / (365.25 * 86400)
+
+
+def parse_settings(text: str, path: Path | str = "SITE.toml") -> Settings:
+    """Read settings from TOML text.
+
+    Raises
+    ------
+    SettingsError
+        Naming the file, the key, what was found and, for a key nobody knows, the nearest right word.
+    """
+    try:
+        settings = Settings.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(path, str(error)) from error
+    except ValidationError as error:
+        raise SettingsError(path, _explain(error)) from error
+    names = [device.name for device in settings.device] + [channel.name for channel in settings.channels]
+    for repeated in sorted({name for name in names if names.count(name) > 1}):
+        raise SettingsError(path, f"device: the name {repeated!r} is given twice")
+    return settings
+
+
+def load_settings(path: Path) -> Settings:
+    """Read a settings file; errors as for `parse_settings`."""
+    try:
+        return parse_settings(path.read_text(encoding="utf-8"), path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(path, f"cannot be read: {error}") from error
+
+
+def _explain(error: ValidationError) -> str:
+    first: Any = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    if first["type"] != "extra_forbidden":
+        return f"{place}: {first['msg']}, found {first['input']!r:.80}"
+    sections = (Settings, DeviceSettings, RecorderSettings, AnalysisSettings, AlarmSettings, ClockSettings)
+    known = sorted({name for section in sections for name in section.model_fields})
+    near = difflib.get_close_matches(str(first["loc"][-1]), known, 1)
+    return f"{place}: no such setting" + (f", did you mean {near[0]!r}?" if near else "")
