@@ -12,7 +12,8 @@ from oma.errors import TooFewChannels
 
 BoolArray = npt.NDArray[np.bool_]
 
-PASS = 0.42  #: upper end of the band kept at each rate, as a share of that rate [-]
+PASS = 0.40  #: upper end of the band kept at each rate, as a share of that rate [-]
+HALF_LENGTH = 12  #: of the decimating filter [samples of the new rate]
 OVERLAP = 0.9  #: a band begins at this share of the end of the next lower one [-]
 
 
@@ -100,12 +101,12 @@ def detrended(data: FloatArray) -> FloatArray:
     return result
 
 
-def decimated(data: FloatArray, factor: int, half_length: int = 8, max_missing: float = 0.25) -> FloatArray:
+def decimated(data: FloatArray, factor: int, half_length: int = HALF_LENGTH, max_missing: float = 0.25) -> FloatArray:
     """Low-pass and keep every `factor`-th sample.
 
-    The filter is a Kaiser-windowed sinc: 3 % down at 0.42 of the new rate and 40 dB down from 0.58 on, so that next
-    to nothing folds into the band kept. Gaps are bridged by straight lines; a new sample is missing if too much of
-    its weight rests on such a line.
+    The filter is a Kaiser-windowed sinc: flat up to 0.40 of the new rate and 75 dB down from 0.60 on, so that not even
+    the image of a sharp resonance folds into the band kept. Gaps are bridged by straight lines; a new sample is missing
+    if too much of its weight rests on such a line.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def decimated(data: FloatArray, factor: int, half_length: int = 8, max_missing: 
     -------
     (about n_samples / factor, n_channels) array
     """
-    taps = signal.firwin(2 * half_length * factor + 1, 1.0 / factor, window=("kaiser", 5.65))
+    taps = signal.firwin(2 * half_length * factor + 1, 1.0 / factor, window=("kaiser", 7.5))
     weight = np.abs(taps) / np.sum(np.abs(taps))
     missing = np.isnan(data)
     smooth = signal.upfirdn(taps, _bridged(data, missing), down=factor, axis=0)
@@ -162,12 +163,11 @@ def pyramid(data: FloatArray, rate: float, band: tuple[float, float], factor: in
     ------
     Level
     """
-    half_length = 8
     noise_lags, low, high = 0, max(band[0], PASS * OVERLAP * rate / factor), min(band[1], PASS * rate)
     while True:
         if high > low:
             yield Level(data=data, rate=rate, band=(low, high), noise_lags=noise_lags)
         if low <= band[0]:
             return
-        data, rate, noise_lags = decimated(data, factor, half_length), rate / factor, 2 * half_length
+        data, rate, noise_lags = decimated(data, factor), rate / factor, 2 * HALF_LENGTH
         low, high = max(band[0], PASS * OVERLAP * rate / factor), min(band[1], PASS * rate)

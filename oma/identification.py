@@ -36,6 +36,7 @@ class Identification:
 
     estimate: ModalEstimate
     poles: Stabilization
+    harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
 
 
 def identify(
@@ -49,7 +50,7 @@ def identify(
     method : CovarianceSSI, optional
         Options of the method.
     band : (float, float), optional
-        Frequencies in which modes are sought [Hz]; unless given, from 100 periods in the recording to 0.42 of the rate.
+        Frequencies in which modes are sought [Hz]; unless given, from 100 periods in the recording to 0.40 of the rate.
 
     Returns
     -------
@@ -89,10 +90,13 @@ def identify_all(
     if not poles:
         raise TooShort(recording.duration, 4 * method.lags(len(names), 1) / recording.rate)
     kept = _merged(_physical(modes, method), method)
+    tones = [mode for mode in kept if _is_tone(mode, method)]
+    kept = [mode for mode in kept if not _is_tone(mode, method)]
     diagram = join(poles)
     if not kept:
         raise TooFewModes(len(diagram))
-    return Identification(estimate=_estimate(recording, names, kept), poles=diagram)
+    harmonics = np.array([tone.frequency for tone in tones])
+    return Identification(estimate=_estimate(recording, names, kept), poles=diagram, harmonics=harmonics)
 
 
 def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float] | None) -> tuple[float, float]:
@@ -177,6 +181,12 @@ def _weights(influences: list[PoleInfluence]) -> FloatArray:
 def _physical(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:
     """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
     return [mode for mode in modes if mode.law_ratio < method.selection.max_law_ratio * mode.support]
+
+
+def _is_tone(mode: Mode, method: CovarianceSSI) -> bool:
+    """Tell a tone, which is undamped or surer than any random vibration can be, from a mode."""
+    limits = method.selection
+    return mode.damping < limits.min_damping or mode.law_ratio < limits.min_law_ratio
 
 
 def _merged(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:

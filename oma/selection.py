@@ -24,6 +24,8 @@ class Selection:
     """Limits of the automatic selection."""
 
     max_damping: float = 0.1  #: of a pole, ratio of critical [-]
+    min_damping: float = 2e-4  #: of a mode; below it is a tone [-]
+    min_law_ratio: float = 0.55  #: of a mode; no random vibration is surer than the uncertainty law (1), a tone is [-]
     min_mpc: float = 0.5  #: modal phase collinearity; a delay of 0.3 ms between devices at 271 Hz leaves 0.76 [-]
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]

@@ -66,16 +66,17 @@ def chain(n: int = 6, first: float = 2.0, damping: float = 0.01) -> Structure:
 
 
 def simulate(
-    structure: Structure, duration: float, rate: float, seed: int, noise: float = 0.05, force: float = 1.0
+    structure: Structure, duration: float, rate: float, seed: int, noise: float = 0.05, forced: slice = slice(None)
 ) -> Recording:
-    """Return accelerations under white forces at every sensor, held between samples; exact for such forces.
+    """Return accelerations under white forces at the sensors `forced`, held between samples; exact for such forces.
 
     `noise` is the standard deviation of white sensor noise as a share of the signals' root mean square.
     """
     rng = np.random.default_rng(seed)
     settle = int(min(5.0 / np.min(structure.damping * structure.frequency * 2 * np.pi), 30.0) * rate)
     n = round(duration * rate)
-    forces = force * rng.standard_normal((settle + n, len(structure.channels)))
+    forces = np.zeros((settle + n, len(structure.channels)))
+    forces[:, forced] = rng.standard_normal(forces[:, forced].shape)
     data = np.zeros((n, len(structure.channels)))
     for f, zeta, shape in zip(structure.frequency, structure.damping, structure.shapes, strict=True):
         omega = 2 * np.pi * f

@@ -167,9 +167,21 @@ def test_strong_sensor_noise_makes_no_modes() -> None:
 @pytest.mark.parametrize("seed", range(2))
 def test_an_anti_alias_filter_and_modes_beyond_the_band_hide_no_mode(seed: int, noise: float) -> None:
     truth = frame_with_higher_modes()
-    found = identify(anti_aliased(simulate(truth, 60.0, 4000.0, seed, noise=0.0), 4, noise, seed))
+    found = identify(
+        anti_aliased(simulate(truth, 60.0, 4000.0, seed, noise=0.0, forced=slice(4, None, 2)), 4, noise, seed)
+    )
     assert found.n_modes == 10
     assert np.all(np.abs(found.frequency - truth.frequency[:10]) < 9 * law(truth, 60.0)[0][:10])
+
+
+@pytest.mark.parametrize(("frequency", "share"), [(50.0, 0.5), (50.0, 0.2), (150.0, 0.5), (23.3, 0.5)])
+def test_a_tone_is_no_mode(frequency: float, share: float) -> None:
+    shape = np.random.default_rng(9).standard_normal(12)
+    tone = np.outer(np.sin(2 * np.pi * frequency * np.arange(60_000) / 1000.0), shape)
+    data = window(6).data + share * window(6).data.std() * tone
+    found = identify_all(replace(window(6), data=data))
+    check(found.estimate, frame(), 60.0)
+    assert np.any(np.abs(found.harmonics - frequency) < 0.01)
 
 
 def test_a_band_restricts_the_search() -> None:
