@@ -90,8 +90,8 @@ def identify_all(
     if not poles:
         raise TooShort(recording.duration, 4 * method.lags(len(names), 1) / recording.rate)
     kept = _merged(_physical(modes, method), method)
-    tones = [mode for mode in kept if _is_tone(mode, method)]
-    kept = [mode for mode in kept if not _is_tone(mode, method)]
+    tones = [mode for mode in kept if mode.damping < method.selection.min_damping]
+    kept = [mode for mode in kept if mode.damping >= method.selection.min_damping]
     diagram = join(poles)
     if not kept:
         raise TooFewModes(len(diagram))
@@ -181,12 +181,6 @@ def _weights(influences: list[PoleInfluence]) -> FloatArray:
 def _physical(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:
     """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
     return [mode for mode in modes if mode.law_ratio < method.selection.max_law_ratio * mode.support]
-
-
-def _is_tone(mode: Mode, method: CovarianceSSI) -> bool:
-    """Tell a tone, which is undamped or surer than any random vibration can be, from a mode."""
-    limits = method.selection
-    return mode.damping < limits.min_damping or mode.law_ratio < limits.min_law_ratio
 
 
 def _merged(modes: list[Mode], method: CovarianceSSI) -> list[Mode]:

@@ -25,12 +25,11 @@ class Selection:
 
     max_damping: float = 0.1  #: of a pole, ratio of critical [-]
     min_damping: float = 2e-4  #: of a mode; below it is a tone [-]
-    min_law_ratio: float = 0.55  #: of a mode; no random vibration is surer than the uncertainty law (1), a tone is [-]
     min_mpc: float = 0.5  #: modal phase collinearity; a delay of 0.3 ms between devices at 271 Hz leaves 0.76 [-]
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
     cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
-    max_law_ratio: float = 10.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
+    max_law_ratio: float = 8.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
 
 
 def groups(frequency: FloatArray, shape: ComplexArray, cut: float) -> list[npt.NDArray[np.intp]]:

