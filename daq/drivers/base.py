@@ -154,7 +154,7 @@ class DeviceReader(threading.Thread):
         self._device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
         self._silent_seconds = silent_seconds
         self._blocks = _Blocks(device, rate, driver.scale, driver.modulus, max(1, round(block_seconds * rate)))
-        self._stop = threading.Event()
+        self._ending = threading.Event()
 
     def connect(self) -> None:
         """Open the device before the thread starts.
@@ -168,11 +168,11 @@ class DeviceReader(threading.Thread):
 
     def stop(self) -> None:
         """Ask the thread to end."""
-        self._stop.set()
+        self._ending.set()
 
     def run(self) -> None:
         """Read until stopped; the device must be connected."""
-        while not self._stop.is_set():
+        while not self._ending.is_set():
             try:
                 self._stream()
             except DriverError as error:
@@ -183,7 +183,7 @@ class DeviceReader(threading.Thread):
 
     def _stream(self) -> None:
         heard = self._clock.now()
-        while not self._stop.is_set():
+        while not self._ending.is_set():
             scans = self._driver.read()
             now = self._clock.now()
             for block in self._blocks.add(scans, now):
@@ -194,7 +194,7 @@ class DeviceReader(threading.Thread):
                 raise DeviceLost(self._device, f"silent for {self._silent_seconds:g} s")
 
     def _reconnect(self) -> None:
-        while not self._stop.wait(_RETRY_SECONDS):
+        while not self._ending.wait(_RETRY_SECONDS):
             try:
                 identity = self._driver.open()
             except DriverError:

@@ -12,7 +12,7 @@ from daq.protocol import epson
 
 BAUD = 460800
 _STALL = 400e-6  # s between commands, at least 350 us
-_REPLY_SECONDS = 0.5
+_REPLY_SECONDS = 1.0
 _READ_SECONDS = 0.1
 _FILTER_SECONDS = 2.0
 

@@ -39,6 +39,7 @@ class Model:
     nodes: FloatArray  #: (n_nodes, 3) [m]
     dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where it is held
     elements: tuple[tuple[int, int, Element], ...]  #: start node, end node, constants
+    member_names: tuple[str, ...]  #: member that each element belongs to
     stiffness: sparse.csc_array  #: (n_dofs, n_dofs)
     mass: sparse.csc_array  #: (n_dofs, n_dofs)
 
@@ -106,6 +107,11 @@ class Model:
         first = np.array([a for a, _, _ in self.elements], np.int32)
         last = np.array([b for _, b, _ in self.elements], np.int32)
         return first, last, np.linalg.norm(self.nodes[last] - self.nodes[first], axis=1)
+
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """Start and end node of each element, member by member."""
+        return [(start, end) for start, end, _ in self.elements]
 
     @cached_property
     def sensor_rows(self) -> FloatArray:
@@ -252,6 +258,7 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         nodes=np.array(mesh.nodes),
         dofs=dofs,
         elements=elements,
+        member_names=tuple(member.name for _, _, member in mesh.spans),
         stiffness=k.build(n),
         mass=m.build(n),
     )
@@ -284,6 +291,7 @@ def _with_bodies(model: Model) -> Model:
         nodes=model.nodes,
         dofs=model.dofs,
         elements=model.elements,
+        member_names=model.member_names,
         stiffness=model.stiffness,
         mass=sparse.csc_array(mass),
     )

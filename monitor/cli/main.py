@@ -1,0 +1,106 @@
+"""`modalwatch`: the table of commands, and the one place where errors become exit codes."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
+
+
+@app.callback()
+def _options(debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an internal error.")] = False) -> None:
+    """Watch a structure with accelerometers: has it changed, where, by how much, how sure."""
+    _debug.append(debug)
+
+
+_debug: list[bool] = []
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for what the demo leaves behind.")] = Path("demo-output"),
+    seed: Annotated[int | None, typer.Option(help="Draws the rig and what happens to it; drawn itself unless given.")] = None,
+    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
+    short: Annotated[bool, typer.Option("--short", help="Half the length, less sure answers.")] = False,
+) -> None:
+    """Tell the whole story on an emulated rig: run, alarm, viewer file, answer."""
+    from monitor.cli.demo import demo_command
+
+    raise typer.Exit(demo_command(out, seed, speed=speed, short=short))
+
+
+@app.command()
+def rig(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")],
+    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
+    ports: Annotated[Path, typer.Option(help="File that gets the ports, once they can be opened.")] = Path("ports.json"),
+    report: Annotated[Path, typer.Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
+) -> None:
+    """Play a virtual rig: real protocols on ptys, and a timeline of what happens to the structure."""
+    from monitor.rig import run_rig
+
+    done = run_rig(scenario, speed=speed, ports=ports, report=report)
+    typer.echo(f"{done.sent} frames sent, {done.dropped} dropped")
+
+
+@app.command()
+def run(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
+    """Watch a site until SIGTERM or Ctrl-C."""
+    from monitor.cli.watch import run_command
+
+    raise typer.Exit(run_command(site))
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
+    site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,
+    json: Annotated[Path | None, typer.Option(help="File that gets what was found.")] = None,
+) -> None:
+    """Run the same loop over a log, as fast as it goes."""
+    from monitor.cli.watch import replay_command
+
+    raise typer.Exit(replay_command(log, site, json))
+
+
+def main() -> None:
+    """Run the command line; every error becomes one line and an exit code."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # small matrices beside a stream: more threads only take its time
+    sys.exit(_run())
+
+
+def _run() -> int:
+    try:
+        return int(app(standalone_mode=False) or DONE)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except typer.Exit as end:
+        return end.exit_code
+    except Exception as error:  # noqa: BLE001 - the daemon's edge: nothing may leave without an exit code
+        return _explain(error)
+
+
+def _explain(error: Exception) -> int:
+    """Say what went wrong in one line; return the exit code."""
+    import click
+
+    from daq import DaqError
+    from monitor.errors import MonitorError, StartError
+    from updater import UpdaterError
+
+    if isinstance(error, click.ClickException):
+        error.show()
+        return WRONG_INPUT
+    if isinstance(error, click.Abort):
+        return INTERRUPTED
+    known = isinstance(error, DaqError | MonitorError | UpdaterError)
+    typer.echo(f"error: {error}" if known else f"internal error: {type(error).__name__}: {error}", err=True)
+    if not known and any(_debug):
+        raise error
+    return (COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT) if known else INTERNAL

@@ -1,0 +1,62 @@
+"""`run` and `replay`."""
+
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from monitor.daemon import load_site, run, stop_on_signals
+from monitor.describe import mass_text
+from monitor.replay import replay
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.worker import Result
+
+console = Console(highlight=False)
+
+
+def say(result: Result) -> None:
+    """Print one result as a line."""
+    console.print(escape(line(result)))
+
+
+def line(result: Result) -> str:
+    """Return one result as a line of text."""
+    if isinstance(result, ReferenceResult):
+        return f"reference: {len(result.modes)} modes, " + ", ".join(f"{m.frequency:.2f}" for m in result.modes) + " Hz"
+    if isinstance(result, AlarmResult):
+        return f"{result.state:>7}: {result.text}"
+    return _window_line(result)
+
+
+def _window_line(window: WindowResult) -> str:
+    start = f"window {window.index + 1:>3} {window.phase:<8}"
+    if window.problem:
+        return f"{start} {window.problem}"
+    text = f"{start} {len(window.modes)} modes"
+    if window.novelty:
+        text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
+    return f"{text}, {mass_text(window.answer)}" if window.answer else text
+
+
+def run_command(path: Path) -> int:
+    """Watch a site until told to stop."""
+    site = load_site(path)
+    with stop_on_signals() as stop:
+        report = run(site, stop, say)
+    console.print(f"log: {report.log}", soft_wrap=True)
+    if report.dropped or report.disk_failure:
+        console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
+    return 0
+
+
+def replay_command(log: Path, site: Path | None, json_path: Path | None) -> int:
+    """Run the loop over a log; 1 if it ends in an alarm."""
+    report = replay(log, load_site(site) if site else None, say)
+    if json_path:
+        found = {"same_as_live": report.same, "results": [result.payload() for result in report.found]}
+        json_path.write_text(json.dumps(found), encoding="utf-8")
+    if report.logged and site is None:
+        console.print("the same as live, to the last digit" if report.same else "NOT the same as live")
+    alarms = [result for result in report.found if isinstance(result, AlarmResult)]
+    return int(bool(alarms) and alarms[-1].state == "alarm")

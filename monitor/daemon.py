@@ -1,0 +1,181 @@
+"""The monitoring service: start, loop, stop."""
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import (
+    DeviceReader,
+    DriverError,
+    Event,
+    HostClock,
+    LogThread,
+    LogWriter,
+    ScaledClock,
+    SystemClock,
+    make_driver,
+)
+from monitor.errors import SettingsError, StartError
+from monitor.results import (
+    TOPIC_ALARM,
+    TOPIC_REFERENCE,
+    TOPIC_WINDOW,
+    AlarmResult,
+    ReferenceResult,
+    WindowResult,
+)
+from monitor.settings import Settings, load_settings
+from monitor.worker import TOPIC_STOPPED, Result, Worker
+from updater import load_structure
+
+_POLL = 0.2  # s
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """Settings with the texts they come from, as they are attached to every log."""
+
+    path: Path
+    settings: Settings
+    site_text: str
+    structure_text: str
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative paths in the settings start from."""
+        return self.path.parent
+
+
+def load_site(path: Path) -> Site:
+    """Read SITE.toml and its structure.
+
+    Raises
+    ------
+    SettingsError, StructureError
+        Naming file and key; also if a channel is not a sensor of the structure.
+    """
+    settings = load_settings(path)
+    structure_path = path.parent / settings.structure
+    structure = load_structure(structure_path)
+    for channel in settings.channels:
+        if channel.name not in structure.channels:
+            known = ", ".join(structure.channels)
+            raise SettingsError(path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {known}")
+    return Site(
+        path=path,
+        settings=settings,
+        site_text=path.read_text(encoding="utf-8"),
+        structure_text=structure_path.read_text(encoding="utf-8"),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """What a run leaves behind."""
+
+    log: Path
+    dropped: int  #: items that the log's queue had no room for
+    disk_failure: str | None
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Turn SIGINT and SIGTERM into an event, for as long as the context lasts."""
+    stop = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) -> RunReport:
+    """Watch until `stop` is set: readers and writer in threads, analysis in a process.
+
+    Parameters
+    ----------
+    site : what is connected and how it is watched
+    stop : ends it; what has arrived by then is logged and analysed
+    on_result : called in this thread with everything that is found
+
+    Raises
+    ------
+    StartError
+        If a device does not answer or the log cannot be made.
+    """
+    settings, clock = site.settings, _clock(site.settings)
+    folder = site.folder / settings.recorder.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(clock.now() // 10**9))}.mcap"
+    attachments = {"site.toml": site.site_text, "structure.toml": site.structure_text}
+    writer = LogWriter(path, attachments)
+    with ExitStack() as stack:
+        worker = stack.enter_context(Worker(site.structure_text, site.site_text))
+        log = stack.enter_context(LogThread(writer, worker.feed, chunk_seconds=settings.recorder.chunk_seconds))
+        readers = _start_readers(settings, clock, log)
+        while not stop.is_set():
+            _report(worker, log, on_result, clock)
+        for reader in readers:
+            reader.stop()
+        for reader in readers:
+            reader.join()
+        log.put(Event(topic=TOPIC_STOPPED, time=clock.now(), payload={}))
+        while _report(worker, log, on_result, clock):
+            pass
+    failure = str(log.failure) if log.failure else None
+    return RunReport(log=path, dropped=log.dropped, disk_failure=failure)
+
+
+def _clock(settings: Settings) -> HostClock:
+    scale = settings.clock
+    if scale is None:
+        return SystemClock()
+    return ScaledClock(speed=scale.speed, origin_wall=scale.origin_wall, origin=scale.origin)
+
+
+def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list[DeviceReader]:
+    """Open all devices, then start their threads; one that does not answer stops the start."""
+    readers: list[DeviceReader] = []
+    try:
+        for device in settings.device:
+            driver = make_driver(device.driver, device.port, device.rate)
+            reader = DeviceReader(device.name, driver, device.rate, clock, log.put)
+            reader.connect()
+            readers.append(reader)
+            reader.start()
+    except (DriverError, ValueError) as error:
+        for reader in readers:
+            reader.stop()
+        raise StartError(f"device {device.name}: {error}") from error
+    return readers
+
+
+def _report(worker: Worker, log: LogThread, on_result: Callable[[Result], None], clock: HostClock) -> bool:
+    """Log and hand on what the analysis has found; False once it has said its last word."""
+    for result in worker.results(_POLL):
+        if result is None:
+            return False
+        log.put(result_event(result))
+        on_result(result)
+    return True
+
+
+_TOPICS = {WindowResult: TOPIC_WINDOW, ReferenceResult: TOPIC_REFERENCE, AlarmResult: TOPIC_ALARM}
+_TYPES: dict[str, type[Result]] = {topic: kind for kind, topic in _TOPICS.items()}
+
+
+def result_event(result: Result) -> Event:
+    """Return a result as the event that stands for it in the log."""
+    time_ns = result.end if isinstance(result, WindowResult) else result.time
+    return Event(topic=_TOPICS[type(result)], time=time_ns, payload=result.payload())
+
+
+def event_result(event: Event) -> Result | None:
+    """Return the result that an event of the log stands for, None if it is none."""
+    kind = _TYPES.get(event.topic)
+    return kind.model_validate(event.payload) if kind else None

@@ -1,0 +1,88 @@
+"""The same loop over a log, as fast as it goes."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import Event, Item, LogError, read_attachments, read_log
+from monitor.daemon import Site, event_result
+from monitor.worker import TOPIC_STOPPED, Result, Worker
+
+_WAITING = 2000  # items that may wait for the analysis
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReplayReport:
+    """What a replay found, beside what the log says was found live."""
+
+    found: list[Result]
+    logged: list[Result]
+
+    @property
+    def same(self) -> bool:
+        """Tell whether the replay repeats the live results to the last digit, as far as those go."""
+        return [r.payload() for r in self.found[: len(self.logged)]] == [r.payload() for r in self.logged]
+
+
+def replay(path: Path, site: Site | None, on_result: Callable[[Result], None]) -> ReplayReport:
+    """Run the monitoring loop over a log.
+
+    Parameters
+    ----------
+    path : of the log
+    site : settings to use instead of those attached to the log
+    on_result : called with everything that is found
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read or has no settings attached.
+    """
+    attached = read_attachments(path)
+    if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
+        raise LogError(path, "has no settings attached: give --site")
+    texts = (site.structure_text, site.site_text) if site else (attached["structure.toml"], attached["site.toml"])
+    logged: list[Result] = []
+    found: list[Result] = []
+    with Worker(*texts, capacity=_WAITING) as worker, ThreadPoolExecutor(1) as feeder:
+        feeding = feeder.submit(_feed, path, worker, logged)
+        for result in _until_last(worker):
+            found.append(result)
+            on_result(result)
+        feeding.result()
+    return ReplayReport(found=found, logged=logged)
+
+
+def _feed(path: Path, worker: Worker, logged: list[Result]) -> None:
+    """Feed a log up to where it stopped, or was cut."""
+    stopped = False
+    for item in read_log(path):
+        result = event_result(item) if isinstance(item, Event) else None
+        if result is not None:
+            logged.append(result)
+        elif not stopped:
+            worker.feed(item)
+            stopped = _is_last(item)
+    if not stopped:
+        worker.feed(Event(topic=TOPIC_STOPPED, time=0, payload={}))
+
+
+def _is_last(item: Item) -> bool:
+    return isinstance(item, Event) and item.topic == TOPIC_STOPPED
+
+
+def _until_last(worker: Worker) -> Iterator[Result]:
+    while True:
+        for result in worker.results(1.0):
+            if result is None:
+                return
+            yield result
+
+
+def logged_results(path: Path) -> Iterator[Result]:
+    """Yield the results that stand in a log; errors as for `read_log`."""
+    for item in read_log(path):
+        result = event_result(item) if isinstance(item, Event) else None
+        if result is not None:
+            yield result

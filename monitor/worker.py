@@ -1,0 +1,97 @@
+"""Analysis in a process of its own, so that it never takes a sample's time from acquisition."""
+
+import multiprocessing
+import os
+import queue
+import signal
+from collections.abc import Iterator
+from multiprocessing.queues import Queue
+from types import TracebackType
+from typing import Self
+
+from daq import Block, Event, Item
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
+
+TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
+Result = WindowResult | ReferenceResult | AlarmResult
+_THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+class AnalysisError(RuntimeError):
+    """The analysis process ended by itself."""
+
+
+class Worker:
+    """The pipeline in a process of its own.
+
+    Parameters
+    ----------
+    structure, site : texts of the structure's and the site's TOML
+    capacity : items that may wait before `feed` blocks; 0 = never blocks
+    """
+
+    def __init__(self, structure: str, site: str, *, capacity: int = 0) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._inbox: Queue[Item | None] = context.Queue(capacity)
+        self._outbox: Queue[Result | None] = context.Queue()
+        arguments = (structure, site, self._inbox, self._outbox)
+        self._process = context.Process(target=_analyse, args=arguments, name="analysis", daemon=True)
+
+    def __enter__(self) -> Self:
+        before = {name: os.environ.get(name) for name in _THREADS}
+        os.environ.update(_THREADS)  # read by the child when it loads numpy: one thread, the same sums on every run
+        try:
+            self._process.start()
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """End the process if it has not ended by itself."""
+        self._inbox.cancel_join_thread()
+        self._process.terminate()
+        self._process.join()
+
+    def feed(self, item: Item) -> None:
+        """Hand on one item in the log's order; results are not analysed again."""
+        if isinstance(item, Block) or item.topic.startswith("/event/"):
+            self._inbox.put(item)
+
+    def results(self, timeout: float) -> Iterator[Result | None]:
+        """Yield the results that are there within `timeout` [s]; None is the last one.
+
+        Raises
+        ------
+        AnalysisError
+            If the process has ended without saying so.
+        """
+        try:
+            yield self._outbox.get(timeout=timeout)
+            while True:
+                yield self._outbox.get_nowait()
+        except queue.Empty:
+            if not self._process.is_alive() and self._outbox.empty():
+                raise AnalysisError(f"the analysis process ended with code {self._process.exitcode}") from None
+
+
+def _analyse(structure: str, site: str, inbox: "Queue[Item]", outbox: "Queue[Result | None]") -> None:
+    """Run the pipeline until the last item; Ctrl-C is the parent's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from monitor.pipeline import Pipeline  # loads numpy, in this process, under the limits above
+    from monitor.settings import parse_settings
+    from updater import parse_structure
+
+    pipeline = Pipeline(parse_structure(structure), parse_settings(site))
+    while True:
+        item = inbox.get()
+        if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
+            break
+        for result in pipeline.push(item):
+            outbox.put(result)
+    outbox.put(None)
