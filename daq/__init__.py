@@ -7,7 +7,7 @@ from daq.errors import DaqError, DeviceLost, DriverError, LogError
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogThread, LogWriter, read_attachments, read_log
 from daq.protocol.epson import SCALE as EPSON_SCALE
-from daq.recording import Block, Channel, Flag, FloatArray, Gap, IntArray, Recording
+from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import driver_names, make_driver
 from daq.timebase import ClockFit
 
@@ -28,6 +28,7 @@ __all__ = [
     "FloatArray",
     "Gap",
     "HostClock",
+    "IndexArray",
     "IntArray",
     "Item",
     "LogError",

@@ -151,7 +151,7 @@ class Assembler:
         if not device.blocks:
             return np.full((self._n, 3), np.nan)
         index, rate = device.clock.index_at(start)
-        position = index + np.arange(self._n) * (rate / self._rate)
+        position: FloatArray = index + np.arange(self._n, dtype=float) * (rate / self._rate)
         first = int(position[0]) - _HALF
         return interpolate(device.scans(first, int(position[-1]) + _HALF + 2), position - first)
 

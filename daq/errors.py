@@ -21,7 +21,7 @@ class DriverError(DaqError):
         self.port = port
 
 
-class DeviceLost(DriverError):
+class DeviceLost(DriverError):  # noqa: N818 - what happened, not an error of somebody's
     """A device that was streaming and is gone, or silent."""
 
 

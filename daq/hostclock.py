@@ -8,7 +8,10 @@ from typing import Protocol
 class HostClock(Protocol):
     """What tells the time of data."""
 
-    speed: float  #: seconds of data a second of wall time
+    @property
+    def speed(self) -> float:
+        """Seconds of data a second of wall time."""
+        ...
 
     def now(self) -> int:
         """Return the time [ns UTC]."""

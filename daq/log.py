@@ -1,7 +1,8 @@
-"""The log: one MCAP file, written by the stock writer, readable by stock tools, whole up to the last flush after a kill.
+"""The log: one MCAP file of the stock writer, readable by stock tools, whole up to the last flush after a kill.
 
-Blocks are protobuf messages on /accel/DEVICE; everything else that happened (gaps, faults, decisions, results) is a JSON message
-on a topic of its own. What is needed to replay (settings, structure) is attached at the start, so that a cut file has it.
+Blocks are protobuf messages on /accel/DEVICE; everything else that happened (gaps, faults, decisions, results) is a
+JSON message on a topic of its own. What is needed to replay (settings, structure) is attached at the start, so that a
+cut file has it.
 """
 
 import contextlib
@@ -13,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -128,13 +128,13 @@ class LogWriter:
 
     def flush(self) -> None:
         """Close the chunk and bring it to the disk."""
-        self._writer.flush()
+        self._writer.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
         os.fdatasync(self._file.fileno())
 
     def close(self) -> None:
         """Write the summary and close the file."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
 
@@ -150,7 +150,12 @@ class LogThread:
     """
 
     def __init__(
-        self, writer: LogWriter, on_written: Callable[[Item], None], *, chunk_seconds: float = 0.4, capacity: int = 20_000
+        self,
+        writer: LogWriter,
+        on_written: Callable[[Item], None],
+        *,
+        chunk_seconds: float = 0.4,
+        capacity: int = 20_000,
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
         self._queue: queue.Queue[Item | None] = queue.Queue(capacity)
@@ -169,9 +174,7 @@ class LogThread:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Write what is queued, finish the file."""
         self._queue.put(None)
         self._thread.join()

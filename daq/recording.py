@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
+IndexArray = npt.NDArray[np.intp]
 
 
 class Flag(IntFlag):
@@ -36,8 +37,10 @@ class Block:
     def __post_init__(self) -> None:
         """Refuse what no driver can have meant."""
         if self.counts.ndim != 2 or self.counts.dtype != np.int32:
-            raise ValueError(f"counts of {self.device}: expected int32 (n_scans, n_axes), found "
-                             f"{self.counts.dtype} {self.counts.shape}")
+            raise ValueError(
+                f"counts of {self.device}: expected int32 (n_scans, n_axes), found "
+                f"{self.counts.dtype} {self.counts.shape}"
+            )
 
     @property
     def n_scans(self) -> int:

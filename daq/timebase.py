@@ -1,12 +1,14 @@
 """Device ticks to UTC: counters unwrapped, and the line that arrival times cannot beat.
 
-A scan can only arrive late. So the device's clock is the lower envelope of (arrival - index/rate): its level is the fastest
-arrival, its slope the drift of the device's oscillator (DEVICES of many makes drift by up to 100 ppm).
+A scan can only arrive late. So the device's clock is the lower envelope of (arrival - index/rate): its level is the
+fastest arrival, its slope the drift of the device's oscillator (DEVICES of many makes drift by up to 100 ppm).
 """
 
 from collections import deque
 
 import numpy as np
+
+from daq.recording import FloatArray, IndexArray, IntArray
 
 _SPAN = 120.0  # s of data that the envelope looks back on
 _LEAST_FOR_DRIFT = 30.0  # s before a slope is believed
@@ -14,7 +16,7 @@ _LARGEST_DRIFT = 200e-6
 _BIN = 1.0  # s: one pair, the earliest, is kept of each
 
 
-def unwrap(counter: np.ndarray, last: int | None, expected: int, modulus: int = 1 << 16) -> np.ndarray:
+def unwrap(counter: IntArray, last: int | None, expected: int, modulus: int = 1 << 16) -> IndexArray:
     """Return indices (n,) that go on from `last`, from counters (n,) that wrap at `modulus`.
 
     Parameters
@@ -23,13 +25,13 @@ def unwrap(counter: np.ndarray, last: int | None, expected: int, modulus: int = 
     last : index of the scan before the first one, None at the start
     expected : index that the host's clock expects for the first one: decides how often a counter wrapped in a gap
     """
-    steps = np.diff(counter.astype(np.int64)) % modulus
+    steps: IndexArray = np.remainder(np.diff(counter.astype(np.intp)), modulus)
     if last is None:
         first = int(counter[0])
     else:
         first = last + 1 + (int(counter[0]) - last - 1) % modulus
         first += modulus * max(0, round((expected - first) / modulus))
-    return first + np.concatenate([[0], np.cumsum(steps)])
+    return np.asarray(first + np.concatenate([[0], np.cumsum(steps)]), np.intp)
 
 
 class ClockFit:
@@ -78,8 +80,8 @@ class ClockFit:
         slope = self._slope(index, late)
         return float((late - slope * index).min()), slope, self._origin
 
-    def _slope(self, index: np.ndarray, late: np.ndarray) -> float:
-        """Drift from the lower envelope of halves, refined: robust against late arrivals, zero until there is enough data."""
+    def _slope(self, index: FloatArray, late: FloatArray) -> float:
+        """Return the drift of the lower envelope: blind to late arrivals, zero until there is enough data."""
         if self.span < _LEAST_FOR_DRIFT:
             return 0.0
         slope = 0.0

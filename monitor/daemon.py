@@ -165,14 +165,18 @@ def _report(worker: Worker, log: LogThread, on_result: Callable[[Result], None],
     return True
 
 
-_TOPICS = {WindowResult: TOPIC_WINDOW, ReferenceResult: TOPIC_REFERENCE, AlarmResult: TOPIC_ALARM}
-_TYPES: dict[str, type[Result]] = {topic: kind for kind, topic in _TOPICS.items()}
+_TYPES: dict[str, type[Result]] = {
+    TOPIC_WINDOW: WindowResult,
+    TOPIC_REFERENCE: ReferenceResult,
+    TOPIC_ALARM: AlarmResult,
+}
 
 
 def result_event(result: Result) -> Event:
     """Return a result as the event that stands for it in the log."""
     time_ns = result.end if isinstance(result, WindowResult) else result.time
-    return Event(topic=_TOPICS[type(result)], time=time_ns, payload=result.payload())
+    topic = next(topic for topic, kind in _TYPES.items() if isinstance(result, kind))
+    return Event(topic=topic, time=time_ns, payload=result.payload())
 
 
 def event_result(event: Event) -> Result | None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from daq import FloatArray, Recording
+from daq import FloatArray, IndexArray, Recording
 from monitor.alarms import State
 from monitor.results import (
     Interval,
@@ -22,7 +22,7 @@ _SPECTRUM_POINTS = 1024
 _PROFILE_STEP = 10  # of the posterior's positions in the log: every centimetre
 
 
-def mode_results(estimate: ModalEstimate, track: FloatArray, reference: Reference | None) -> list[ModeResult]:
+def mode_results(estimate: ModalEstimate, track: IndexArray, reference: Reference | None) -> list[ModeResult]:
     """Return the tracked modes; `track` (n_tracks,) holds indices into the estimate's modes, or -1."""
     shape = real_shape(estimate.shape)
     return [

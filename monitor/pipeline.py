@@ -163,7 +163,8 @@ def _rms(recording: Recording) -> dict[str, float]:
 def learn_baseline(structure: Structure, estimates: list[ModalEstimate]) -> _Watch:
     """Choose the modes to track and learn the reference.
 
-    The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode stay.
+    The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode
+    stay.
 
     Raises
     ------

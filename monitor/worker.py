@@ -6,7 +6,6 @@ import queue
 import signal
 from collections.abc import Iterator
 from multiprocessing.queues import Queue
-from types import TracebackType
 from typing import Self
 
 from daq import Block, Event, Item
@@ -50,9 +49,7 @@ class Worker:
                     os.environ[name] = value
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the process if it has not ended by itself."""
         self._inbox.cancel_join_thread()
         self._process.terminate()

@@ -1,8 +1,8 @@
 """Physical parameters of the structure fitted to the baseline's frequencies, before the one-step update.
 
-The iterative sensitivity method (Friswell & Mottershead 1995, ch. 8), kept small: Young's modulus of each material (with
-its shear modulus), rotational flexibility of each support and of each joint, all with priors, so that what the frequencies
-do not show stays where it was. Density is not fitted: frequencies alone cannot tell it from stiffness.
+The iterative sensitivity method (Friswell & Mottershead 1995, ch. 8), kept small: Young's modulus of each material
+(with its shear modulus), rotational flexibility of each support and of each joint, all with priors, so that what the
+frequencies do not show stays where it was. Density is not fitted: frequencies alone cannot tell it from stiffness.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from daq import FloatArray, IntArray
+from daq import FloatArray, IndexArray
 from updater.errors import PairingError
 from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
@@ -40,8 +40,8 @@ class Calibration:
     structure: Structure
     model: Model
     modes: Modes
-    tracks: IntArray  #: (n_tracks,) measured modes that have a partner
-    paired: IntArray  #: (n_tracks,) model mode of each
+    tracks: IndexArray  #: (n_tracks,) measured modes that have a partner
+    paired: IndexArray  #: (n_tracks,) model mode of each
     nominal_frequency: FloatArray  #: (n_tracks,) before calibration [Hz]
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
@@ -79,8 +79,9 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
     if (answers >= 0).sum() < 3:
         raise PairingError(
-            f"only {(answers >= 0).sum()} of the modes measured at {np.round(frequency, 2).tolist()} Hz answer to one of the "
-            f"model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels mapped rightly?"
+            f"only {(answers >= 0).sum()} of the modes at at {np.round(frequency, 2).tolist()} Hz answer to one of "
+            f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
+            "mapped rightly?"
         )
     tracks = np.flatnonzero(answers >= 0)
     measured = measured.only(tracks)
@@ -93,10 +94,12 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
 
     def residual(x: FloatArray) -> FloatArray:
         fitted = build_model(_apply(structure, knobs, x)).modes(int(paired.max()) + 1).frequency
-        return np.r_[(np.log(fitted[paired]) - measured.log_frequency) / tolerance, x / prior]
+        return np.asarray(np.r_[(np.log(fitted[paired]) - measured.log_frequency) / tolerance, x / prior])
 
-    fit = least_squares(residual, start, bounds=([k.lower for k in knobs], np.inf), x_scale=prior, diff_step=1e-4)
-    std = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
+    step = np.full(len(knobs), 1e-4)
+    fit = least_squares(residual, start, bounds=([k.lower for k in knobs], np.inf), x_scale=prior, diff_step=step)
+    slope = np.asarray(fit.jac)
+    std = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
     fitted = _apply(structure, knobs, fit.x)
     model = build_model(fitted)
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.x, strict=True)]

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from daq import FloatArray, IntArray
+from daq import FloatArray, IndexArray
 
 LARGEST_CLUSTER = 4
 
@@ -15,7 +15,7 @@ def mac(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def pair_modes(
     frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
-) -> IntArray:
+) -> IndexArray:
     """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
 
     The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors.

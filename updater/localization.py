@@ -1,10 +1,10 @@
 """Where a mass was added, and how much: a likelihood over all positions.
 
-Every hypothesis is re-analysed exactly in the reference's modes: a body m at s makes the modal mass I + m Phi_s^T Phi_s
-(Phi_s the three translations there), a small eigenproblem. Measured are ratios to the baseline: log frequencies, and shapes,
-so that what the model gets wrong about the structure as it was cancels to first order. The body's centre may lie beside the
-member's axis: its two offsets are fitted with a prior, because where two modes are close (a symmetric column's first two) even
-a centimetre turns their planes.
+Every hypothesis is re-analysed exactly in the reference's modes: a body m at s makes the modal mass I + m Phi_s^T
+Phi_s (Phi_s the three translations there), a small eigenproblem. Measured are ratios to the baseline: log
+frequencies, and shapes, so that what the model gets wrong about the structure as it was cancels to first order. The
+body's centre may lie beside the member's axis: its two offsets are fitted with a prior, because where two modes are
+close (a symmetric column's first two) even a centimetre turns their planes.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.fe.element import local_axes
 from updater.reference import Reference
 from updater.statistics import ModalMean
@@ -60,8 +60,8 @@ class MassChange:
 class _Data:
     """Changes against the baseline, whitened."""
 
-    tracks: FloatArray  #: (n,) indices of the tracks that entered
-    paired: FloatArray  #: (n,) their model modes
+    tracks: IndexArray  #: (n,) indices of the tracks that entered
+    paired: IndexArray  #: (n,) their model modes
     log_ratio: FloatArray  #: (n,)
     whitener: FloatArray  #: (n, n)
     shape_change: FloatArray  #: (n, n_channels)
@@ -205,12 +205,12 @@ def _residual(reference: Reference, data: _Data, line: _Line, body: FloatArray) 
 
 
 def reanalyse(
-    frequency: FloatArray, gram: FloatArray, mass: FloatArray, wanted: FloatArray
+    frequency: FloatArray, gram: FloatArray, mass: FloatArray, wanted: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
     """Re-analyse exactly, in the space of the given modes, the structure with one mass at each of many positions.
 
-    With B = D + Q E Q^T, D = Lambda^-1/2 and so on, the symmetric problem is Lambda^-1/2 (I + m gram) Lambda^-1/2, whose
-    eigenvalues are 1/omega^2.
+    With B = D + Q E Q^T, D = Lambda^-1/2 and so on, the symmetric problem is Lambda^-1/2 (I + m gram) Lambda^-1/2,
+    whose eigenvalues are 1/omega^2.
 
     Parameters
     ----------

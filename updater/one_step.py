@@ -1,8 +1,8 @@
 """The one-step update: measured modes put in the place of model modes, as low-rank operators.
 
-In the reference's mass-normalised modes B (B^T M B = I) a measured mode is a = B t. With X = [T, E] (E picks the replaced
-modes) eq. 7 is M_u^-1 = M^-1 + B X S X^T B^T, S = diag(1 .. -1 ..), and Woodbury gives
-M_u = M - (M B X) (S^-1 + X^T X)^-1 (M B X)^T, exact and never larger than (2 m, 2 m). Eq. 8 alike with K and omega.
+In the reference's mass-normalised modes B (B^T M B = I) a measured mode is a = B t. With X = [T, E] (E picks the
+replaced modes) eq. 7 is M_u^-1 = M^-1 + B X S X^T B^T, S = diag(1 .. -1 ..), and Woodbury gives M_u = M - (M B X)
+(S^-1 + X^T X)^-1 (M B X)^T, exact and never larger than (2 m, 2 m). Eq. 8 alike with K and omega.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ _LEAST_SHARE = 1e-3  # eq. 14 divides by the updated modes' share of 1/M: below 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LowRank:
-    """matrix = base + left @ core @ left.T"""
+    """A symmetric change of a matrix, left @ core @ left.T."""
 
     left: FloatArray  #: (n, k)
     core: FloatArray  #: (k, k)

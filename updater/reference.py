@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daq import FloatArray, IntArray
+from daq import FloatArray, IndexArray, IntArray
 from oma import ModalEstimate
 from updater.calibration import Calibration, calibrate, channel_rows
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
@@ -25,7 +25,7 @@ class Reference:
     shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [A B2], in the order of the model's modes
 
     @property
-    def paired(self) -> IntArray:
+    def paired(self) -> IndexArray:
         """Model mode of each track (n_tracks,)."""
         return self.calibration.paired
 
@@ -38,7 +38,9 @@ class Reference:
         return mean_modes(modes, frequency_factor=self.scatter.frequency_factor, shape_factor=self.scatter.shape_factor)
 
 
-def learn_reference(structure: Structure, estimates: Sequence[ModalEstimate], tracks: Sequence[IntArray]) -> Reference:
+def learn_reference(
+    structure: Structure, estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]
+) -> Reference:
     """Learn from baseline windows: average, calibrate, then the one-step update's first stage.
 
     The measured modes are expanded in clusters of the paired modes only and orthonormalised, so that the mass is not

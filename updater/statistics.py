@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from daq import FloatArray, IntArray
+from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from updater.delays import real_shape
 
@@ -23,7 +23,7 @@ class TrackedModes:
     shape_std: FloatArray  #: (n_windows, n_tracks, n_channels)
 
 
-def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IntArray]) -> TrackedModes:
+def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> TrackedModes:
     """Order the modes of windows by track; `tracks` holds for each window (n_tracks,) indices into its modes, or -1.
 
     Windows that lack channels of the first keep their frequencies and give no shapes.
@@ -66,14 +66,14 @@ class ModalMean:
     """Mean of tracked modes; standard deviations are of the mean. NaN for a track never seen."""
 
     channels: tuple[str, ...]
-    n: IntArray  #: (n_tracks,) windows that entered
+    n: IndexArray  #: (n_tracks,) windows that entered
     log_frequency: FloatArray  #: (n_tracks,) [ln Hz]
     log_frequency_std: FloatArray  #: (n_tracks,)
     damping: FloatArray  #: (n_tracks,) [-]
     shape: FloatArray  #: (n_tracks, n_channels) unit norm [-]
     shape_std: FloatArray  #: (n_tracks, n_channels)
 
-    def only(self, tracks: IntArray) -> "ModalMean":
+    def only(self, tracks: IndexArray) -> "ModalMean":
         """Return the mean of some tracks."""
         kept = {f.name: getattr(self, f.name)[tracks] for f in fields(self) if f.name != "channels"}
         return ModalMean(channels=self.channels, **kept)
@@ -81,7 +81,7 @@ class ModalMean:
 
 def mean_modes(modes: TrackedModes, *, frequency_factor: float = 1.0, shape_factor: float = 1.0) -> ModalMean:
     """Average windows; the factors correct the windows' own standard deviations (see `Scatter`)."""
-    n = np.isfinite(modes.log_frequency).sum(0).astype(np.int32)
+    n = np.isfinite(modes.log_frequency).sum(0).astype(np.intp)
     n_shape = np.isfinite(modes.shape[:, :, 0]).sum(0)
     shape = _mean(modes.shape)
     return ModalMean(
@@ -102,7 +102,7 @@ def _mean(values: FloatArray) -> FloatArray:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _std_of_mean(std: FloatArray, n: IntArray) -> FloatArray:
+def _std_of_mean(std: FloatArray, n: IndexArray) -> FloatArray:
     return np.asarray(np.sqrt(_mean(std**2) / np.maximum(n, 1)))
 
 
@@ -148,8 +148,9 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
 def novelty(log_frequency: FloatArray, baseline: ModalMean, scatter: Scatter) -> tuple[float, int]:
     """Return T2 over its degrees of freedom p, and p, of one window's log frequencies (n_tracks,).
 
-    While nothing has changed it follows F(p, scatter.degrees_of_freedom): the predictive distribution, which allows for
-    what the baseline itself does not know. A window that states a larger deviation than the baseline's is not believed more.
+    While nothing has changed it follows F(p, scatter.degrees_of_freedom): the predictive distribution, which allows
+    for what the baseline itself does not know. A window that states a larger deviation than the baseline's is not
+    believed more.
     """
     variance = scatter.window_std**2 + baseline.log_frequency_std**2
     z2 = (log_frequency - baseline.log_frequency) ** 2 / variance

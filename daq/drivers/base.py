@@ -10,7 +10,7 @@ import numpy as np
 from daq.errors import DeviceLost, DriverError
 from daq.hostclock import HostClock
 from daq.log import Event, Item
-from daq.recording import Block, Flag, IntArray
+from daq.recording import Block, Flag, IndexArray, IntArray
 from daq.timebase import unwrap
 
 _RETRY_SECONDS = 0.5
@@ -58,7 +58,7 @@ class Driver(Protocol):
 
 
 class _Blocks:
-    """Cuts scans into blocks: a length at most, no gap inside, the earliest arrival as the (counter, host time) pair."""
+    """Cuts scans into blocks: no gap inside, the earliest arrival as the (counter, host time) pair."""
 
     def __init__(self, device: str, rate: float, scale: float, modulus: int, n_scans: int) -> None:
         self._device, self._rate, self._scale, self._modulus, self._n_scans = device, rate, scale, modulus, n_scans
@@ -96,7 +96,7 @@ class _Blocks:
         if self._have >= self._n_scans:
             yield from self._take(scans.temperature)
 
-    def _index(self, scans: Scans, now: int) -> IntArray:
+    def _index(self, scans: Scans, now: int) -> IndexArray:
         if self._flags & Flag.RESTARTED:
             origin = 0 if self._last is None else self._last
             return np.asarray(origin + unwrap(scans.counter, None, 0, self._modulus) - int(scans.counter[0]))

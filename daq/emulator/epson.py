@@ -29,8 +29,8 @@ class SampleSource(Protocol):
 class EmulatedEpson:
     """The device side of one M-A352.
 
-    It answers registers and streams burst frames. It never waits for a reader: beyond the pty's own buffer it holds as much
-    as a real adapter would in the same wall time, and then drops whole frames and counts them.
+    It answers registers and streams burst frames. It never waits for a reader: beyond the pty's own buffer it holds
+    as much as a real adapter would in the same wall time, and then drops whole frames and counts them.
 
     Parameters
     ----------
@@ -42,7 +42,13 @@ class EmulatedEpson:
     """
 
     def __init__(
-        self, source: SampleSource, clock: HostClock, *, serial_number: str, clock_error: float = 0.0, temperature: float = 21.0
+        self,
+        source: SampleSource,
+        clock: HostClock,
+        *,
+        serial_number: str,
+        clock_error: float = 0.0,
+        temperature: float = 21.0,
     ) -> None:
         self._source, self._clock, self._clock_error = source, clock, clock_error
         self._temperature = epson.temperature_raw(temperature)

@@ -1,7 +1,7 @@
 """Wire format of the Epson M-A352 accelerometer (UART): registers and burst frames, both directions side by side.
 
-A burst frame is 24 bytes, big-endian: 80 | ND u16 | TEMP i32 | X Y Z i32 | COUNT u16 | CHKSM u16 | 0D, where CHKSM is the 16-bit
-sum of the words between header and checksum.
+A burst frame is 24 bytes, big-endian: 80 | ND u16 | TEMP i32 | X Y Z i32 | COUNT u16 | CHKSM u16 | 0D, where CHKSM is
+the 16-bit sum of the words between header and checksum.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,15 @@ UART_AUTO = 1
 RATES = {1000: 2, 500: 3, 200: 4, 100: 5, 50: 6}  #: scans a second -> SMPL_CTRL
 
 _FRAME = np.dtype(
-    [("head", "u1"), ("nd", ">u2"), ("temperature", ">i4"), ("xyz", ">i4", 3), ("count", ">u2"), ("sum", ">u2"), ("tail", "u1")]
+    [
+        ("head", "u1"),
+        ("nd", ">u2"),
+        ("temperature", ">i4"),
+        ("xyz", ">i4", 3),
+        ("count", ">u2"),
+        ("sum", ">u2"),
+        ("tail", "u1"),
+    ]
 )
 
 
@@ -54,7 +62,9 @@ def parse_reply(reply: bytes, address: int) -> int:
         If the answer is not one to this register.
     """
     if len(reply) != 4 or reply[0] != address or reply[3] != DELIMITER:
-        raise ValueError(f"answer of register {address:#04x}: expected 4 bytes {address:02x} .. .. 0d, found {reply.hex(' ')!r}")
+        raise ValueError(
+            f"answer of register {address:#04x}: expected 4 bytes {address:02x} .. .. 0d, found {reply.hex(' ')!r}"
+        )
     return reply[1] << 8 | reply[2]
 
 
@@ -84,7 +94,7 @@ def encode_frames(counts: IntArray, first_count: int, temperature: int) -> bytes
 def _sums(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
     """Return the 16-bit sums of the words between header and checksum of frames (n, 24)."""
     high, low = raw[:, 1:21:2].sum(1, dtype=np.uint32), raw[:, 2:21:2].sum(1, dtype=np.uint32)
-    return ((high << 8) + low).astype(np.uint16)
+    return np.asarray((high << 8) + low, np.uint32).astype(np.uint16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +109,8 @@ class Frames:
 class BurstDecoder:
     """Frames out of a byte stream that may begin anywhere and be damaged anywhere.
 
-    Every intact frame is found: a frame is 24 bytes with header, delimiter and right checksum; overlapping candidates (a frame
-    seen inside two others' bytes) are taken from the left.
+    Every intact frame is found: a frame is 24 bytes with header, delimiter and right checksum; overlapping candidates
+    (a frame seen inside two others' bytes) are taken from the left.
     """
 
     def __init__(self) -> None:
@@ -117,7 +127,9 @@ class BurstDecoder:
         self._rest = stream[keep:].tobytes()
         raw = stream[starts[:, None] + np.arange(FRAME_SIZE)] if len(starts) else np.empty((0, FRAME_SIZE), np.uint8)
         frames = np.ascontiguousarray(raw).view(_FRAME)[:, 0]
-        return Frames(frames["xyz"].astype(np.int32), frames["count"].astype(np.uint16), frames["temperature"].astype(np.int32))
+        return Frames(
+            frames["xyz"].astype(np.int32), frames["count"].astype(np.uint16), frames["temperature"].astype(np.int32)
+        )
 
 
 def _frame_starts(stream: npt.NDArray[np.uint8]) -> npt.NDArray[np.intp]:

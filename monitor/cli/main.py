@@ -13,7 +13,9 @@ DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1
 
 
 @app.callback()
-def _options(debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an internal error.")] = False) -> None:
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an internal error.")] = False,
+) -> None:
     """Watch a structure with accelerometers: has it changed, where, by how much, how sure."""
     _debug.append(debug)
 
@@ -24,7 +26,9 @@ _debug: list[bool] = []
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for what the demo leaves behind.")] = Path("demo-output"),
-    seed: Annotated[int | None, typer.Option(help="Draws the rig and what happens to it; drawn itself unless given.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Draws the rig and what happens to it; drawn itself unless given.")
+    ] = None,
     speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
     short: Annotated[bool, typer.Option("--short", help="Half the length, less sure answers.")] = False,
 ) -> None:
@@ -38,7 +42,9 @@ def demo(
 def rig(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")],
     speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
-    ports: Annotated[Path, typer.Option(help="File that gets the ports, once they can be opened.")] = Path("ports.json"),
+    ports: Annotated[Path, typer.Option(help="File that gets the ports, once they can be opened.")] = Path(
+        "ports.json"
+    ),
     report: Annotated[Path, typer.Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
 ) -> None:
     """Play a virtual rig: real protocols on ptys, and a timeline of what happens to the structure."""

@@ -1,7 +1,7 @@
 """The true structure, as the devices feel it: finer than the reference model and different in kind.
 
-Timoshenko elements of 10 mm with consistent mass stand on a flexible foot and joint; ambient forces shake them; each device
-filters, samples at its own clock, scatters in gain, adds noise and rounds to counts.
+Timoshenko elements of 10 mm with consistent mass stand on a flexible foot and joint; ambient forces shake them; each
+device filters, samples at its own clock, scatters in gain, adds noise and rounds to counts.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,9 @@ def true_structure(structure: Structure, scenario: Scenario) -> Structure:
     bending = material[longest.material].youngs_modulus * max(structure.section[longest.section].second_moment)
     unit = bending / longest.length
     supports = tuple(_flexible(s, truth.foot_flexibility, unit) for s in structure.support)
-    changed = structure.model_copy(update={"material": material, "support": supports, "joint": _joints(structure, scenario, unit)})
+    changed = structure.model_copy(
+        update={"material": material, "support": supports, "joint": _joints(structure, scenario, unit)}
+    )
     return changed.with_mesh(_MESH)
 
 
@@ -84,10 +86,10 @@ class World:
         model = self._model(())
         read = np.concatenate([model.read(np.array(device.at))[:3] for device in scenario.device])
         damping = np.array(scenario.truth.damping)
-        self._response = AmbientResponse(
-            model, read, damping, self._ambient(), rate=self._rate, seed=scenario.seed
-        )
-        self._response.step(round(5 / (damping.min() * 2 * np.pi * 10) * self._rate))  # until it swings as it always has
+        self._response = AmbientResponse(model, read, damping, self._ambient(), rate=self._rate, seed=scenario.seed)
+        self._response.step(
+            round(5 / (damping.min() * 2 * np.pi * 10) * self._rate)
+        )  # until it swings as it always has
         self._filter = firwin(2 * _HALF_TAPS + 1, 1.0 * scenario.rate / 2 * 0.86, fs=self._rate, window=("kaiser", 8.0))
         self._delay_line = np.zeros((2 * _HALF_TAPS, len(read)))
         self._motion = np.zeros((0, len(read)))  # filtered, at the simulation's rate
@@ -186,7 +188,9 @@ class DeviceSource:
 
     def start(self, time: int, rate: float) -> None:
         """Begin: scan k is taken at time + k / rate [ns UTC, Hz]."""
-        self._start = (time - self._world.origin(time)) * 1e-9 * self._rate + 4  # the interpolation looks back a few samples
+        self._start = (
+            time - self._world.origin(time)
+        ) * 1e-9 * self._rate + 4  # the interpolation looks back a few samples
         self._step = self._rate / rate
 
     def read(self, index: int, n: int) -> IntArray:

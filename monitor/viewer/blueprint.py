@@ -27,7 +27,7 @@ class Layout:
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the whole layout."""
-        tabs = [self._overview()]
+        tabs: list[rrb.Container] = [self._overview()]
         if self._reference:
             tabs += [self._mode_shapes(self._reference), self._identification()]
         if self._answered:
@@ -64,7 +64,11 @@ class Layout:
 
     def _identification(self) -> rrb.Horizontal:
         return rrb.Horizontal(
-            rrb.Vertical(self._spectrum(), self._series("Natural frequencies [Hz]", "/trend/frequency", legend=True), row_shares=[5, 3]),
+            rrb.Vertical(
+                self._spectrum(),
+                self._series("Natural frequencies [Hz]", "/trend/frequency", legend=True),
+                row_shares=[5, 3],
+            ),
             rrb.TextDocumentView(name="Reference", origin="/reference"),
             column_shares=[5, 3],
             name="Identification",
@@ -105,7 +109,9 @@ class Layout:
 
     def _spectrum(self) -> rrb.Spatial2DView:
         bounds = rrb.VisualBounds2D(x_range=[-22, WIDTH + 8], y_range=[-16, HEIGHT + 12])
-        return rrb.Spatial2DView(name="Singular values and stabilisation", origin="/spectrum", background=BACKGROUND, visual_bounds=bounds)
+        return rrb.Spatial2DView(
+            name="Singular values and stabilisation", origin="/spectrum", background=BACKGROUND, visual_bounds=bounds
+        )
 
     def _events(self) -> rrb.TextLogView:
         columns = rrb.TextLogColumns(
@@ -115,7 +121,11 @@ class Layout:
 
     def _axis(self) -> rrb.TimeAxis:
         start = rrb.TimeRangeBoundary.cursor_relative(seconds=-self._seconds)
-        return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.01 * self._seconds)))
+        return rrb.TimeAxis(
+            view_range=rr.TimeRange(
+                start=start, end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.01 * self._seconds)
+            )
+        )
 
     def _series(self, name: str, origin: str, *, legend: bool = False) -> rrb.TimeSeriesView:
         start = rrb.TimeRangeBoundary.cursor_relative(seconds=-self._seconds)

@@ -19,7 +19,14 @@ def _times(windows: Sequence[WindowResult]) -> rr.TimeColumn:
     return rr.TimeColumn("time", timestamp=np.array([w.end for w in windows], "datetime64[ns]"))
 
 
-def _series(recording: rr.RecordingStream, path: str, name: str, colour: Colour, windows: Sequence[WindowResult], values: list[float]) -> None:
+def _series(
+    recording: rr.RecordingStream,
+    path: str,
+    name: str,
+    colour: Colour,
+    windows: Sequence[WindowResult],
+    values: list[float],
+) -> None:
     recording.log(path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.6]), static=True)
     recording.log(path, rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[2.5]), static=True)
     recording.send_columns(path, [_times(windows)], rr.Scalars.columns(scalars=values))
@@ -61,7 +68,14 @@ def draw_answers(recording: rr.RecordingStream, windows: Sequence[WindowResult])
         values = [1000 * (a.mass + sign * a.mass_std) for a in answers]
         path = f"/answer/mass/{name.replace(' ', '_').replace('+', 'plus').replace('-', 'minus')}"
         _series(recording, path, f"{name} [g]", TEXT if sign == 0 else ALARM, where, values)
-    _series(recording, "/answer/place/std", "standard deviation of place [mm]", WARN, where, [1000 * a.position_std for a in answers])
+    _series(
+        recording,
+        "/answer/place/std",
+        "standard deviation of place [mm]",
+        WARN,
+        where,
+        [1000 * a.position_std for a in answers],
+    )
     _posterior(recording, answers[-1])
 
 
@@ -83,7 +97,11 @@ def _posterior(recording: rr.RecordingStream, answer: MassAnswer) -> None:
 
 def draw_states(recording: rr.RecordingStream, windows: Sequence[WindowResult], alarms: Sequence[AlarmResult]) -> None:
     """Draw the lanes: what the daemon does, what the structure is."""
-    daemon = {"learning": ("learning the baseline", LEARN), "watching": ("watching", OK), "alarm": ("watching, in alarm", ALARM)}
+    daemon = {
+        "learning": ("learning the baseline", LEARN),
+        "watching": ("watching", OK),
+        "alarm": ("watching, in alarm", ALARM),
+    }
     structure = {"normal": ("normal", OK), "watch": ("watch", WARN), "alarm": ("ALARM", ALARM)}
     for path, states in (("/state/daemon", daemon), ("/state/structure", structure)):
         labels, colours = [text for text, _ in states.values()], [colour for _, colour in states.values()]
@@ -126,7 +144,9 @@ def card(window: WindowResult) -> str:
     lines += ["", "| mode | Hz | ± | ζ % | shift % | ± |", "|---:|---:|---:|---:|---:|---:|"]
     for m in window.modes:
         shift = "" if m.shift_percent is None else f"{m.shift_percent:+.2f} | {m.shift_std_percent:.2f}"
-        lines.append(f"| **{m.id}** | {m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f} | {shift or ' | '} |")
+        lines.append(
+            f"| **{m.id}** | {m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f} | {shift or ' | '} |"
+        )
     return "\n".join(lines)
 
 
@@ -197,24 +217,42 @@ def _spectrum(recording: rr.RecordingStream, axes: Axes, spectrum: Spectrum) -> 
 def _identified(recording: rr.RecordingStream, axes: Axes, window: WindowResult) -> None:
     at = axes.x(np.array([m.frequency for m in window.modes]))
     colours = [mode_colour(m.id) for m in window.modes]
-    lines = rr.LineStrips2D([[[x, -3], [x, HEIGHT]] for x in at], colors=colours, radii=rr.Radius.ui_points(0.7), draw_order=5)
+    lines = rr.LineStrips2D(
+        [[[x, -3], [x, HEIGHT]] for x in at], colors=colours, radii=rr.Radius.ui_points(0.7), draw_order=5
+    )
     recording.log("/spectrum/identified", lines)
     apart = np.maximum.accumulate(at + 0.0)
     for i in range(1, len(apart)):  # labels of close modes side by side
         apart[i] = max(at[i], apart[i - 1] + 6)
     names = rr.Points2D(
-        np.column_stack([apart, np.full(len(at), -9.0)]), radii=0.0, colors=colours, labels=[str(m.id) for m in window.modes], show_labels=True
+        np.column_stack([apart, np.full(len(at), -9.0)]),
+        radii=0.0,
+        colors=colours,
+        labels=[str(m.id) for m in window.modes],
+        show_labels=True,
     )
     recording.log("/spectrum/names", names)
 
 
 def reference_text(reference: ReferenceResult) -> str:
     """Return what the baseline taught, as Markdown."""
-    lines = [f"## Reference, from {reference.n_windows} windows", "", "| mode | measured Hz | model Hz | off % | MAC | ζ % |"]
+    lines = [
+        f"## Reference, from {reference.n_windows} windows",
+        "",
+        "| mode | measured Hz | model Hz | off % | MAC | ζ % |",
+    ]
     lines.append("|---:|---:|---:|---:|---:|---:|")
     for m in reference.modes:
         off = 100 * (m.model_frequency / m.frequency - 1)
-        lines.append(f"| {m.id} | {m.frequency:.3f} ± {m.frequency_std:.3f} | {m.model_frequency:.2f} | {off:+.2f} | {m.mac:.4f} | {100 * m.damping:.2f} |")
-    lines += ["", "Model: as the structure file says, before calibration. What calibration found:", "", "| parameter | value | ± |", "|:--|---:|---:|"]
+        measured = f"{m.frequency:.3f} ± {m.frequency_std:.3f}"
+        model = f"{m.model_frequency:.2f} | {off:+.2f} | {m.mac:.4f}"
+        lines.append(f"| {m.id} | {measured} | {model} | {100 * m.damping:.2f} |")
+    lines += [
+        "",
+        "Model: as the structure file says, before calibration. What calibration found:",
+        "",
+        "| parameter | value | ± |",
+        "|:--|---:|---:|",
+    ]
     lines += [f"| {name} | {value:.4f} | {std:.4f} |" for name, (value, std) in reference.calibrated.items()]
     return "\n".join(lines)

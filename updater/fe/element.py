@@ -1,7 +1,8 @@
 """A straight two-node frame element in its own axes: x along it, 12 DOFs (u v w rx ry rz at each end).
 
-Shape functions are the exact static ones of a uniform Timoshenko beam (Przemieniecki 1968, ch. 5 and 11; with no shear
-flexibility, phi = 0, they are Hermite's cubics), so that stiffness is exact and position inside an element has a meaning.
+Shape functions are the exact static ones of a uniform Timoshenko beam (Przemieniecki 1968, ch. 5 and 11; with no
+shear flexibility, phi = 0, they are Hermite's cubics), so that stiffness is exact and position inside an element has
+a meaning.
 """
 
 from dataclasses import dataclass

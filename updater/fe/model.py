@@ -1,5 +1,6 @@
 """A structure as stiffness and mass matrices, with what is needed to read and load it at any point."""
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -136,7 +137,7 @@ def _member_mass(structure: Structure, member: Member) -> float:
 def _signed(shape: FloatArray) -> FloatArray:
     """Turn each mode so that its largest entry is positive: the same on every machine."""
     peak = shape[np.argmax(np.abs(shape), axis=0), np.arange(shape.shape[1])]
-    return shape * np.sign(peak)
+    return np.asarray(shape * np.sign(peak))
 
 
 class _Mesh:
@@ -152,14 +153,14 @@ class _Mesh:
 
     def _add(self, member: Member) -> None:
         line = [self._node(p, member) for p in self._stations(member)]
-        self.spans += [(a, b, member) for a, b in zip(line[:-1], line[1:], strict=True)]
+        self.spans += [(a, b, member) for a, b in itertools.pairwise(line)]
 
     def _stations(self, member: Member) -> FloatArray:
         """Nodes of one member, with one wherever another member ends on it or a joint, support stands."""
         even = np.linspace(0, member.length, member.elements + 1)
         axis = np.subtract(member.end, member.start) / member.length
         marked = [p for m in self.structure.member if m is not member for p in (m.start, m.end)]
-        marked += [entry.at for entry in (*self.structure.support, *self.structure.joint)]
+        marked += [support.at for support in self.structure.support] + [joint.at for joint in self.structure.joint]
         for point in marked:
             s = float(np.dot(np.subtract(point, member.start), axis))
             off = np.linalg.norm(np.subtract(point, member.point(s)))
@@ -194,7 +195,7 @@ class _Mesh:
         raise ModelError(f"{what} at {list(at)}: no member passes there")
 
     def number(self) -> IntArray:
-        """Number the DOFs: held ones -1, twins share what their joint leaves rigid."""
+        """Return the DOFs' numbers: held ones -1, twins share what their joint leaves rigid."""
         free = np.ones((len(self.nodes), 6), bool)
         for support in self.structure.support:
             free[self.find(support.at, "support"), [AXES.index(a) for a in support.fixed]] = False
@@ -246,8 +247,8 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
         m.add(rows, turn.T @ local @ turn)
     for node, twin, joint in mesh.twins:
-        for axis, value in joint.stiffness.items():
-            pair = np.array([dofs[node, AXES.index(axis)], dofs[twin, AXES.index(axis)]], np.int32)
+        for turn_axis, value in joint.stiffness.items():
+            pair = dofs[[node, twin], AXES.index(turn_axis)]
             k.add(pair, value * np.array([[1.0, -1.0], [-1.0, 1.0]]))
     for support in structure.support:
         for axis, value in support.stiffness.items():

@@ -70,7 +70,7 @@ class AmbientResponse:
         acceleration = np.empty_like(modal_force)
         for k, pole in enumerate(self._pole):
             acceleration[:, k] = self._run_mode(k, pole, modal_force[:, k])
-        return acceleration @ (self._read @ self._modes.shape).T
+        return np.asarray(acceleration @ (self._read @ self._modes.shape).T)
 
     def _run_mode(self, k: int, pole: complex, force: FloatArray) -> FloatArray:
         growth = np.exp(pole / self._rate)
