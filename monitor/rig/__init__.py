@@ -1,13 +1,20 @@
 """The virtual rig: a true structure, emulated devices and a timeline. It knows nothing of the analysis."""
 
-from monitor.rig.play import PlayReport, play, run_rig
-from monitor.rig.scenario import T_DEVICES, Scenario, draw_t_frame, dump_scenario, load_scenario
-from monitor.rig.truth import World, make_sources
+from monitor.rig.draw import T_DEVICES, draw_t_frame
+from monitor.rig.measured import DeviceSource, make_sources
+from monitor.rig.play import PlayReport, play
+from monitor.rig.process import run_rig
+from monitor.rig.scenario import RigDevice, RigEvent, Scenario, Truth, dump_scenario, load_scenario
+from monitor.rig.truth import World, true_structure
 
 __all__ = [
     "T_DEVICES",
+    "DeviceSource",
     "PlayReport",
+    "RigDevice",
+    "RigEvent",
     "Scenario",
+    "Truth",
     "World",
     "draw_t_frame",
     "dump_scenario",
@@ -15,4 +22,5 @@ __all__ = [
     "make_sources",
     "play",
     "run_rig",
+    "true_structure",
 ]

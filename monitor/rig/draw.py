@@ -28,9 +28,9 @@ def draw_t_frame(
 ) -> Scenario:
     """Draw a T-frame that is never the nominal one, and a body of 150 to 300 g that is added to it.
 
-    Every quantity is uniform in its range: E and G within 2 %, density within 1 %, foot and joint flexibilities 0.002 to
-    0.01 L / (E I) about each axis (they lower frequencies by the order of 1 %), damping 0.2 to 1 % of critical, device
-    clocks within 20 ppm; ambient forces are log-uniform over a factor of two. Gains scatter by 0.5 %.
+    Every quantity is uniform in its range: E and G within 2 %, density within 1 %, foot and joint flexibilities
+    0.002 to 0.01 L / (E I) about each axis (they lower frequencies by the order of 1 %), damping 0.2 to 1 % of
+    critical, device clocks within 20 ppm; ambient forces are log-uniform over a factor of two. Gains scatter by 0.5 %.
 
     Parameters
     ----------
@@ -73,18 +73,15 @@ def _draw_truth(random: np.random.Generator) -> Truth:
 
 def _draw_body(random: np.random.Generator) -> Body:
     """Draw a steel block somewhere on the stretches, every centimetre alike, its centre 1 to 2 cm beside the axis."""
-    start, along = _draw_place(random)
+    place, along = _draw_place(random)
     mass = float(random.uniform(0.150, 0.300))
     edge2 = (mass / _STEEL) ** (2 / 3) * random.uniform(0.7, 1.3, 3)  # m2, of a block not quite a cube
     angle = random.uniform(0, 2 * np.pi)
-    across = (
-        np.roll(np.eye(3), 1, axis=0)[int(np.argmax(np.abs(along)))],
-        np.roll(np.eye(3), 2, axis=0)[int(np.argmax(np.abs(along)))],
-    )
-    offset = random.uniform(0.01, 0.02) * (np.cos(angle) * across[0] + np.sin(angle) * across[1])
-    return Body(
-        at=_vector(start), mass=mass, offset=_vector(offset), inertia=_vector(mass * (edge2.sum() - edge2) / 12)
-    )
+    axis = int(np.argmax(np.abs(along)))
+    across = np.eye(3)[[(axis + 1) % 3, (axis + 2) % 3]]
+    offset = random.uniform(0.01, 0.02) * np.array([np.cos(angle), np.sin(angle)]) @ across
+    inertia = mass * (edge2.sum() - edge2) / 12
+    return Body(at=_vector(place), mass=mass, offset=_vector(offset), inertia=_vector(inertia))
 
 
 def _draw_place(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -1,21 +1,17 @@
-"""The virtual rig as a process: emulated devices on ptys, a world that moves, a timeline of what happens."""
+"""A scenario played on emulated devices: a world that moves, ptys that stream, a timeline of what happens."""
 
-import json
-import os
-import signal
 import threading
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
-from daq import EmulatedEpson, HostClock, ScaledClock, serve_all, unplugging
-from monitor.rig.scenario import Scenario, load_scenario
-from monitor.rig.truth import World, describe, make_sources
-from updater import Structure, load_structure
+from daq import EmulatedEpson, HostClock, serve_all, unplugging
+from monitor.rig.measured import make_sources, serial_number
+from monitor.rig.scenario import Scenario
+from monitor.rig.truth import World
+from updater import Structure
 
 _TICK = 0.004  # s of wall time between servings
-_ORIGIN = 1_767_225_600_000_000_000  # 2026-01-01: where scaled time begins
+_LEASH = 0.5  # s of data that one serving may cover
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +20,25 @@ class PlayReport:
 
     sent: int  #: frames handed to the ptys
     dropped: int  #: frames that found a full pty
+    dropped_by_device: dict[str, int]  #: the same, one by one
     events: tuple[int, ...]  #: times of the scenario's events that came to pass [ns UTC]
+
+
+class _LeashedClock:
+    """A clock that after a stall of this process catches up in steps, so that no device runs far ahead of another."""
+
+    def __init__(self, clock: HostClock, step: float) -> None:
+        self._clock, self._step = clock, round(step * 1e9)
+        self.speed = clock.speed
+        self._limit = clock.now() + self._step
+
+    def now(self) -> int:
+        """Return the time [ns UTC]."""
+        return min(self._clock.now(), self._limit)
+
+    def lengthen(self) -> None:
+        """Allow another step."""
+        self._limit = self.now() + self._step
 
 
 def play(
@@ -36,8 +50,8 @@ def play(
 ) -> PlayReport:
     """Play a scenario until its duration is over or `stop` is set.
 
-    Devices sample from when they are told to. The timeline counts from when the last of them began; a device not asked
-    for yet keeps everything waiting.
+    The structure moves from the beginning; devices sample from when they are told to. The timeline counts from the
+    moment the last of them began; a device not asked for yet keeps everything waiting.
 
     Parameters
     ----------
@@ -48,74 +62,40 @@ def play(
     stop : ends it early
     """
     world, sources = make_sources(structure, scenario)
-    devices = [
-        EmulatedEpson(source, clock, serial_number=describe(device), clock_error=device.clock_error)
-        for device, source in zip(scenario.device, sources, strict=True)
-    ]
-    with unplugging(devices):
-        ready({device.name: emulated.port for device, emulated in zip(scenario.device, devices, strict=True)})
-        events = _serve(devices, scenario, world, clock, stop)
-    return PlayReport(sent=sum(d.sent for d in devices), dropped=sum(d.dropped for d in devices), events=events)
+    leashed = _LeashedClock(clock, _LEASH)
+    with unplugging([]) as devices:
+        for device, source in zip(scenario.device, sources, strict=True):
+            number, error = serial_number(device), device.clock_error
+            devices.append(EmulatedEpson(source, leashed, serial_number=number, clock_error=error))
+        names = [device.name for device in scenario.device]
+        ready(dict(zip(names, (emulated.port for emulated in devices), strict=True)))
+        events = _serve(devices, scenario.duration, world, leashed, stop)
+        dropped = {name: emulated.dropped for name, emulated in zip(names, devices, strict=True)}
+    sent = sum(emulated.sent for emulated in devices)
+    return PlayReport(sent=sent, dropped=sum(dropped.values()), dropped_by_device=dropped, events=events)
 
 
 def _serve(
-    devices: list[EmulatedEpson],
-    scenario: Scenario,
-    world: World,
-    clock: HostClock,
-    stop: threading.Event,
+    devices: list[EmulatedEpson], duration: float, world: World, clock: _LeashedClock, stop: threading.Event
 ) -> tuple[int, ...]:
+    """Serve until the end; return the times of the events that happened [ns UTC]."""
     begun: int | None = None
+    planned: tuple[int, ...] = ()
     turn = 0
     while not stop.wait(_TICK):
         turn += 1
+        clock.lengthen()
+        world.keep_up(clock.now())
         serve_all(devices, turn)
-        since = [d.sampling_since for d in devices]
         if begun is None:
-            times = [t for t in since if t is not None]
-            if len(times) == len(devices):
-                begun = max(times)
-                for event in scenario.event:
-                    world.schedule(event.body, begun + round(event.at * 1e9))
-        elif clock.now() - begun > scenario.duration * 1e9 or not any(since):
+            begun = _last_begun(devices)
+            planned = () if begun is None else world.begin(begun)
+        elif duration and clock.now() - begun > duration * 1e9:
             break
-    end = clock.now()
-    planned = [begun + round(event.at * 1e9) for event in scenario.event] if begun else []
-    return tuple(time for time in planned if time < end)
+    return tuple(time for time in planned if time <= clock.now())
 
 
-def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayReport:
-    """Run a rig as this process until it is over, SIGTERM or SIGINT.
-
-    Parameters
-    ----------
-    path : SCENARIO.toml
-    speed : seconds of data a second of wall time
-    ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path}}
-    report : file that gets the report at the end
-
-    Raises
-    ------
-    SettingsError, StructureError
-        If the scenario or its structure cannot be used.
-    """
-    scenario = load_scenario(path)
-    structure = load_structure(path.parent / scenario.structure)
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=_ORIGIN if speed != 1 else time.time_ns())
-
-    def ready(found: dict[str, str]) -> None:
-        _write(ports, {"clock": asdict(clock), "ports": found})
-
-    done = play(structure, scenario, clock, ready, stop)
-    _write(report, asdict(done))
-    return done
-
-
-def _write(path: Path, content: object) -> None:
-    """Write a file so that a reader sees it whole or not at all."""
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(content), encoding="utf-8")
-    os.replace(part, path)
+def _last_begun(devices: list[EmulatedEpson]) -> int | None:
+    """Return when the last device began to sample [ns UTC]; None if one has not."""
+    times = [time for device in devices if (time := device.sampling_since) is not None]
+    return max(times) if len(times) == len(devices) else None

@@ -1,76 +1,85 @@
-"""The true structure, as the devices feel it: finer than the reference model and different in kind.
+"""The structure as it really is: finer than the reference model, different in kind, and shaken by its surroundings.
 
-Timoshenko elements of 10 mm with consistent mass stand on a flexible foot and joint; ambient forces shake them; each
-device filters, samples at its own clock, scatters in gain, adds noise and rounds to counts.
+Timoshenko elements of 10 mm with consistent mass stand on a flexible foot and joint; bodies are clamped on at the very
+sample. Deviations are relative, so that any frame of straight members can be played.
 """
 
+from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.signal import firwin, lfilter
 
-from daq import EPSON_SCALE, FloatArray, IntArray
-from monitor.rig.scenario import RigDevice, Scenario
-from updater import Ambient, AmbientResponse, Body, Joint, Model, Structure, Support, build_model
+from daq import FloatArray
+from monitor.rig.scenario import Scenario, Vector
+from updater import Ambient, AmbientResponse, Body, Joint, Member, Model, Structure, Support, build_model
 
+OVERSAMPLING = 4  #: simulated samples a scan at the scenario's rate
+LEAD = 4000  #: simulated samples before the world's origin, for the devices' filters to look back on
 _MESH = 0.01  # m
-_OVERSAMPLING = 4
-_CHUNK = 0.1  # s simulated at once
-_HALF_TAPS = 64  # of the anti-alias filter, at the simulation's rate
-_KEPT = 4.0  # s of simulated motion that devices may still ask for
+_CHUNK = 0.25  # s simulated at once
+_KEPT = 4.0  # s of motion that devices may still ask for
+_SETTLED = (
+    4.0  # time constants of the slowest mode, after which the motion is taken as stationary (1 - e^-8 of its power)
+)
 _TURNS = ("rx", "ry", "rz")
 
 
 def true_structure(structure: Structure, scenario: Scenario) -> Structure:
-    """Return the structure as it really is."""
+    """Return the structure as it really is, before anything is added to it."""
     truth = scenario.truth
+    scaled = {"youngs_modulus": truth.stiffness_factor, "shear_modulus": truth.stiffness_factor}
+    scaled["density"] = truth.density_factor
     material = {
-        name: m.model_copy(
-            update={
-                "youngs_modulus": m.youngs_modulus * truth.stiffness_factor,
-                "shear_modulus": m.shear_modulus * truth.stiffness_factor,
-                "density": m.density * truth.density_factor,
-            }
-        )
+        name: m.model_copy(update={key: getattr(m, key) * factor for key, factor in scaled.items()})
         for name, m in structure.material.items()
     }
     longest = max(structure.member, key=lambda member: member.length)
-    bending = material[longest.material].youngs_modulus * max(structure.section[longest.section].second_moment)
-    unit = bending / longest.length
+    modulus = material[longest.material].youngs_modulus
+    unit = modulus * max(structure.section[longest.section].second_moment) / longest.length
     supports = tuple(_flexible(s, truth.foot_flexibility, unit) for s in structure.support)
-    changed = structure.model_copy(
-        update={"material": material, "support": supports, "joint": _joints(structure, scenario, unit)}
-    )
-    return changed.with_mesh(_MESH)
+    joints = structure.joint or _joints(structure, truth.joint_flexibility, unit)
+    return structure.model_copy(update={"material": material, "support": supports, "joint": joints}).with_mesh(_MESH)
 
 
-def _flexible(support: Support, flexibility: tuple[float, float, float], unit: float) -> Support:
-    springs = {a: unit / c for a, c in zip(_TURNS, flexibility, strict=True) if c > 0 and a in support.fixed}
-    fixed = [a for a in support.fixed if a not in springs]
-    return Support.model_validate({"at": support.at, "fixed": fixed, "stiffness": springs})
+def _springs(flexibility: Vector, unit: float) -> dict[str, float]:
+    return {axis: unit / c for axis, c in zip(_TURNS, flexibility, strict=True) if c > 0}
 
 
-def _joints(structure: Structure, scenario: Scenario, unit: float) -> tuple[Joint, ...]:
-    """Return a joint wherever an end of one member meets a later member."""
-    springs = {a: unit / c for a, c in zip(_TURNS, scenario.truth.joint_flexibility, strict=True) if c > 0}
-    if not springs:
-        return ()
+def _flexible(support: Support, flexibility: Vector, unit: float) -> Support:
+    """Give a support springs where it was rigid."""
+    springs = {axis: k for axis, k in _springs(flexibility, unit).items() if axis in support.fixed}
+    fixed = [axis for axis in support.fixed if axis not in springs]
+    return Support.model_validate({"at": support.at, "fixed": fixed, "stiffness": {**support.stiffness, **springs}})
+
+
+def _joints(structure: Structure, flexibility: Vector, unit: float) -> tuple[Joint, ...]:
+    """Return a joint wherever two members meet, between the later one and the rest."""
+    springs = _springs(flexibility, unit)
+    meetings: dict[Vector, Member] = {}
+    for i, later in enumerate(structure.member):
+        for other in structure.member[:i]:
+            ends = [p for p in (other.start, other.end) if passes(later, p)]
+            ends += [p for p in (later.start, later.end) if passes(other, p)]
+            meetings.update(dict.fromkeys(ends, later))
     return tuple(
-        Joint.model_validate({"member": member.name, "at": end, "stiffness": springs})
-        for i, member in enumerate(structure.member)
-        for end in {p for other in structure.member[:i] for p in (other.start, other.end)}
-        if _passes(member.start, member.end, end)
+        Joint.model_validate({"member": member.name, "at": point, "stiffness": springs})
+        for point, member in meetings.items()
+        if springs
     )
 
 
-def _passes(start: tuple[float, ...], end: tuple[float, ...], point: tuple[float, ...]) -> bool:
-    a, b = np.subtract(point, start), np.subtract(end, start)
-    along = float(a @ b / (b @ b))
-    return bool(0 <= along <= 1 and np.linalg.norm(a - along * b) < 1e-6)
+def passes(member: Member, point: Vector) -> bool:
+    """Say whether a point lies on a member."""
+    a, b = np.subtract(point, member.start), np.subtract(member.end, member.start)
+    along = float(np.clip(a @ b / (b @ b), 0, 1))
+    return bool(np.linalg.norm(a - along * b) < 1e-6)
 
 
 class World:
-    """The motion at all devices, simulated as far as somebody asks for it.
+    """The motion at all devices, simulated only as far as somebody asks for it.
+
+    The same scenario and the same times of its events give the same motion to the last bit, in whatever pieces it is
+    asked for. Memory is bounded: motion older than a few seconds is forgotten.
 
     Parameters
     ----------
@@ -81,146 +90,101 @@ class World:
     def __init__(self, structure: Structure, scenario: Scenario) -> None:
         self._scenario = scenario
         self._true = true_structure(structure, scenario)
-        self._rate = _OVERSAMPLING * scenario.rate
-        self._random = np.random.default_rng((scenario.seed, 1))
-        model = self._model(())
-        read = np.concatenate([model.read(np.array(device.at))[:3] for device in scenario.device])
-        damping = np.array(scenario.truth.damping)
-        self._response = AmbientResponse(model, read, damping, self._ambient(), rate=self._rate, seed=scenario.seed)
-        self._response.step(
-            round(5 / (damping.min() * 2 * np.pi * 10) * self._rate)
-        )  # until it swings as it always has
-        self._filter = firwin(2 * _HALF_TAPS + 1, 1.0 * scenario.rate / 2 * 0.86, fs=self._rate, window=("kaiser", 8.0))
-        self._delay_line = np.zeros((2 * _HALF_TAPS, len(read)))
-        self._motion = np.zeros((0, len(read)))  # filtered, at the simulation's rate
-        self._first = 0  # its first sample
-        self._simulated = 0  # samples simulated so far
-        self._bodies: tuple[Body, ...] = ()
-        self._waiting: list[tuple[int, Body]] = []
+        self.rate = OVERSAMPLING * scenario.rate  #: simulated samples a second [Hz]
+        self._events = sorted(scenario.event, key=lambda event: event.at)
+        self._models = [self._model([event.body for event in self._events[:n]]) for n in range(len(self._events) + 1)]
+        self._response = self._stationary_response()
+        self._size = round(_CHUNK * self.rate)
+        self._chunks: deque[FloatArray] = deque(maxlen=round(_KEPT / _CHUNK))
+        self._n_simulated = 0
+        self._changes: list[int] = []  # samples at which the next models take over
         self._origin: int | None = None
 
-    def origin(self, time: int) -> int:
-        """Return the time of the world's first sample [ns UTC]: that of whoever asks first."""
-        if self._origin is None:
-            self._origin = time
-        return self._origin
-
-    def _model(self, bodies: tuple[Body, ...]) -> Model:
+    def _model(self, bodies: list[Body]) -> Model:
         return build_model(self._true.with_bodies(bodies), shear_flexible=True, mass="consistent")
 
+    def _stationary_response(self) -> AmbientResponse:
+        """Return the response once it swings as it always has."""
+        model, damping = self._models[0], np.array(self._scenario.truth.damping)
+        read = np.concatenate([model.read(np.array(device.at))[:3] for device in self._scenario.device])
+        seed = int(np.random.SeedSequence((self._scenario.seed, 2)).generate_state(1)[0])
+        response = AmbientResponse(model, read, damping, self._ambient(), rate=self.rate, seed=seed)
+        slowest = float(np.min(damping * model.modes(len(damping)).omega))
+        for _ in range(round(_SETTLED / slowest / _CHUNK)):
+            response.step(round(_CHUNK * self.rate))
+        return response
+
     def _ambient(self) -> Ambient:
-        """Draw where the forces act: on every member, each point across it in both directions."""
-        points: list[FloatArray] = []
+        """Draw where the forces act: on every member, at each place across it in both directions."""
+        random = np.random.default_rng((self._scenario.seed, 1))
+        points: list[Vector] = []
         axes: list[int] = []
         for member in self._true.member:
             along = int(np.argmax(np.abs(np.subtract(member.end, member.start))))
-            for share in self._random.uniform(0.1, 1.0, self._scenario.truth.forces_per_member):
-                points += [member.point(member.length * share)] * 2
+            for share in random.uniform(0.1, 1.0, self._scenario.truth.forces_per_member):
+                x, y, z = (float(value) for value in member.point(member.length * share))
+                points += [(x, y, z)] * 2
                 axes += [axis for axis in range(3) if axis != along]
-        return Ambient(
-            points=tuple((float(p[0]), float(p[1]), float(p[2])) for p in points),
-            axes=tuple(axes),
-            density=self._scenario.truth.force_density,
-        )
+        return Ambient(points=tuple(points), axes=tuple(axes), density=self._scenario.truth.force_density)
 
-    def schedule(self, body: Body, time: int) -> None:
-        """Clamp a body on at a time [ns UTC]."""
-        self._waiting.append((round((time - self.origin(time)) * 1e-9 * self._rate), body))
-        self._waiting.sort(key=lambda entry: entry[0])
+    def sample(self, time: int) -> float:
+        """Return which simulated sample, whole and part, a time [ns UTC] is; the first time asked for is the origin."""
+        if self._origin is None:
+            self._origin = time
+        return LEAD + (time - self._origin) * 1e-9 * self.rate
 
-    def motion(self, first: int, last: int, device: int) -> FloatArray:
-        """Return filtered accelerations (n, 3) [m/s2] of a device, samples first .. last - 1 at the simulation's rate.
+    def begin(self, time: int) -> tuple[int, ...]:
+        """Start the timeline at a time [ns UTC] and return the times of the events [ns UTC], to the simulated sample.
 
         Raises
         ------
         ValueError
-            If they are so long ago that they are forgotten.
+            If an event would come before what is simulated already.
         """
-        if first < self._first:
-            raise ValueError(f"motion: expected a sample from {self._first} on, found {first}")
-        while self._first + len(self._motion) < last:
+        samples = [round(self.sample(time + round(event.at * 1e9))) for event in self._events]
+        if samples and samples[0] < self._n_simulated:
+            raise ValueError(
+                f"event at sample {samples[0]}: expected one from {self._n_simulated} on, the rest has passed"
+            )
+        self._changes = samples
+        origin = self._origin or 0
+        return tuple(origin + round((sample - LEAD) / self.rate * 1e9) for sample in samples)
+
+    def keep_up(self, time: int) -> None:
+        """Simulate until a time [ns UTC], whether anybody looks or not."""
+        while self._n_simulated < self.sample(time):
             self._advance()
-        part = self._motion[first - self._first : last - self._first]
-        return part[:, 3 * device : 3 * device + 3]
+
+    def motion(self, first: int, last: int, device: int) -> FloatArray:
+        """Return accelerations (last - first, 3) [m/s2] of a device, samples first .. last - 1.
+
+        Raises
+        ------
+        ValueError
+            If some of them are forgotten.
+        """
+        while self._n_simulated < last:
+            self._advance()
+        oldest = self._n_simulated // self._size - len(self._chunks)
+        if first < oldest * self._size:
+            raise ValueError(f"motion: expected samples from {oldest * self._size} on, found {first}")
+        held = range(first // self._size, -(-last // self._size))
+        motion = np.concatenate([self._chunks[n - oldest][:, 3 * device : 3 * device + 3] for n in held])
+        return motion[first - held.start * self._size : last - held.start * self._size]
 
     def _advance(self) -> None:
-        n = round(_CHUNK * self._rate)
-        raw = np.concatenate(list(self._pieces(n)))
-        stream = np.concatenate([self._delay_line, raw])
-        self._delay_line = stream[len(stream) - 2 * _HALF_TAPS :]
-        filtered = lfilter(self._filter, [1.0], stream, axis=0)[2 * _HALF_TAPS :]
-        motion = np.concatenate([self._motion, filtered])
-        kept = round(_KEPT * self._rate)
-        self._first += max(0, len(motion) - kept)
-        self._motion = motion[-kept:]
+        self._chunks.append(np.concatenate(list(self._pieces(self._n_simulated + self._size))))
 
-    def _pieces(self, n: int) -> Iterator[FloatArray]:
-        """Simulate n samples, changing the structure at the very sample."""
-        end = self._simulated + n
-        while self._waiting and self._waiting[0][0] < end:
-            at, body = self._waiting.pop(0)
-            if at > self._simulated:
-                yield self._response.step(at - self._simulated)
-                self._simulated = at
-            self._bodies = (*self._bodies, body)
-            self._response.change(self._model(self._bodies))
-        if end > self._simulated:
-            yield self._response.step(end - self._simulated)
-        self._simulated = end
+    def _pieces(self, end: int) -> Iterator[FloatArray]:
+        """Simulate to a sample, changing the structure at the very sample."""
+        while self._changes and self._changes[0] < end:
+            at = self._changes.pop(0)
+            yield self._response.step(at - self._n_simulated) if at > self._n_simulated else self._nothing
+            self._n_simulated = at
+            self._response.change(self._models[-1 - len(self._changes)])
+        yield self._response.step(end - self._n_simulated)
+        self._n_simulated = end
 
-
-class DeviceSource:
-    """What one device measures of the world; its samples lie between the simulation's, by its own clock.
-
-    Parameters
-    ----------
-    world : shared by all devices
-    number : of the device in the scenario
-    """
-
-    def __init__(self, world: World, scenario: Scenario, number: int) -> None:
-        self._world, self._number = world, number
-        self._rate = _OVERSAMPLING * scenario.rate
-        self._random = np.random.default_rng((scenario.seed, 2, number))
-        self._gain = 1 + scenario.truth.gain_scatter * self._random.standard_normal(3)
-        self._noise = scenario.truth.noise_density * np.sqrt(scenario.rate / 2)
-        self._start = self._step = 0.0
-
-    def start(self, time: int, rate: float) -> None:
-        """Begin: scan k is taken at time + k / rate [ns UTC, Hz]."""
-        self._start = (
-            time - self._world.origin(time)
-        ) * 1e-9 * self._rate + 4  # the interpolation looks back a few samples
-        self._step = self._rate / rate
-
-    def read(self, index: int, n: int) -> IntArray:
-        """Return scans index .. index + n - 1 as counts (n, 3)."""
-        position = self._start + self._step * (index + np.arange(n))
-        base = np.floor(position).astype(np.intp)
-        first = int(base[0]) - 2
-        motion = self._world.motion(first, int(base[-1]) + 4, self._number)
-        signal = _lagrange(motion, base - first, position - base)
-        signal = self._gain * signal + self._noise * self._random.standard_normal(signal.shape)
-        return np.asarray(np.round(signal / EPSON_SCALE), np.int32)
-
-
-def _lagrange(signal: FloatArray, base: FloatArray, x: FloatArray) -> FloatArray:
-    """Interpolate with the polynomial through six points; error under -70 dB below an eighth of the rate."""
-    nodes = np.arange(-2, 4)
-    out = np.zeros((len(x), signal.shape[1]))
-    for k in nodes:
-        others = nodes[nodes != k]
-        weight = np.prod((x[:, None] - others) / (k - others), axis=1)
-        out += weight[:, None] * signal[base + k]
-    return out
-
-
-def make_sources(structure: Structure, scenario: Scenario) -> tuple[World, list[DeviceSource]]:
-    """Return the world and one source a device."""
-    world = World(structure, scenario)
-    return world, [DeviceSource(world, scenario, i) for i in range(len(scenario.device))]
-
-
-def describe(device: RigDevice) -> str:
-    """Return a device's serial number: its name's last eight letters."""
-    return device.name[-8:].upper()
+    @property
+    def _nothing(self) -> FloatArray:
+        return np.zeros((0, 3 * len(self._scenario.device)))

@@ -1,0 +1,104 @@
+"""The virtual rig as a process: a scenario file in, ports and a report out as JSON files."""
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+
+from daq import ScaledClock
+from monitor.errors import SettingsError, StartError
+from monitor.rig.play import PlayReport, play
+from monitor.rig.scenario import Scenario, Vector, load_scenario
+from monitor.rig.truth import passes
+from updater import Structure, load_structure, parse_structure, t_structure_toml
+
+SHIPPED = "t_structure"  #: name of the structure that comes with the program
+_ORIGIN = 1_767_225_600_000_000_000  # 2026-01-01: where scaled time begins
+
+
+def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayReport:
+    """Run a rig as this process until it is over, SIGTERM or SIGINT.
+
+    Parameters
+    ----------
+    path : SCENARIO.toml
+    speed : seconds of data a second of wall time
+    ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path}}; the clock is
+        ScaledClock's fields, by which rig and monitor share one time scale
+    report : file that gets the report at the end
+
+    Raises
+    ------
+    SettingsError, StructureError
+        If the scenario or its structure cannot be used.
+    StartError
+        If a file cannot be written.
+    ValueError
+        If the speed is not positive.
+    """
+    if not speed > 0:
+        raise ValueError(f"speed: expected a positive number, found {speed:g}")
+    scenario = load_scenario(path)
+    structure = load_rig_structure(path, scenario)
+    for old in (ports, report):
+        old.unlink(missing_ok=True)  # nobody shall take an earlier rig's for this one's
+    now = time.time_ns()
+    clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
+    with _stopped_by_signals() as stop:
+        done = play(
+            structure, scenario, clock, lambda found: _write(ports, {"clock": asdict(clock), "ports": found}), stop
+        )
+    _write(report, asdict(done))
+    return done
+
+
+def load_rig_structure(path: Path, scenario: Scenario) -> Structure:
+    """Return a scenario's nominal structure, on which all its devices and bodies stand.
+
+    Raises
+    ------
+    SettingsError
+        If one does not; names file, key and point.
+    StructureError
+        If the structure's file cannot be used.
+    """
+    shipped = scenario.structure == SHIPPED
+    structure = parse_structure(t_structure_toml()) if shipped else load_structure(path.parent / scenario.structure)
+    for key, at in _points(scenario):
+        if not any(passes(member, at) for member in structure.member):
+            raise SettingsError(path, f"{key}: expected a point on a member of {structure.name}, found {list(at)}")
+    return structure
+
+
+def _points(scenario: Scenario) -> Iterator[tuple[str, Vector]]:
+    for i, device in enumerate(scenario.device):
+        yield f"device.{i}.at", device.at
+    for i, event in enumerate(scenario.event):
+        yield f"event.{i}.body.at", event.body.at
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[threading.Event]:
+    """Yield an event that SIGTERM and SIGINT set; what they did before is restored."""
+    stop = threading.Event()
+    old = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield stop
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
+def _write(path: Path, content: object) -> None:
+    """Write a file so that a reader sees it whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(json.dumps(content), encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        raise StartError(f"{path}: cannot be written: {error.strerror}") from error
