@@ -12,7 +12,8 @@ from daq.timebase import ClockFit
 _HALF = 16  # taps on each side of the interpolating kernel
 _BETA = 8.0  # of its Kaiser window: images under -80 dB for signals below 0.42 of the rate
 _SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
-_CHUNK = 1 << 15
+_CHUNK = 1 << 13
+_PHASES = 1024  # fractions of a sample that are tabulated
 
 
 class _Device:
@@ -59,21 +60,33 @@ class _Device:
         return float(np.mean([block.temperature for block in self.blocks]))
 
 
+def _kernels() -> FloatArray:
+    """Return the kernel (n_phases + 1, 32) at equally spaced fractions of a sample."""
+    x = np.arange(1 - _HALF, _HALF + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
+    kernel = np.sinc(x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / _HALF) ** 2, 0, 1))) / np.i0(_BETA)
+    return np.asarray(kernel / kernel.sum(1, keepdims=True))
+
+
+_KERNELS = _kernels()
+
+
 def interpolate(scans: FloatArray, position: FloatArray) -> FloatArray:
     """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
 
-    Windowed sinc of 32 taps (Kaiser, beta 8).
+    Windowed sinc of 32 taps (Kaiser, beta 8), linear between tabulated fractions (error under -120 dB).
     """
     out = np.empty((len(position), scans.shape[1]))
     taps = np.arange(1 - _HALF, _HALF + 1)
     for start in range(0, len(position), _CHUNK):
         part = position[start : start + _CHUNK]
         base = np.floor(part).astype(np.intp)
-        x = taps - (part - base)[:, None]
-        kernel = np.sinc(x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / _HALF) ** 2, 0, 1))) / np.i0(_BETA)
-        kernel /= kernel.sum(1, keepdims=True)
+        phase = (part - base) * _PHASES
+        row = np.minimum(phase.astype(np.intp), _PHASES - 1)
+        share = (phase - row)[:, None]
+        kernel = (1 - share) * _KERNELS[row] + share * _KERNELS[row + 1]
         for axis in range(scans.shape[1]):
-            out[start : start + len(part), axis] = (scans[base[:, None] + taps, axis] * kernel).sum(1)
+            signal = scans[base[:, None] + taps, axis]
+            out[start : start + len(part), axis] = np.einsum("nt,nt->n", signal, kernel)
     return out
 
 

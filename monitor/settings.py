@@ -115,7 +115,8 @@ def load_settings(path: Path) -> Settings:
 
 
 def _explain(error: ValidationError) -> str:
-    first: Any = error.errors()[0]
+    # a misspelt key is also a missing one: say the former
+    first: Any = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     place = ".".join(str(part) for part in first["loc"])
     if first["type"] != "extra_forbidden":
         return f"{place}: {first['msg']}, found {first['input']!r:.80}"

@@ -83,30 +83,26 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        return int(app(standalone_mode=False) or DONE)
+        app()
+    except SystemExit as end:  # typer has said what was wrong with the arguments
+        return int(end.code or DONE)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except typer.Exit as end:
-        return end.exit_code
     except Exception as error:  # noqa: BLE001 - the daemon's edge: nothing may leave without an exit code
         return _explain(error)
+    return DONE
 
 
 def _explain(error: Exception) -> int:
     """Say what went wrong in one line; return the exit code."""
-    import click
-
     from daq import DaqError
     from monitor.errors import MonitorError, StartError
     from updater import UpdaterError
 
-    if isinstance(error, click.ClickException):
-        error.show()
-        return WRONG_INPUT
-    if isinstance(error, click.Abort):
-        return INTERRUPTED
-    known = isinstance(error, DaqError | MonitorError | UpdaterError)
-    typer.echo(f"error: {error}" if known else f"internal error: {type(error).__name__}: {error}", err=True)
-    if not known and any(_debug):
+    if isinstance(error, DaqError | MonitorError | UpdaterError):
+        typer.echo(f"error: {error}", err=True)
+        return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
+    typer.echo(f"internal error: {type(error).__name__}: {error}", err=True)
+    if any(_debug):
         raise error
-    return (COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT) if known else INTERNAL
+    return INTERNAL

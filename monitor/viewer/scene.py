@@ -78,9 +78,9 @@ def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer)
     radius = geometry.size * (0.028 + 0.03 * min(1.0, abs(answer.mass) / 0.5))
     recording.log("/structure/mass/body", rr.Points3D([at], radii=radius, colors=[ALARM]))
     text = f"{1000 * answer.mass:+.0f} ± {1000 * answer.mass_std:.0f} g, ± {1000 * answer.position_std:.0f} mm"
-    above = [*at, 0, 0, 2.6 * radius]
+    beside = at + np.array([0.0, 0.0, 2.6 * radius])
     recording.log(
-        "/structure/mass/label", rr.Points3D([above], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
+        "/structure/mass/label", rr.Points3D([beside], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
     )
     region = [[r.start, r.end] for r in answer.region]
     band = rr.LineStrips3D(region, colors=[(255, 210, 90)], radii=1.5 * _TUBE * geometry.size)

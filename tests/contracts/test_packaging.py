@@ -1,0 +1,44 @@
+"""What is installed is ours: generic names such as `daq` can be shadowed by strangers."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import daq
+import monitor
+import oma
+import updater
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("package", [daq, oma, updater, monitor], ids=lambda p: str(p.__name__))
+def test_package_is_this_checkout(package: object) -> None:
+    assert Path(str(package.__file__)).parent.parent == ROOT  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("package", [daq, oma, updater], ids=lambda p: str(p.__name__))
+def test_front_door_lists_what_it_exports_in_order(package: object) -> None:
+    names = package.__all__  # type: ignore[attr-defined]
+    assert sorted(names) == sorted(set(names))
+    assert all(hasattr(package, name) for name in names)
+
+
+def test_all_four_packages_are_in_the_wheel() -> None:
+    content = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert content["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["daq", "oma", "updater", "monitor"]
+
+
+def test_command_line_loads_nothing_heavy() -> None:
+    """`--help` answers at once: no numpy, no rerun, no analysis is loaded for it."""
+    script = "import monitor.cli.main, sys; print(sorted({'numpy', 'rerun', 'oma', 'updater', 'daq'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+
+
+def test_lock_names_no_place() -> None:
+    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    assert all("==" in line and "/" not in line for line in lock.split())

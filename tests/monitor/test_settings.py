@@ -1,0 +1,58 @@
+"""Bad settings get one clear error that names file and key."""
+
+from pathlib import Path
+
+import pytest
+
+from monitor.errors import SettingsError
+from monitor.settings import load_settings, parse_settings
+
+GOOD = """
+structure = "t_structure.toml"
+
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "/dev/ttyUSB0"
+channels = {y = "beam_left_y", z = "beam_left_z"}
+"""
+
+
+def test_channels_keep_device_and_axis() -> None:
+    channels = parse_settings(GOOD).channels
+    assert [(c.name, c.device, c.axis) for c in channels] == [
+        ("beam_left_y", "beam_left", 1),
+        ("beam_left_z", "beam_left", 2),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (GOOD.replace("driver =", "drivr ="), "did you mean 'driver'"),
+        (GOOD.replace("structure =", "struct ="), "struct"),
+        (GOOD + "rate = -5\n", "device.0.rate"),
+        (GOOD + "[analysis]\noverlap = 1.5\n", "analysis.overlap"),
+        (GOOD + "[analysis]\nbaseline_windows = 2\n", "analysis.baseline_windows"),
+        (GOOD.replace("{y =", "{q ="), "device.0.channels"),
+        (GOOD.replace('"beam_left_z"', '"beam_left_y"'), "beam_left_y"),
+        ("structure = 't.toml'\ndevice = []\n", "device"),
+        ("structure = \n", "line 1"),
+    ],
+)
+def test_errors_name_file_and_key(text: str, says: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        parse_settings(text, "site.toml")
+    assert str(caught.value).startswith("site.toml: ")
+    assert says in str(caught.value)
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"none\.toml: cannot be read"):
+        load_settings(tmp_path / "none.toml")
+
+
+def test_false_alarm_probability_keeps_to_the_stated_rate() -> None:
+    settings = parse_settings(GOOD)  # 600 s windows, one false alarm a year
+    windows_a_year = 365.25 * 86400 / 600
+    assert settings.window_false_alarm_probability * windows_a_year == pytest.approx(1.0)
