@@ -33,9 +33,9 @@ def demo(
     short: Annotated[bool, typer.Option("--short", help="Half the length, less sure answers.")] = False,
 ) -> None:
     """Tell the whole story on an emulated rig: run, alarm, viewer file, answer."""
-    from monitor.cli.demo import demo_command
+    from monitor.cli.demo import FULL, SHORT, demo_command
 
-    raise typer.Exit(demo_command(out, seed, speed=speed, short=short))
+    raise typer.Exit(demo_command(out, seed, speed=speed, plan=SHORT if short else FULL))
 
 
 @app.command()

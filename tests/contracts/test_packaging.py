@@ -34,7 +34,9 @@ def test_all_four_packages_are_in_the_wheel() -> None:
 
 def test_command_line_loads_nothing_heavy() -> None:
     """`--help` answers at once: no numpy, no rerun, no analysis is loaded for it."""
-    script = "import monitor.cli.main, sys; print(sorted({'numpy', 'rerun', 'oma', 'updater', 'daq'} & set(sys.modules)))"
+    script = (
+        "import monitor.cli.main, sys; print(sorted({'numpy', 'rerun', 'oma', 'updater', 'daq'} & set(sys.modules)))"
+    )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "[]"
 

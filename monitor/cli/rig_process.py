@@ -1,0 +1,62 @@
+"""The virtual rig, started and ended from another process."""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from monitor.errors import StartError
+
+_READY_SECONDS = 30.0
+_END_SECONDS = 20.0
+
+
+class RigProcess:
+    """The virtual rig, in a process of its own that Ctrl-C does not reach."""
+
+    def __init__(self, folder: Path, speed: float) -> None:
+        self._ports, self._report = folder / "ports.json", folder / "rig.json"
+        self._command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "rig"]
+        self._command += [str(folder / "scenario.toml"), "--speed", str(speed)]
+        self._command += ["--ports", str(self._ports), "--report", str(self._report)]
+
+    def __enter__(self) -> "RigProcess":
+        quiet = subprocess.DEVNULL
+        self._process = subprocess.Popen(
+            self._command, stdin=quiet, stdout=quiet, stderr=subprocess.PIPE, start_new_session=True
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.communicate()
+
+    def wait_until_ready(self, stop: threading.Event) -> dict[str, Any]:
+        """Return {"clock": .., "ports": ..}."""
+        end = time.monotonic() + _READY_SECONDS
+        while not self._ports.exists():
+            if self._process.poll() is not None or time.monotonic() > end or stop.is_set():
+                self._process.kill()
+                raise StartError(f"the virtual rig did not start: {self._said() or 'no answer'}")
+            time.sleep(0.05)
+        found: dict[str, Any] = json.loads(self._ports.read_text(encoding="utf-8"))
+        return found
+
+    def finish(self) -> dict[str, Any]:
+        """Ask the rig to end and return its report."""
+        self._process.terminate()
+        try:
+            self._process.wait(_END_SECONDS)
+        except subprocess.TimeoutExpired as error:
+            raise StartError("the virtual rig did not end") from error
+        if not self._report.exists():
+            raise StartError(f"the virtual rig failed: {self._said()}")
+        found: dict[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
+        return found
+
+    def _said(self) -> str:
+        return self._process.stderr.read().decode().strip() if self._process.stderr else ""
