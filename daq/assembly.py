@@ -2,48 +2,75 @@
 
 from collections import deque
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from daq.log import Event
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, Recording
 from daq.timebase import ClockFit
 
-_HALF = 16  # taps on each side of the interpolating kernel
-_BETA = 8.0  # of its Kaiser window: images under -80 dB for signals below 0.42 of the rate
+_HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
+_BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
+_PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
 _SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
 _CHUNK = 1 << 13
-_PHASES = 1024  # fractions of a sample that are tabulated
 
 
-class _Device:
-    """Blocks and clock of one device."""
+@lru_cache
+def _kernel(ratio: float) -> FloatArray:
+    """Return the table (phases + 1, taps) of a low-pass at the Nyquist frequency of a grid `ratio` times as fast."""
+    half = half_taps(ratio)
+    x = np.arange(1 - half, half + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
+    table = np.sinc(ratio * x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / half) ** 2, 0, 1)))
+    return np.asarray(table / table.sum(1, keepdims=True))
+
+
+def half_taps(ratio: float) -> int:
+    """Return how many scans on each side of a sample it is made of."""
+    return int(np.ceil(_HALF / ratio))
+
+
+def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> FloatArray:
+    """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
+
+    Windowed sinc (Kaiser, beta 8.75) of 32 taps at the grid's rate, -80 dB below 0.4 of it.
+
+    Parameters
+    ----------
+    scans : (n_scans, n_axes); at least `half_taps` on each side of every position
+    position : (n,) [scans]
+    ratio : samples of the grid a scan, at most 1
+    """
+    table, half = _kernel(ratio), half_taps(ratio)
+    out = np.empty((len(position), scans.shape[1]))
+    columns = [sliding_window_view(np.ascontiguousarray(column), 2 * half) for column in scans.T]
+    for start in range(0, len(position), _CHUNK):
+        part = position[start : start + _CHUNK]
+        base = np.floor(part).astype(np.intp)
+        phase = (part - base) * _PHASES
+        row = np.minimum(phase.astype(np.intp), _PHASES - 1)
+        weight = table[row] + (phase - row)[:, None] * (table[row + 1] - table[row])
+        for axis, windows in enumerate(columns):
+            out[start : start + len(part), axis] = np.einsum("nt,nt->n", windows[base - half + 1], weight)
+    return out
+
+
+class _Stretch:
+    """Blocks and clock of one device from one start to the next."""
 
     def __init__(self, rate: float) -> None:
-        self.rate = rate
         self.clock = ClockFit(rate)
         self.blocks: deque[Block] = deque()
-        self.lost = False
 
     def add(self, block: Block) -> None:
-        if block.flags & Flag.RESTARTED:
-            self.clock = ClockFit(self.rate)
         self.clock.add(block.pair_index, block.pair_time)
         self.blocks.append(block)
-        self.lost = False
 
-    @property
-    def ready(self) -> bool:
-        return bool(self.blocks) and self.clock.span >= _SETTLE_SECONDS
-
-    def reaches(self, time: int) -> bool:
-        """Tell whether all scans needed for samples before `time` are here."""
-        return bool(self.blocks) and self.clock.index_at(time)[0] + _HALF < self.blocks[-1].end_index
-
-    def forget(self, time: int) -> None:
-        """Drop blocks that end well before `time`."""
-        first = self.clock.index_at(time)[0] - 2 * _HALF
-        while len(self.blocks) > 1 and self.blocks[0].end_index < first:
+    def forget(self, index: float) -> None:
+        """Drop blocks that end before a scan, but for the last one."""
+        while len(self.blocks) > 1 and self.blocks[0].end_index < index:
             self.blocks.popleft()
 
     def scans(self, first: int, last: int) -> FloatArray:
@@ -56,38 +83,70 @@ class _Device:
                 out[start - first : stop - first] = part * block.scale
         return out
 
-    def temperature(self) -> float:
-        return float(np.mean([block.temperature for block in self.blocks]))
+    def resampled(self, start: int, n: int, rate: float, ratio: float) -> FloatArray | None:
+        """Return scans on a grid (n, n_axes), None if there is none near it."""
+        first, scan_rate = self.clock.index_at(start)
+        position: FloatArray = first + np.arange(n, dtype=float) * (scan_rate / rate)
+        low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
+        if not any(block.first_index < high and block.end_index > low for block in self.blocks):
+            return None
+        return interpolate(self.scans(low, high), position - low, ratio)
 
 
-def _kernels() -> FloatArray:
-    """Return the kernel (n_phases + 1, 32) at equally spaced fractions of a sample."""
-    x = np.arange(1 - _HALF, _HALF + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
-    kernel = np.sinc(x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / _HALF) ** 2, 0, 1))) / np.i0(_BETA)
-    return np.asarray(kernel / kernel.sum(1, keepdims=True))
+class _Device:
+    """Stretches of one device, one a start."""
 
+    def __init__(self, rate: float, grid_rate: float, n_axes: int) -> None:
+        self._rate, self._grid_rate, self._n_axes = rate, grid_rate, n_axes
+        self._ratio = grid_rate / rate
+        self._half = half_taps(self._ratio)
+        self._stretches: deque[_Stretch] = deque()
+        self.lost = False
 
-_KERNELS = _kernels()
+    def add(self, block: Block) -> None:
+        if not self._stretches or block.flags & Flag.RESTARTED:
+            self._stretches.append(_Stretch(self._rate))
+        self._stretches[-1].add(block)
+        self.lost = False
 
+    @property
+    def ready(self) -> bool:
+        return bool(self._stretches) and self._stretches[-1].clock.span >= _SETTLE_SECONDS
 
-def interpolate(scans: FloatArray, position: FloatArray) -> FloatArray:
-    """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
+    @property
+    def first_time(self) -> int:
+        """Time from which on there can be samples [ns UTC]."""
+        stretch = self._stretches[-1]
+        return stretch.clock.time_at(stretch.blocks[0].first_index + self._half)
 
-    Windowed sinc of 32 taps (Kaiser, beta 8), linear between tabulated fractions (error under -120 dB).
-    """
-    out = np.empty((len(position), scans.shape[1]))
-    taps = np.arange(1 - _HALF, _HALF + 1)
-    for start in range(0, len(position), _CHUNK):
-        part = position[start : start + _CHUNK]
-        base = np.floor(part).astype(np.intp)
-        phase = (part - base) * _PHASES
-        row = np.minimum(phase.astype(np.intp), _PHASES - 1)
-        share = (phase - row)[:, None]
-        kernel = (1 - share) * _KERNELS[row] + share * _KERNELS[row + 1]
-        for axis in range(scans.shape[1]):
-            signal = scans[base[:, None] + taps, axis]
-            out[start : start + len(part), axis] = np.einsum("nt,nt->n", signal, kernel)
-    return out
+    @property
+    def temperatures(self) -> list[float]:
+        return [block.temperature for stretch in self._stretches for block in stretch.blocks]
+
+    def reaches(self, time: int) -> bool:
+        """Tell whether all scans needed for samples before `time` are here."""
+        stretch = self._stretches[-1]
+        return stretch.clock.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
+
+    def forget(self, time: int) -> None:
+        """Drop blocks that end well before `time`."""
+        for stretch in self._stretches:
+            stretch.forget(stretch.clock.index_at(time)[0] - 2 * self._half)
+        while (
+            len(self._stretches) > 1
+            and self._stretches[1].clock.time_at(self._stretches[1].blocks[0].first_index) < time
+        ):
+            self._stretches.popleft()
+
+    def resampled(self, start: int, n: int) -> FloatArray:
+        """Return scans on the grid (n, n_axes), NaN where they are missing."""
+        out = np.full((n, self._n_axes), np.nan)
+        for stretch in self._stretches:
+            signal = stretch.resampled(start, n, self._grid_rate, self._ratio)
+            if signal is not None:
+                signal = signal[:, : self._n_axes]
+                np.copyto(out, signal, where=~np.isnan(signal))
+        return out
 
 
 class Assembler:
@@ -104,8 +163,9 @@ class Assembler:
         self, channels: tuple[Channel, ...], rates: Mapping[str, float], *, window_seconds: float, step_seconds: float
     ) -> None:
         self._channels = channels
-        self._devices = {name: _Device(rate) for name, rate in rates.items()}
         self._rate = min(rates.values())
+        n_axes = 1 + max(channel.axis for channel in channels)
+        self._devices = {name: _Device(rate, self._rate, n_axes) for name, rate in rates.items()}
         self._n = round(window_seconds * self._rate)
         self._step = round(step_seconds * 1e9)
         self._next: int | None = None  # start of the next window [ns UTC]
@@ -125,8 +185,9 @@ class Assembler:
 
     def push_event(self, event: Event) -> Iterator[Recording]:
         """Take an event; a device that is lost no longer holds a window open."""
-        if event.topic == "/event/device_lost":
-            self._devices[event.payload["device"]].lost = True
+        device = self._devices.get(event.payload.get("device", ""))
+        if event.topic == "/event/device_lost" and device is not None:
+            device.lost = True
             yield from self._complete()
 
     def _complete(self) -> Iterator[Recording]:
@@ -134,39 +195,29 @@ class Assembler:
         if not alive or not all(d.ready for d in alive):
             return
         if self._next is None:
-            self._next = max(d.clock.time_at(d.blocks[0].first_index + _HALF) for d in alive)
+            self._next = max(d.first_time for d in alive)
         while all(d.reaches(self._next + self._window_ns) for d in alive):
-            yield self._recording(self._next)
+            signals = {name: device.resampled(self._next, self._n) for name, device in self._devices.items()}
+            if not all(np.isnan(signal).all() for signal in signals.values()):  # nothing was there: no window
+                yield self._recording(self._next, signals)
             self._next += self._step
             for device in self._devices.values():
-                if device.blocks:
-                    device.forget(self._next)
+                device.forget(self._next)
 
     @property
     def _window_ns(self) -> int:
         return round(self._n / self._rate * 1e9)
 
-    def _recording(self, start: int) -> Recording:
-        signals = {name: self._resampled(device, start) for name, device in self._devices.items()}
-        gaps = tuple(gap for name, signal in signals.items() for gap in _gaps(name, signal))
-        temperatures = [device.temperature() for device in self._devices.values() if device.blocks]
+    def _recording(self, start: int, signals: Mapping[str, FloatArray]) -> Recording:
+        temperatures = [device.temperatures for device in self._devices.values()]
         return Recording(
             channels=self._channels,
             data=np.column_stack([signals[channel.device][:, channel.axis] for channel in self._channels]),
             rate=self._rate,
             start=start,
-            temperature=float(np.mean(temperatures)),
-            gaps=gaps,
+            temperature=float(np.mean([np.mean(values) for values in temperatures if values])),
+            gaps=tuple(gap for name, signal in signals.items() for gap in _gaps(name, signal)),
         )
-
-    def _resampled(self, device: _Device, start: int) -> FloatArray:
-        """Return a device's scans on the grid (n_samples, n_axes)."""
-        if not device.blocks:
-            return np.full((self._n, 3), np.nan)
-        index, rate = device.clock.index_at(start)
-        position: FloatArray = index + np.arange(self._n, dtype=float) * (rate / self._rate)
-        first = int(position[0]) - _HALF
-        return interpolate(device.scans(first, int(position[-1]) + _HALF + 2), position - first)
 
 
 def _gaps(device: str, signal: FloatArray) -> Iterator[Gap]:

@@ -9,26 +9,30 @@ import contextlib
 import json
 import os
 import queue
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import IO, Any, Self, cast
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Message
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Header, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
+from zstandard import ZstdError
 
 from daq.accel_block_pb2 import AccelBlock
 from daq.errors import LogError
 from daq.recording import Block, Flag
 
 ACCEL = "/accel/"
+PROFILE = "modalwatch"
 _BUFFER = 1 << 20
+_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,7 +103,7 @@ class LogWriter:
         except OSError as error:
             raise LogError(path, f"cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-        self._writer.start(profile="modalwatch", library="modalwatch")
+        self._writer.start(profile=PROFILE, library="modalwatch")
         self._channels: dict[str, int] = {}
         self._written: dict[str, int] = {}
         for name, text in attachments.items():
@@ -136,6 +140,11 @@ class LogWriter:
         """Write the summary and close the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is: the disk takes no more."""
+        with contextlib.suppress(OSError):
+            self._file.close()
 
 
 class LogThread:
@@ -200,6 +209,7 @@ class LogThread:
                 action(*arguments)
             except OSError as error:
                 self.failure = error
+                self._writer.abandon()
 
 
 def read_log(path: Path) -> Iterator[Item]:
@@ -210,7 +220,7 @@ def read_log(path: Path) -> Iterator[Item]:
     Raises
     ------
     LogError
-        If it cannot be read, or is not a log.
+        If it cannot be read, is not a log, or is damaged amid (what comes before is yielded first).
     """
     topics: dict[int, str] = {}
     for record in _records(path):
@@ -237,23 +247,41 @@ def read_attachments(path: Path) -> dict[str, str]:
     return found
 
 
+class _Whole:
+    """A file that ends where less is left than asked for: the stock reader takes half a record for a whole one."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def read(self, n: int) -> bytes:
+        """Return `n` bytes."""
+        data = self._file.read(n)
+        if len(data) < n:
+            raise EndOfFile
+        return data
+
+
 def _records(path: Path) -> Iterator[object]:
     try:
         with path.open("rb") as file:
-            if file.read(8) != b"\x89MCAP0\r\n":
+            if file.read(len(_MAGIC)) != _MAGIC:
                 raise LogError(path, "is not an MCAP log")
             file.seek(0)
-            yield from _until_cut(StreamReader(file))
+            yield from _until_cut(path, file)
     except OSError as error:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
-def _until_cut(reader: StreamReader) -> Iterator[object]:
-    """Yield records until the file's end, planned or not: the stock reader raises where a record is cut."""
-    records = reader.records
+def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
+    """Yield records until the file's end, planned or not."""
+    records = StreamReader(cast(IO[bytes], _Whole(file)), validate_crcs=True).records
     while True:
         try:
             record = next(records)
-        except (StopIteration, McapError, EOFError, ValueError):
+        except (StopIteration, EndOfFile):
             return
+        except (McapError, ZstdError, struct.error, ValueError) as error:
+            raise LogError(path, f"is damaged before byte {file.tell()}: {error}") from error
+        if isinstance(record, Header) and record.profile != PROFILE:
+            raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r}")
         yield record

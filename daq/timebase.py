@@ -8,7 +8,7 @@ from collections import deque
 
 import numpy as np
 
-from daq.recording import FloatArray, IndexArray, IntArray
+from daq.recording import FloatArray, IndexArray
 
 _SPAN = 120.0  # s of data that the envelope looks back on
 _LEAST_FOR_DRIFT = 30.0  # s before a slope is believed
@@ -16,22 +16,19 @@ _LARGEST_DRIFT = 200e-6
 _BIN = 1.0  # s: one pair, the earliest, is kept of each
 
 
-def unwrap(counter: IntArray, last: int | None, expected: int, modulus: int = 1 << 16) -> IndexArray:
-    """Return indices (n,) that go on from `last`, from counters (n,) that wrap at `modulus`.
+def unwrap(counter: IndexArray, expected: int, modulus: int = 1 << 16) -> IndexArray:
+    """Return indices (n,) nearest to the expected one, from counters (n,) that wrap at `modulus`.
+
+    Each is found by itself: a false counter does not move those after it.
 
     Parameters
     ----------
-    counter : (n,) in the order of arrival
-    last : index of the scan before the first one, None at the start
-    expected : index that the host's clock expects for the first one: decides how often a counter wrapped in a gap
+    counter : (n,)
+    expected : index that the host's clock expects, right within half of `modulus`: it decides how often a counter
+        wrapped in a gap
     """
-    steps: IndexArray = np.remainder(np.diff(counter.astype(np.intp)), modulus)
-    if last is None:
-        first = int(counter[0])
-    else:
-        first = last + 1 + (int(counter[0]) - last - 1) % modulus
-        first += modulus * max(0, round((expected - first) / modulus))
-    return np.asarray(first + np.concatenate([[0], np.cumsum(steps)]), np.intp)
+    half = modulus // 2
+    return np.asarray(expected - half + np.remainder(counter - expected + half, modulus), np.intp)
 
 
 class ClockFit:
@@ -46,6 +43,7 @@ class ClockFit:
         self._rate = rate
         self._pairs: deque[tuple[int, int]] = deque()  # (index, lateness [ns]) of the earliest arrival of each second
         self._origin: int | None = None  # arrival of index 0 at the nominal rate [ns UTC]
+        self._line: tuple[float, float] | None = None  # of the pairs so far, once asked for
 
     @property
     def span(self) -> float:
@@ -56,6 +54,7 @@ class ClockFit:
         """Take one pair: this scan had arrived at this time [ns UTC]."""
         if self._origin is None:
             self._origin = time - round(index / self._rate * 1e9)
+        self._line = None
         late = time - self._origin - round(index / self._rate * 1e9)
         same = self._pairs and index // int(_BIN * self._rate) == self._pairs[-1][0] // int(_BIN * self._rate)
         if not same:
@@ -75,10 +74,12 @@ class ClockFit:
         """
         if self._origin is None:
             raise ValueError("clock fit: expected at least one (index, time) pair, found none")
-        index = np.array([p[0] for p in self._pairs], float)
-        late = np.array([p[1] for p in self._pairs], float)
-        slope = self._slope(index, late)
-        return float((late - slope * index).min()), slope, self._origin
+        if self._line is None:
+            index = np.array([p[0] for p in self._pairs], float)
+            late = np.array([p[1] for p in self._pairs], float)
+            slope = self._slope(index, late)
+            self._line = float((late - slope * index).min()), slope
+        return *self._line, self._origin
 
     def _slope(self, index: FloatArray, late: FloatArray) -> float:
         """Return the drift of the lower envelope: blind to late arrivals, zero until there is enough data."""

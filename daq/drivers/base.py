@@ -58,21 +58,29 @@ class Driver(Protocol):
 
 
 class _Blocks:
-    """Cuts scans into blocks: no gap inside, the earliest arrival as the (counter, host time) pair."""
+    """Cuts scans into blocks: no gap inside, the earliest arrival as the (counter, host time) pair.
+
+    A damaged frame passes its checksum once in 2^16: a false counter costs the scans around it, and nothing else. So
+    only reads that go on where the last one ended tell the time.
+    """
 
     def __init__(self, device: str, rate: float, scale: float, modulus: int, n_scans: int) -> None:
         self._device, self._rate, self._scale, self._modulus, self._n_scans = device, rate, scale, modulus, n_scans
-        self._last: int | None = None
-        self._last_time = 0
+        self._next = 0  # index that goes on without a gap
+        self._offset = 0  # from counters to indices, modulo the modulus
+        self._anchor: tuple[int, int] | None = None  # (index, time) of the last read without a gap
         self._counts: list[IntArray] = []
         self._first = self._have = 0
-        self._pair = (0, 0)
+        self._pair: tuple[int, int] | None = None
+        self._temperature = float("nan")
         self._flags = Flag.NONE
 
     def restart(self, now: int) -> None:
-        """Note that the device begins to count anew; indices go on where the host's clock says."""
-        if self._last is not None:
-            self._last += max(1, round((now - self._last_time) * 1e-9 * self._rate))
+        """Note that the device counts anew, after `flush`; indices go on where the host's clock says."""
+        if self._anchor is not None:
+            elapsed = round((now - self._anchor[1]) * 1e-9 * self._rate)
+            self._next = max(self._next, self._anchor[0] + elapsed) + 1
+        self._anchor = None
         self._flags = Flag.RESTARTED
 
     def add(self, scans: Scans, now: int) -> Iterator[Block]:
@@ -81,48 +89,89 @@ class _Blocks:
             self._flags |= Flag.BAD_FRAMES
         if not len(scans.counts):
             return
-        index = self._index(scans, now)
-        last_time = now
-        for part in np.split(np.arange(len(index)), np.flatnonzero(np.diff(index) != 1) + 1):
-            if self._have and int(index[part[0]]) != self._first + self._have:
-                yield from self._take(scans.temperature)
-                self._flags |= Flag.AFTER_GAP
-            if not self._have:
-                self._first = int(index[part[0]])
-            self._counts.append(scans.counts[part])
-            self._have += len(part)
-        self._consider_pair(int(index[-1]), last_time)
-        self._last, self._last_time = int(index[-1]), now
+        expected = self._expected(scans, now)
+        index = self._index(scans.counter, expected)
+        kept = _in_order(index, self._next)
+        index, counts = index[kept], scans.counts[kept]
+        if not len(index):
+            return
+        whole = int(index[0]) == self._next and int(index[-1]) == self._next + len(index) - 1
+        for run in np.split(np.arange(len(index)), np.flatnonzero(np.diff(index) != 1) + 1):
+            yield from self._append(int(index[run[0]]), counts[run], now)
+        self._temperature = scans.temperature
+        if self._anchor is None or (whole and abs(int(index[-1]) - expected) < self._modulus // 4):
+            self._anchor = int(index[-1]), now
+            self._consider_pair(*self._anchor)
         if self._have >= self._n_scans:
-            yield from self._take(scans.temperature)
+            yield from self.flush(now)
 
-    def _index(self, scans: Scans, now: int) -> IndexArray:
-        if self._flags & Flag.RESTARTED:
-            origin = 0 if self._last is None else self._last
-            return np.asarray(origin + unwrap(scans.counter, None, 0, self._modulus) - int(scans.counter[0]))
-        expected = 0 if self._last is None else self._last + round((now - self._last_time) * 1e-9 * self._rate)
-        return np.asarray(unwrap(scans.counter, self._last, expected - len(scans.counter) + 1, self._modulus))
+    def _expected(self, scans: Scans, now: int) -> int:
+        """Return the index of a read's last scan by the host's clock."""
+        if self._anchor is None:
+            self._offset = self._next - int(scans.counter[0])
+            return self._next + len(scans.counter) - 1
+        return self._anchor[0] + round((now - self._anchor[1]) * 1e-9 * self._rate)
+
+    def _index(self, counter: IntArray, expected: int) -> IndexArray:
+        """Return indices: without a gap as the counter says, however late; beyond one nearest to the expected."""
+        raw = counter.astype(np.intp) + self._offset
+        onward = self._next + np.arange(len(raw))
+        gap = np.flatnonzero((raw - onward) % self._modulus)
+        index = unwrap(raw, expected, self._modulus)
+        n = int(gap[0]) if len(gap) else len(raw)
+        index[:n] = onward[:n]
+        return index
+
+    def _append(self, first: int, counts: IntArray, now: int) -> Iterator[Block]:
+        if first != self._next:
+            yield from self.flush(now)
+            self._flags |= Flag.AFTER_GAP
+        if not self._have:
+            self._first = first
+        self._counts.append(counts)
+        self._have += len(counts)
+        self._next = first + len(counts)
 
     def _consider_pair(self, index: int, time: int) -> None:
-        lateness = time - round(index / self._rate * 1e9)
-        if self._pair == (0, 0) or lateness < self._pair[1] - round(self._pair[0] / self._rate * 1e9):
+        if self._pair is None or self._lateness(index, time) < self._lateness(*self._pair):
             self._pair = (index, time)
 
-    def _take(self, temperature: float) -> Iterator[Block]:
-        if self._pair == (0, 0):  # a gap cut the block before any read ended in it
-            self._pair = (self._first + self._have - 1, self._last_time)
+    def _lateness(self, index: int, time: int) -> int:
+        return time - round(index / self._rate * 1e9)
+
+    def flush(self, now: int) -> Iterator[Block]:
+        """Yield what has been taken since the last block, if anything."""
+        if not self._have:
+            return
+        last = self._first + self._have - 1
+        pair = self._pair if self._pair is not None else (last, self._not_before(last, now))
         yield Block(
             device=self._device,
             rate=self._rate,
             first_index=self._first,
             counts=np.ascontiguousarray(np.concatenate(self._counts)),
             scale=self._scale,
-            pair_index=self._pair[0],
-            pair_time=self._pair[1],
-            temperature=temperature,
+            pair_index=pair[0],
+            pair_time=pair[1],
+            temperature=self._temperature,
             flags=self._flags,
         )
-        self._counts, self._have, self._pair, self._flags = [], 0, (0, 0), Flag.NONE
+        self._counts, self._have, self._pair, self._flags = [], 0, None, Flag.NONE
+
+    def _not_before(self, index: int, now: int) -> int:
+        """Return `now`, or later: a scan between gaps must not look earlier than those that arrived in order."""
+        if self._anchor is None:
+            return now
+        return max(now, self._anchor[1] + round((index - self._anchor[0]) / self._rate * 1e9))
+
+
+def _in_order(index: IndexArray, following: int) -> IndexArray:
+    """Return which scans of a read ascend, none before `following` unless all are: then that one was false."""
+    later = np.minimum.accumulate(index[::-1])[::-1]
+    ascending = np.append(index[:-1] < later[1:], True) & (index >= 0)
+    if index[-1] >= following:
+        ascending &= index >= following
+    return np.flatnonzero(ascending)
 
 
 class DeviceReader(threading.Thread):
@@ -155,6 +204,7 @@ class DeviceReader(threading.Thread):
         self._silent_seconds = silent_seconds
         self._blocks = _Blocks(device, rate, driver.scale, driver.modulus, max(1, round(block_seconds * rate)))
         self._ending = threading.Event()
+        self._end = 0  # index after the last block handed on
 
     def connect(self) -> None:
         """Open the device before the thread starts.
@@ -176,9 +226,11 @@ class DeviceReader(threading.Thread):
             try:
                 self._stream()
             except DriverError as error:
+                self._flush()
                 self._sink(self._event("device_lost", {"why": str(error)}))
                 self._driver.close()
                 self._reconnect()
+        self._flush()
         self._driver.close()
 
     def _stream(self) -> None:
@@ -187,11 +239,24 @@ class DeviceReader(threading.Thread):
             scans = self._driver.read()
             now = self._clock.now()
             for block in self._blocks.add(scans, now):
-                self._sink(block)
+                self._hand_on(block)
             if len(scans.counts):
                 heard = now
             elif now - heard > self._silent_seconds * 1e9 * self._clock.speed:
                 raise DeviceLost(self._device, f"silent for {self._silent_seconds:g} s")
+
+    def _flush(self) -> None:
+        for block in self._blocks.flush(self._clock.now()):
+            self._hand_on(block)
+
+    def _hand_on(self, block: Block) -> None:
+        """Put a block, and before it how many scans are missing; by the host's clock where the device began anew."""
+        missing = block.first_index - self._end
+        if missing > 0:
+            exact = not block.flags & Flag.RESTARTED
+            self._sink(self._event("gap", {"first_index": self._end, "missing": missing, "exact": exact}))
+        self._end = block.end_index
+        self._sink(block)
 
     def _reconnect(self) -> None:
         while not self._ending.wait(_RETRY_SECONDS):

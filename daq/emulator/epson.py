@@ -59,6 +59,7 @@ class EmulatedEpson:
         self._fifo = round(_KERNEL_BUFFER * max(1.0, clock.speed))
         self._registers = _registers(serial_number)
         self._window = 0
+        self._unplugged = False
         self._commands = bytearray()
         self._pending = bytearray()
         self._started: int | None = None
@@ -73,12 +74,16 @@ class EmulatedEpson:
         return self._started
 
     def close(self) -> None:
-        """Unplug: the host's side reads an error from now on."""
-        os.close(self._slave)
-        os.close(self._master)
+        """Unplug: the host's side reads an error from now on; once is enough."""
+        if not self._unplugged:
+            self._unplugged = True
+            os.close(self._slave)
+            os.close(self._master)
 
     def serve(self) -> None:
-        """Answer commands and send what is due; returns at once."""
+        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        if self._unplugged:
+            return
         self._listen()
         if self._started is not None:
             self._sample(self._started)
