@@ -1,5 +1,6 @@
 """Burst frames: bytes and back, whole, damaged and in pieces."""
 
+import itertools
 from dataclasses import dataclass
 
 import hypothesis.strategies as st
@@ -52,7 +53,7 @@ def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
     stream = noise + random_frames(seed, 15) + noise + random_frames(seed + 1, 10)
     whole, pieces = BurstDecoder(), BurstDecoder()
     edges = [0, *sorted(cuts), len(stream)]
-    parts = [pieces.feed(stream[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [pieces.feed(stream[a:b]) for a, b in itertools.pairwise(edges)]
     assert joined(parts) == joined([whole.feed(stream)])
     assert pieces.bad_bytes == whole.bad_bytes
 

@@ -1,0 +1,135 @@
+"""Scans into blocks: gaps exact, false counters harmless, indices that go on over a restart."""
+
+from collections.abc import Iterable, Iterator
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+from daq import Block, Flag, IntArray, Scans
+from daq.drivers.base import _Blocks
+
+START = 1_767_225_600_000_000_000  # ns UTC
+RATE = 1000.0
+N = 250
+
+
+def cut(
+    index: IntArray, reads: Iterable[int], *, first_counter: int = 65_400, blocks: _Blocks | None = None
+) -> Iterator[Block]:
+    """Yield blocks of scans whose counts are their indices, read so many at a time, 0.2 ms after the last one."""
+    blocks = _Blocks("d", RATE, 1.0, 1 << 16, N) if blocks is None else blocks
+    start = now = 0
+    for n in reads:
+        part = index[start : start + n]
+        if len(part):
+            now = START + int(part.max()) * 1_000_000 + 200_000
+            counter = ((part + first_counter) % 65536).astype(np.int32)
+            yield from blocks.add(Scans(part[:, None].astype(np.int32), counter, 20.0, 0), now)
+        start += n
+    yield from blocks.flush(now)
+
+
+def assert_true(blocks: list[Block]) -> None:
+    """Assert that every scan has its own index and no arrival is before its scan."""
+    for block in blocks:
+        np.testing.assert_array_equal(block.counts[:, 0], block.first_index + np.arange(block.n_scans))
+        assert block.pair_time >= START + block.pair_index * 1_000_000
+        assert block.first_index <= block.pair_index < block.end_index
+
+
+gaps = st.lists(st.tuples(st.integers(1, 300), st.integers(0, 200_000)), min_size=1, max_size=12)
+
+
+@given(gaps, st.lists(st.integers(1, 80), min_size=1, max_size=5))
+def test_gaps_are_exact_however_often_the_counter_wrapped(runs: list[tuple[int, int]], reads: list[int]) -> None:
+    parts, at = [], 0
+    for n, missing in runs:
+        parts.append(np.arange(at, at + n, dtype=np.int32))
+        # The device's counter cannot tell a gap of a whole round from none, nor a read which of its scans are old.
+        at += n + (missing if missing % 65536 else missing + 1)
+    blocks: list[Block] = []
+    index = np.concatenate(parts)
+    sizes = [n for part in parts for n in _sizes(len(part), reads)]
+    blocks.extend(cut(index, sizes))
+    assert_true(blocks)
+    assert sum(b.n_scans for b in blocks) == len(index)
+    after = [b.first_index for b in blocks if b.flags & Flag.AFTER_GAP]
+    assert after == [int(b[0]) for a, b in zip(parts, parts[1:], strict=False) if b[0] != a[-1] + 1]
+
+
+def _sizes(total: int, reads: list[int]) -> Iterator[int]:
+    k = 0
+    while total > 0:
+        yield min(reads[k % len(reads)], total)
+        total -= reads[k % len(reads)]
+        k += 1
+
+
+def test_gap_amid_a_read_is_exact() -> None:
+    index = np.concatenate([np.arange(105), np.arange(107, 900), np.arange(5_000, 5_010)]).astype(np.int32)
+    blocks = list(cut(index, [50] * 30))
+    assert_true(blocks)
+    assert [(b.first_index, b.end_index) for b in blocks if b.flags & Flag.AFTER_GAP] == [(107, 400), (5000, 5010)]
+
+
+def test_what_was_waiting_during_a_stall_keeps_its_place() -> None:
+    index = np.concatenate([np.arange(500), np.arange(90_000, 90_300)]).astype(np.int32)
+    blocks = list(cut(index, [100, 100, 250, 100, 250]))  # the fourth read: 50 old scans, then new ones
+    assert_true(blocks)
+    assert sum(b.n_scans for b in blocks) == len(index)
+
+
+@pytest.mark.parametrize("false", [1, 12_345, 32_769, 60_000, -3])
+@pytest.mark.parametrize("at", [2_000, 2_003, 2_009])  # first, amid, last of a read
+def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
+    blocks = _Blocks("d", RATE, 1.0, 1 << 16, N)
+    found: list[Block] = []
+    for start in range(0, 80_000, 10):
+        index = np.arange(start, start + 10, dtype=np.int32)
+        counter = index % 65536
+        counter[index == at] = (at + false) % 65536
+        now = START + int(index[-1]) * 1_000_000 + 200_000
+        found.extend(blocks.add(Scans(index[:, None], counter, 20.0, 0), now))
+    wrong = [b for b in found if b.counts[0, 0] != b.first_index]
+    assert sum(b.n_scans for b in wrong) <= 1  # the false one itself
+    assert all(b.pair_time >= START + b.pair_index * 1_000_000 for b in found)
+    right = [b for b in found if b.counts[0, 0] == b.first_index]
+    assert_true(right)
+    assert sum(b.n_scans for b in right) >= 80_000 - N - 20
+
+
+def test_pair_of_a_block_is_its_earliest_arrival() -> None:
+    blocks = _Blocks("d", RATE, 1.0, 1 << 16, 100)
+    late = [900_000, 300_000, 100_000, 700_000]
+    found: list[Block] = []
+    for k, extra in enumerate(late):
+        index = np.arange(25 * k, 25 * k + 25, dtype=np.int32)
+        now = START + int(index[-1]) * 1_000_000 + extra
+        found.extend(blocks.add(Scans(index[:, None], index, 20.0, 0), now))
+    assert [(b.pair_index, b.pair_time) for b in found] == [(74, START + 74_000_000 + 100_000)]
+
+
+def test_damage_is_flagged() -> None:
+    blocks = _Blocks("d", RATE, 1.0, 1 << 16, 10)
+    index = np.arange(10, dtype=np.int32)
+    (first,) = blocks.add(Scans(index[:, None], index, 20.0, 24), START)
+    (second,) = blocks.add(Scans(index[:, None] + 10, index + 10, 20.0, 0), START + 10_000_000)
+    assert (first.flags, second.flags) == (Flag.BAD_FRAMES, Flag.NONE)
+
+
+def test_indices_go_on_by_the_hosts_clock_after_a_restart() -> None:
+    blocks = _Blocks("d", RATE, 1.0, 1 << 16, N)
+    before = list(cut(np.arange(600, dtype=np.int32), [100] * 6, blocks=blocks))
+    assert [b.n_scans for b in before] == [300, 300]
+    blocks.restart(START + 5_000_000_000)
+    scans = np.arange(100, dtype=np.int32)
+    after: list[Block] = []
+    for k in range(6):
+        now = START + 5_000_000_000 + 100_000_000 * (k + 1)
+        after.extend(blocks.add(Scans(scans[:, None], 40_000 + 100 * k + scans, 20.0, 0), now))
+    assert [b.flags for b in after] == [Flag.RESTARTED, Flag.NONE]
+    assert [b.n_scans for b in after] == [300, 300]
+    assert after[0].first_index == pytest.approx(5_000, abs=2)
+    assert after[1].first_index == after[0].end_index

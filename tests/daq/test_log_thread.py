@@ -1,0 +1,71 @@
+"""The log's thread: nothing blocks a reader, neither a full queue nor a full disk."""
+
+import errno
+import resource
+import time
+from pathlib import Path
+
+import pytest
+from daq_helpers import contents, some_items
+
+from daq import Item, LogThread, LogWriter, read_log
+
+
+def test_thread_writes_in_order_and_tells_of_each_item(tmp_path: Path) -> None:
+    told: list[Item] = []
+    with LogThread(LogWriter(tmp_path / "log.mcap", {}), told.append, chunk_seconds=0.01) as thread:
+        for item in some_items():
+            thread.put(item)
+            time.sleep(0.002)
+    assert contents(told) == contents(some_items()) == contents(read_log(tmp_path / "log.mcap"))
+    assert (thread.dropped, thread.failure) == (0, None)
+
+
+def test_thread_counts_what_finds_the_queue_full(tmp_path: Path) -> None:
+    thread = LogThread(LogWriter(tmp_path / "log.mcap", {}), lambda item: None, capacity=3)
+    for item in some_items()[:10]:
+        thread.put(item)  # the thread is not started yet: nothing leaves the queue
+    assert thread.dropped == 7
+    with thread:
+        pass
+    assert contents(read_log(tmp_path / "log.mcap")) == contents(some_items()[:3])
+
+
+@pytest.mark.parametrize("failing", ["write", "flush"])
+def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str) -> None:
+    writer = LogWriter(tmp_path / "log.mcap", {})
+    writer.write(some_items()[0])
+    writer.flush()
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(writer, failing, fail)
+    told: list[Item] = []
+    with LogThread(writer, told.append, chunk_seconds=0.0) as thread:
+        for item in some_items():
+            thread.put(item)
+    assert contents(told) == contents(some_items())
+    assert thread.failure is not None
+    assert thread.failure.errno == 28
+    assert contents(read_log(tmp_path / "log.mcap")) == contents(some_items()[:1])
+
+
+def test_thread_hands_on_when_the_file_cannot_grow(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    writer = LogWriter(path, {})
+    told: list[Item] = []
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20_000, hard))
+    try:
+        with LogThread(writer, told.append, chunk_seconds=0.0) as thread:
+            for item in some_items():
+                thread.put(item)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert contents(told) == contents(some_items())
+    assert thread.failure is not None
+    assert thread.failure.errno == errno.EFBIG
+    found = contents(read_log(path))
+    assert 0 < len(found) < len(told)
+    assert found == contents(told)[: len(found)]

@@ -1,0 +1,54 @@
+"""Blocks and readings that tests of daq share."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from daq import EPSON_SCALE, Block, Event, Flag, Item
+
+START = 1_767_225_600_000_000_000  #: ns UTC
+
+
+def make_block(device: str, first: int, *, n: int = 250, seed: int = 0, late: int = 0) -> Block:
+    """Return a block of random counts over all of int32; its last scan arrives `late` ns after its time."""
+    counts = np.random.default_rng([seed, first]).integers(-(2**31), 2**31, (n, 3)).astype(np.int32)
+    return Block(
+        device=device,
+        rate=1000.0,
+        first_index=first,
+        counts=counts,
+        scale=EPSON_SCALE,
+        pair_index=first + n - 1,
+        pair_time=START + (first + n - 1) * 1_000_000 + late,
+        temperature=21.5,
+        flags=Flag.NONE,
+    )
+
+
+def contents(items: Iterable[Item]) -> list[object]:
+    """Return items as values that compare by every field."""
+    return [
+        (item.topic, item.time, item.payload)
+        if isinstance(item, Event)
+        else (
+            item.device,
+            item.rate,
+            item.first_index,
+            item.counts.tolist(),
+            item.scale,
+            item.pair_index,
+            item.pair_time,
+            item.temperature,
+            item.flags,
+        )
+        for item in items
+    ]
+
+
+def some_items() -> list[Item]:
+    """Return blocks of two devices and events, times not in order."""
+    items: list[Item] = []
+    for k in range(8):
+        items += [make_block("a", 250 * k, seed=1), make_block("b", 70_000 + 250 * k, seed=2)]
+        items.append(Event(topic="/event/note", time=START - k, payload={"k": k, "text": "ä", "list": [1.5, None]}))
+    return items
