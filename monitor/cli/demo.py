@@ -50,6 +50,7 @@ def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> in
     (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
     with stop_on_signals() as stop, RigProcess(out, speed) as rig:
         (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), plan), encoding="utf-8")
+        rig.stop_at_its_end(stop)
         display = Display(console, plan.windows, stop)
         with display:
             report = run(load_site(out / "site.toml"), stop, display.show)

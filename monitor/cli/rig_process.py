@@ -46,6 +46,10 @@ class RigProcess:
         found: dict[str, Any] = json.loads(self._ports.read_text(encoding="utf-8"))
         return found
 
+    def stop_at_its_end(self, stop: threading.Event) -> None:
+        """Set `stop` when the rig ends, however that comes."""
+        threading.Thread(target=lambda: (self._process.wait(), stop.set()), name="rig watch", daemon=True).start()
+
     def finish(self) -> dict[str, Any]:
         """Ask the rig to end and return its report."""
         self._process.terminate()

@@ -1,0 +1,55 @@
+"""The demo as a process, the way a user starts it, at its shorter length."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from daq import read_log
+from monitor.replay import replay
+
+MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
+SEED = 7
+
+
+def test_short_demo_finds_the_body_and_replay_repeats_it_to_the_last_digit(tmp_path: Path) -> None:
+    """No scan is lost between rig and log; the log alone gives the same modes and the same alarm."""
+    print(f"seed {SEED}")
+    command = [*MODALWATCH, "demo", "--short", "--seed", str(SEED), "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr
+    answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
+    assert answer["right"] is True
+    assert answer["dropped"] == 0
+    assert answer["answer"]["mass_std"] > 0
+    assert (tmp_path / "overview.rrd").stat().st_size > 100_000
+    report = replay(next((tmp_path / "log").glob("*.mcap")), None, lambda _: None)
+    assert len(report.logged) > 15
+    assert report.same
+
+
+def test_ctrl_c_stops_cleanly_with_the_log_whole(tmp_path: Path) -> None:
+    command = [*MODALWATCH, "demo", "--short", "--seed", "8", "--out", str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    log = _first_log(tmp_path, process)
+    time.sleep(6)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, out + err
+    assert "Traceback" not in err
+    items = list(read_log(log))
+    assert items[-1].topic == "/event/stopped" or len(items) > 100  # type: ignore[union-attr]
+    assert log.read_bytes()[-8:] == b"\x89MCAP0\r\n"  # finished: stock readers open it
+
+
+def _first_log(folder: Path, process: subprocess.Popen[str]) -> Path:
+    end = time.monotonic() + 40
+    while time.monotonic() < end:
+        found = list((folder / "log").glob("*.mcap")) if (folder / "log").exists() else []
+        if found:
+            return found[0]
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.1)
+    raise AssertionError("no log within 40 s")

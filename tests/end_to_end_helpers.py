@@ -1,0 +1,61 @@
+"""A log as a run would have written it, made without ports and at once."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from daq import EPSON_SCALE, Block, Event, LogWriter
+from monitor.rig import T_DEVICES, Scenario, make_sources
+from updater import parse_structure, t_structure_toml
+
+START = 1_767_225_600_000_000_000
+_BLOCK = 0.25  # s
+_LATENCY = 1e-3  # s, the least; what comes on top is drawn
+
+
+def site_toml(*, window: float, baseline_windows: int, rate: float) -> str:
+    """Settings for the six devices of the T-frame."""
+    lines = ['structure = "t_structure.toml"', "[analysis]"]
+    lines += [f"window_seconds = {window}", f"baseline_windows = {baseline_windows}"]
+    for name, (_, axes) in T_DEVICES.items():
+        mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
+        lines += ["[[device]]", f'name = "{name}"', 'driver = "epson-uart"', f'port = "/dev/{name}"', f"rate = {rate}"]
+        lines += [f"channels = {{{mapped}}}"]
+    return "\n".join(lines) + "\n"
+
+
+def blocks(scenario: Scenario, seconds: float) -> Iterator[Block]:
+    """Blocks of all devices in the order of their arrival; starts, clocks and latencies differ."""
+    random = np.random.default_rng((scenario.seed, 9))
+    world, sources = make_sources(parse_structure(t_structure_toml()), scenario)
+    starts = [START + int(t * 1e9) for t in np.sort(random.uniform(0, 0.5, len(sources)))]
+    rates = [scenario.rate * (1 + device.clock_error) for device in scenario.device]
+    for source, start, rate in zip(sources, starts, rates, strict=True):
+        source.start(start, rate)
+    world.begin(starts[-1])
+    n = round(_BLOCK * scenario.rate)
+    for first in range(0, round(seconds * scenario.rate), n):
+        for device, source, start, rate in zip(scenario.device, sources, starts, rates, strict=True):
+            late = _LATENCY + random.exponential(2e-3)
+            yield Block(
+                device=device.name,
+                rate=scenario.rate,
+                first_index=first,
+                counts=source.read(first, n),
+                scale=EPSON_SCALE,
+                pair_index=first + n - 1,
+                pair_time=start + round(((first + n - 1) / rate + late) * 1e9),
+                temperature=21.0,
+            )
+
+
+def write_log(path: Path, scenario: Scenario, seconds: float, site: str) -> None:
+    """Write what the devices of a scenario measure in `seconds` as a log."""
+    writer = LogWriter(path, {"site.toml": site, "structure.toml": t_structure_toml()})
+    for i, block in enumerate(blocks(scenario, seconds)):
+        writer.write(block)
+        if i % 12 == 11:
+            writer.flush()
+    writer.write(Event(topic="/event/stopped", time=START + round(seconds * 1e9), payload={}))
+    writer.close()
