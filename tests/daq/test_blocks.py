@@ -1,5 +1,6 @@
 """Scans into blocks: gaps exact, false counters harmless, indices that go on over a restart."""
 
+import itertools
 from collections.abc import Iterable, Iterator
 
 import hypothesis.strategies as st
@@ -56,7 +57,7 @@ def test_gaps_are_exact_however_often_the_counter_wrapped(runs: list[tuple[int, 
     assert_true(blocks)
     assert sum(b.n_scans for b in blocks) == len(index)
     after = [b.first_index for b in blocks if b.flags & Flag.AFTER_GAP]
-    assert after == [int(b[0]) for a, b in zip(parts, parts[1:], strict=False) if b[0] != a[-1] + 1]
+    assert after == [int(b[0]) for a, b in itertools.pairwise(parts) if b[0] != a[-1] + 1]
 
 
 def _sizes(total: int, reads: list[int]) -> Iterator[int]:
@@ -71,7 +72,10 @@ def test_gap_amid_a_read_is_exact() -> None:
     index = np.concatenate([np.arange(105), np.arange(107, 900), np.arange(5_000, 5_010)]).astype(np.int32)
     blocks = list(cut(index, [50] * 30))
     assert_true(blocks)
-    assert [(b.first_index, b.end_index) for b in blocks if b.flags & Flag.AFTER_GAP] == [(107, 400), (5000, 5010)]
+    assert [(b.first_index, b.end_index) for b in blocks if b.flags & Flag.AFTER_GAP] == [
+        (107, 402),
+        (5000, 5010),
+    ]  # a block ends with the read that fills it
 
 
 def test_what_was_waiting_during_a_stall_keeps_its_place() -> None:
@@ -92,12 +96,11 @@ def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
         counter[index == at] = (at + false) % 65536
         now = START + int(index[-1]) * 1_000_000 + 200_000
         found.extend(blocks.add(Scans(index[:, None], counter, 20.0, 0), now))
-    wrong = [b for b in found if b.counts[0, 0] != b.first_index]
-    assert sum(b.n_scans for b in wrong) <= 1  # the false one itself
+    index = np.concatenate([np.arange(b.first_index, b.end_index) for b in found])
+    counts = np.concatenate([b.counts[:, 0] for b in found])
+    assert np.count_nonzero(counts != index) <= 1  # the false one itself
+    assert len(counts) >= 80_000 - N - 20  # two reads around it, and what no block holds yet
     assert all(b.pair_time >= START + b.pair_index * 1_000_000 for b in found)
-    right = [b for b in found if b.counts[0, 0] == b.first_index]
-    assert_true(right)
-    assert sum(b.n_scans for b in right) >= 80_000 - N - 20
 
 
 def test_pair_of_a_block_is_its_earliest_arrival() -> None:
