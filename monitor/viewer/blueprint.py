@@ -59,7 +59,7 @@ class Layout:
         )
 
     def _mode_shapes(self, reference: ReferenceResult) -> rrb.Grid:
-        views = [self._scene(f"Mode {m.id}", f"/modes/mode_{m.id}", close=1.0) for m in reference.modes]
+        views = [self._scene(f"Mode {m.id}", f"/modes/mode_{m.id}", close=0.85) for m in reference.modes]
         return rrb.Grid(*views, grid_columns=4 if len(views) > 6 else 3, name="Mode shapes")
 
     def _identification(self) -> rrb.Horizontal:
@@ -93,7 +93,7 @@ class Layout:
         )
 
     def _structure(self) -> rrb.Spatial3DView:
-        return self._scene("Structure", "/structure", close=0.95)
+        return self._scene("Structure", "/structure", close=0.72)
 
     def _scene(self, name: str, origin: str, *, close: float) -> rrb.Spatial3DView:
         if self._geometry is None:

@@ -51,7 +51,7 @@ def draw_trends(recording: rr.RecordingStream, windows: Sequence[WindowResult]) 
     columns = rr.Measurements.columns(
         values=np.zeros(len(watched)),
         variances=np.full(len(watched), band**2),
-        colors=[0xE8484DB0] * len(watched),
+        colors=np.full(len(watched), 0xE8484D60, np.uint32),
         names=["3 sigma of the least sure mode"] * len(watched),
         widths=[0.6] * len(watched),
     )

@@ -11,6 +11,7 @@ from monitor.viewer.palette import ALARM, DIM, GREY, STEEL, TEXT, heat, mode_col
 
 _TUBE = 0.010  # of the structure's size, radius of its members
 _SHAPE = 0.16  # of its size, largest displacement of a mode
+_LEAST_LEVEL = 0.05  # of the posterior, as a share of its largest, that is drawn
 _PHASES = np.arange(24) / 24
 
 
@@ -78,15 +79,20 @@ def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer)
     radius = geometry.size * (0.028 + 0.03 * min(1.0, abs(answer.mass) / 0.5))
     recording.log("/structure/mass/body", rr.Points3D([at], radii=radius, colors=[ALARM]))
     text = f"{1000 * answer.mass:+.0f} ± {1000 * answer.mass_std:.0f} g, ± {1000 * answer.position_std:.0f} mm"
-    beside = at + np.array([0.0, 0.0, 2.6 * radius])
+    beside = at + geometry.size * np.array([0.24, -0.10, -0.02])  # clear of the sensors' names
     recording.log(
         "/structure/mass/label", rr.Points3D([beside], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
     )
     region = [[r.start, r.end] for r in answer.region]
-    band = rr.LineStrips3D(region, colors=[(255, 210, 90)], radii=1.5 * _TUBE * geometry.size)
+    band = rr.LineStrips3D(region, colors=[(255, 210, 90)], radii=1.3 * _TUBE * geometry.size)
     recording.log("/structure/mass/region", band)
     segments, level = _posterior_on_members(answer)
-    tube = rr.LineStrips3D(segments, colors=heat(level), radii=1.25 * _TUBE * geometry.size)
+    shown = level > _LEAST_LEVEL
+    tube = rr.LineStrips3D(
+        [s for s, keep in zip(segments, shown, strict=True) if keep],
+        colors=heat(level[shown]),
+        radii=1.6 * _TUBE * geometry.size,
+    )
     recording.log("/structure/mass/posterior", tube)
 
 
