@@ -1,5 +1,7 @@
 """Scenarios and worlds that the rig's tests share."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from daq import FloatArray
@@ -7,7 +9,7 @@ from monitor.rig import T_DEVICES, RigDevice, RigEvent, Scenario, Truth
 from updater import Body, Structure, parse_structure, t_structure_toml
 
 ORIGIN = 1_767_225_600_000_000_000  #: when the tests' devices begin [ns UTC]
-QUIET = {"gain_scatter": 0.0, "noise_density": 0.0}
+QUIET: dict[str, object] = {"gain_scatter": 0.0, "noise_density": 0.0}
 
 
 def t_frame() -> Structure:
@@ -15,14 +17,16 @@ def t_frame() -> Structure:
     return parse_structure(t_structure_toml())
 
 
-def nominal(seed: int = 0, *, bodies: tuple[tuple[float, Body], ...] = (), **truth: object) -> Scenario:
+def nominal(
+    seed: int = 0, truth: Mapping[str, object] | None = None, bodies: tuple[tuple[float, Body], ...] = ()
+) -> Scenario:
     """Return a scenario whose structure is nominal but for `truth`; bodies as (time [s], body)."""
     return Scenario(
         structure="t_structure",
         seed=seed,
         duration=0,
         device=tuple(RigDevice(name=name, at=at) for name, (at, _) in T_DEVICES.items()),
-        truth=Truth.model_validate(truth),
+        truth=Truth.model_validate(truth or {}),
         event=tuple(RigEvent(at=at, body=body) for at, body in bodies),
     )
 

@@ -1,5 +1,7 @@
 """What a device makes of the motion: it filters, samples by its own clock, scatters in gain, adds noise and rounds."""
 
+from typing import Protocol
+
 import numpy as np
 from scipy.signal import fftconvolve, firwin
 
@@ -17,6 +19,23 @@ _NODES = np.arange(-2, 4)  # simulated samples that an interpolated one is taken
 _LAGRANGE = np.linalg.inv(np.vander(_NODES.astype(float), increasing=True))
 
 
+class Motion(Protocol):
+    """What a device needs of the world."""
+
+    @property
+    def rate(self) -> float:
+        """Simulated samples a second [Hz]."""
+        ...
+
+    def sample(self, time: int) -> float:
+        """Return which simulated sample, whole and part, a time [ns UTC] is."""
+        ...
+
+    def motion(self, first: int, last: int, device: int) -> FloatArray:
+        """Return accelerations (last - first, 3) [m/s2] of a device, samples first .. last - 1."""
+        ...
+
+
 class DeviceSource:
     """What one device measures of the world, as the `SampleSource` of its emulator.
 
@@ -31,7 +50,7 @@ class DeviceSource:
     number : of the device in the scenario
     """
 
-    def __init__(self, world: World, scenario: Scenario, number: int) -> None:
+    def __init__(self, world: Motion, scenario: Scenario, number: int) -> None:
         self._world, self._number, self._scenario = world, number, scenario
         self._random = np.random.default_rng((scenario.seed, 3, number))
         self._gain = 1 + scenario.truth.gain_scatter * self._random.standard_normal(3)

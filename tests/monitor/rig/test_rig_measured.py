@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from rig_helpers import ORIGIN, QUIET, SineWorld, nominal
 
 from daq import EPSON_SCALE, FloatArray
 from monitor.rig import DeviceSource
-from rig_helpers import ORIGIN, QUIET, SineWorld, nominal
 
 #: -80 dB, and what rounding to counts adds to a tone of 1 m/s2: it is below -120 dB
 STOP = 1e-4
@@ -12,7 +12,7 @@ STOP = 1e-4
 def measure(
     world: SineWorld, n: int, *, rate: float = 1000.0, start: int = ORIGIN, seed: int = 0, **truth: object
 ) -> FloatArray:
-    source = DeviceSource(world, nominal(seed, **(QUIET | truth)), 2)
+    source = DeviceSource(world, nominal(seed, QUIET | truth), 2)
     source.start(start, rate)
     return np.asarray(source.read(0, n) * EPSON_SCALE)
 
@@ -62,7 +62,7 @@ def test_noise_has_the_density_asked_for() -> None:
     noise = measure(SineWorld(1.0, amplitude=0.0), n, noise_density=density)
     rms = np.hypot(density * np.sqrt(500), EPSON_SCALE / np.sqrt(12))  # one-sided, up to half the rate; and rounding
     np.testing.assert_allclose(noise.std(0), rms, rtol=4 / np.sqrt(2 * n))  # four standard deviations
-    correlation = np.corrcoef(noise.T)[np.triu_indices(3, 1)]
+    correlation = np.asarray(np.corrcoef(noise.T))[np.triu_indices(3, 1)]
     assert np.abs(correlation).max() < 4 / np.sqrt(n)
 
 
@@ -82,7 +82,7 @@ def test_gains_scatter_and_stay() -> None:
 
 def test_a_device_can_be_started_again() -> None:
     world = SineWorld(20.0)
-    source = DeviceSource(world, nominal(**QUIET), 0)
+    source = DeviceSource(world, nominal(0, QUIET), 0)
     source.start(ORIGIN, 1000.0)
     source.read(0, 777)
     source.start(ORIGIN + 5_000_000_000, 500.0)

@@ -2,11 +2,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rig_helpers import nominal
 
 from monitor.errors import SettingsError
 from monitor.rig import Scenario, draw_t_frame, dump_scenario, load_scenario
 from monitor.rig.process import load_rig_structure
-from rig_helpers import nominal
 from updater import Body
 
 BETWEEN = (30.0, 50.0)

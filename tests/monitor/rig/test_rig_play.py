@@ -1,0 +1,221 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rig_helpers import ORIGIN, nominal, t_frame
+
+from daq import EPSON_SCALE, Block, DeviceReader, Event, HostClock, Item, ScaledClock, SystemClock, make_driver
+from monitor.errors import SettingsError, StartError
+from monitor.rig import PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
+from updater import Body
+
+SPEED = 10.0
+RUN = "import sys; from pathlib import Path; from monitor.rig import run_rig; a = sys.argv; "
+RUN += "run_rig(Path(a[1]), speed=float(a[2]), ports=Path(a[3]), report=Path(a[4]))"
+_READY_SECONDS = 30.0
+
+
+class RigProcess:
+    """A rig in a process of its own."""
+
+    def __init__(self, folder: Path, scenario: Scenario) -> None:
+        self._ports, self._report = folder / "ports.json", folder / "rig.json"
+        (folder / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
+        self._ports.write_text("a stale file of an earlier rig", encoding="utf-8")
+        command = [sys.executable, "-c", RUN, str(folder / "scenario.toml"), str(SPEED), str(self._ports)]
+        quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen([*command, str(self._report)], env=quiet, stderr=subprocess.PIPE, text=True)
+
+    def ready(self) -> dict[str, Any]:
+        end = time.monotonic() + _READY_SECONDS
+        while time.monotonic() < end and self.process.poll() is None:
+            text = self._ports.read_text(encoding="utf-8") if self._ports.exists() else ""
+            if text.startswith("{"):
+                found: dict[str, Any] = json.loads(text)
+                return found
+            time.sleep(0.02)
+        raise AssertionError(f"the rig did not get ready: {self.process.communicate()[1]}")
+
+    def report(self) -> dict[str, Any]:
+        _, said = self.process.communicate(timeout=20)
+        assert (self.process.returncode, said) == (0, "")
+        found: dict[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
+        return found
+
+
+@contextmanager
+def rig(folder: Path, scenario: Scenario) -> Iterator[RigProcess]:
+    started = RigProcess(folder, scenario)
+    try:
+        yield started
+    finally:
+        started.process.kill()
+        started.process.communicate()
+
+
+@contextmanager
+def reading(ports: dict[str, str], clock: HostClock) -> Iterator[list[Item]]:
+    """Read all ports with the driver until the end of the block."""
+    items: list[Item] = []
+    readers = [
+        DeviceReader(name, make_driver("epson-uart", port, 1000.0), 1000.0, clock, items.append)
+        for name, port in ports.items()
+    ]
+    for reader in readers:
+        reader.connect()
+        reader.start()
+    try:
+        yield items
+    finally:
+        for reader in readers:
+            reader.stop()
+        for reader in readers:
+            reader.join()
+
+
+def scans(items: list[Item], device: str) -> list[Block]:
+    return [item for item in items if isinstance(item, Block) and item.device == device]
+
+
+def n_missing(blocks: list[Block]) -> int:
+    """Count the scans that blocks skip."""
+    ends = [block.first_index + len(block.counts) for block in blocks]
+    return sum(block.first_index - end for block, end in zip(blocks[1:], ends[:-1], strict=True))
+
+
+def played(folder: Path, scenario: Scenario, wall_seconds: float) -> tuple[dict[str, Any], list[Item], ScaledClock]:
+    with rig(folder, scenario) as process:
+        found = process.ready()
+        clock = ScaledClock(**found["clock"])
+        with reading(found["ports"], clock) as items:
+            time.sleep(wall_seconds)
+        process.process.send_signal(signal.SIGTERM)
+        return process.report(), items, clock
+
+
+def test_six_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(tmp_path: Path) -> None:
+    scenario = draw_t_frame("t_structure", 31, duration=0, between=(6.0, 7.0))
+    for _ in range(3):  # a port holds 170 ms; neighbours on this machine may take it for longer, though not every time
+        report, items, _ = played(tmp_path, scenario, 3.0)
+        if not report["dropped"]:
+            break
+    assert report["dropped"] == 0
+    assert report["dropped_by_device"] == {device.name: 0 for device in scenario.device}
+    received = 0
+    for device in scenario.device:
+        blocks = scans(items, device.name)
+        assert n_missing(blocks) == 0
+        data = np.concatenate([block.counts for block in blocks]) * EPSON_SCALE
+        assert len(data) > 0.9 * 3.0 * SPEED * scenario.rate
+        assert 0.002 < data.std(0).max() < 0.1
+        received += len(data)
+    # what was under way when the readers stopped: a pty's 4 kB, a block not yet full and a serving's delay, each device
+    assert 0 <= report["sent"] - received < 6 * (170 + 250 + 1000)
+    opened = [item.time for item in items if isinstance(item, Event) and item.topic == "/event/device_open"]
+    assert len(report["events"]) == 1
+    late = (report["events"][0] - max(opened)) * 1e-9 - scenario.event[0].at
+    assert abs(late) < 1.0  # 0.1 s of wall time between the rig that begins and the driver that says so
+
+
+def test_both_sides_share_one_time_scale(tmp_path: Path) -> None:
+    report, items, clock = played(tmp_path, nominal(5), 2.0)
+    assert clock.speed == SPEED
+    assert report["events"] == []
+    for blocks in (scans(items, device) for device in ("col_037", "beam_right")):
+        first, last = blocks[0], blocks[-1]
+        seconds = (last.pair_time - first.pair_time) * 1e-9
+        # the earliest arrival of a block is late by 0 to some ten ms of wall time, tenfold
+        assert (last.pair_index - first.pair_index) / 1000 == pytest.approx(seconds, abs=1.0)
+
+
+def test_a_rig_ends_by_itself_when_its_duration_is_over(tmp_path: Path) -> None:
+    scenario = nominal(6).model_copy(update={"duration": 5.0})
+    with rig(tmp_path, scenario) as process:
+        found = process.ready()
+        with reading(found["ports"], ScaledClock(**found["clock"])):
+            report = process.report()
+    assert report["sent"] + report["dropped"] >= 6 * 5000
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_a_rig_that_nobody_reads(tmp_path: Path, number: signal.Signals) -> None:
+    with rig(tmp_path, nominal(7)) as process:
+        process.ready()
+        process.process.send_signal(number)
+        assert process.report()["sent"] == 0
+
+
+class HandClock:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.speed, self.time = 1.0, ORIGIN
+
+    def now(self) -> int:
+        return self.time
+
+
+def test_after_a_stall_the_rig_catches_up_and_counts_what_was_lost() -> None:
+    clock, stop, ports = HandClock(), threading.Event(), dict[str, str]()
+    scenario = nominal(8, bodies=((3.0, Body(at=(0.1, 0, 1.48), mass=0.2)),))
+    asked, done = threading.Event(), list[PlayReport]()
+
+    def ready(found: dict[str, str]) -> None:
+        ports.update(found)
+        asked.set()
+
+    thread = threading.Thread(target=lambda: done.append(play(t_frame(), scenario, clock, ready, stop)), daemon=True)
+    thread.start()
+    assert asked.wait(_READY_SECONDS)
+    with reading(ports, SystemClock()) as items:  # the host did not sleep, only the rig
+        time.sleep(0.1)
+        clock.time += 30_000_000_000
+        end = time.monotonic() + 20
+        while time.monotonic() < end and not all(_reached(scans(items, name), 29_500) for name in ports):
+            time.sleep(0.05)
+            clock.time += 1_000_000  # 50 times slower than life, so that the last blocks fill
+        stop.set()
+        thread.join()
+    assert len(done) == 1
+    report = done[0]
+    assert report.events == (ORIGIN + 3_000_000_000,)
+    assert report.dropped > 0
+    assert report.dropped == sum(report.dropped_by_device.values())
+    due = 6 * ((clock.time - ORIGIN) // 1_000_000 + 1)
+    assert due - 6 * 2 <= report.sent + report.dropped <= due
+
+
+def _reached(blocks: list[Block], index: int) -> bool:
+    return bool(blocks) and blocks[-1].end_index % 65536 >= index  # as the device counts
+
+
+def test_a_bad_speed_or_scenario_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    files = {"ports": tmp_path / "ports.json", "report": tmp_path / "rig.json"}
+    path.write_text(dump_scenario(nominal()), encoding="utf-8")
+    with pytest.raises(ValueError, match="speed: expected a positive number, found 0"):
+        run_rig(path, speed=0.0, **files)
+    path.write_text("seed = 'one'", encoding="utf-8")
+    with pytest.raises(SettingsError, match="structure: Field required"):
+        run_rig(path, speed=1.0, **files)
+    assert not files["ports"].exists()
+
+
+def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    path.write_text(dump_scenario(nominal()), encoding="utf-8")
+    missing = tmp_path / "none" / "ports.json"
+    handlers = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
+    with pytest.raises(StartError, match=r"ports\.json: cannot be written: No such file"):
+        run_rig(path, speed=1.0, ports=missing, report=tmp_path / "rig.json")
+    assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)] == handlers
