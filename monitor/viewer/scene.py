@@ -79,7 +79,7 @@ def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer)
     radius = geometry.size * (0.028 + 0.03 * min(1.0, abs(answer.mass) / 0.5))
     recording.log("/structure/mass/body", rr.Points3D([at], radii=radius, colors=[ALARM]))
     text = f"{1000 * answer.mass:+.0f} ± {1000 * answer.mass_std:.0f} g, ± {1000 * answer.position_std:.0f} mm"
-    beside = at + geometry.size * np.array([0.24, -0.10, -0.02])  # clear of the sensors' names
+    beside = at + geometry.size * np.array([0.16, -0.08, 0.09])  # clear of the sensors' names
     recording.log(
         "/structure/mass/label", rr.Points3D([beside], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
     )
