@@ -205,6 +205,7 @@ class DeviceReader(threading.Thread):
         self._blocks = _Blocks(device, rate, driver.scale, driver.modulus, max(1, round(block_seconds * rate)))
         self._ending = threading.Event()
         self._end = 0  # index after the last block handed on
+        self._identity: dict[str, Any] = {}  # of the device that was there at the start
 
     def connect(self) -> None:
         """Open the device before the thread starts.
@@ -214,7 +215,8 @@ class DeviceReader(threading.Thread):
         DriverError
             If it does not answer.
         """
-        self._sink(self._event("device_open", self._driver.open()))
+        self._identity = self._driver.open()
+        self._sink(self._event("device_open", self._identity))
 
     def stop(self) -> None:
         """Ask the thread to end."""
@@ -259,11 +261,19 @@ class DeviceReader(threading.Thread):
         self._sink(block)
 
     def _reconnect(self) -> None:
+        """Wait for the same device: a port may be given to another one meanwhile, whose signals are not this one's."""
+        refused: dict[str, Any] | None = None
         while not self._ending.wait(_RETRY_SECONDS):
             try:
                 identity = self._driver.open()
             except DriverError:
                 self._driver.close()
+                continue
+            if identity != self._identity:
+                self._driver.close()
+                if identity != refused:
+                    self._sink(self._event("wrong_device", {"expected": self._identity, "found": identity}))
+                refused = identity
                 continue
             self._blocks.restart(self._clock.now())
             self._sink(self._event("device_back", identity))

@@ -37,6 +37,7 @@ class ScriptedDriver:
     bad: dict[int, int] = field(default_factory=dict)
     opened: int = 0
     refusals: int = 0
+    strangers: int = 0  #: other devices that answer at the port before this one is back
     reader: DeviceReader | None = None
     step: int = 0
 
@@ -44,6 +45,8 @@ class ScriptedDriver:
         self.opened += 1
         if 1 < self.opened <= 1 + self.refusals:
             raise DriverError("port", "nobody there")
+        if 1 < self.opened <= 1 + self.strangers:
+            return {"serial": "S2"}
         return {"serial": "S1"}
 
     def read(self) -> Scans:
@@ -67,10 +70,10 @@ class ScriptedDriver:
         return
 
 
-def played(script: list[Step], refusals: int = 0, bad: dict[int, int] | None = None) -> list[Item]:
+def played(script: list[Step], refusals: int = 0, bad: dict[int, int] | None = None, strangers: int = 0) -> list[Item]:
     """Return what a reader hands on."""
     clock, items = HandClock(), list[Item]()
-    driver = ScriptedDriver(clock, script, refusals=refusals, bad=bad or {})
+    driver = ScriptedDriver(clock, script, refusals=refusals, bad=bad or {}, strangers=strangers)
     reader = driver.reader = DeviceReader("beam", driver, RATE, clock, items.append, block_seconds=0.25)
     reader.connect()
     reader.run()
@@ -171,4 +174,12 @@ def test_silent_device_is_lost() -> None:
     items = played([*steady(0, 400), *[(500.0, range(0))] * 5, *steady(0, 500)])
     (lost,) = events_of(items, "device_lost")
     assert lost["why"] == "beam: silent for 2 s"
+    assert len(events_of(items, "device_back")) == 1
+
+
+def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
+    """Two tries find a stranger there: said once, not a scan of its taken; then the device is back."""
+    items = played([*steady(0, 400), (0.1, None), *steady(0, 500)], strangers=2)
+    (wrong,) = events_of(items, "wrong_device")
+    assert wrong["found"] == {"serial": "S2"}
     assert len(events_of(items, "device_back")) == 1
