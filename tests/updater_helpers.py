@@ -1,153 +1,59 @@
-"""Structures with known answers, and estimates of modes with known errors."""
-
-from dataclasses import dataclass
+"""True structures that differ in kind from the reference model, and what would be measured of them."""
 
 import numpy as np
-import numpy.typing as npt
 
-from daq import FloatArray, IndexArray
 from oma import ModalEstimate
-from updater import Body, Joint, Model, Modes, Structure, Support, build_model, parse_structure, t_structure_toml
-
-ALL = ("x", "y", "z", "rx", "ry", "rz")
-N_MODES = 8
+from updater import Body, Joint, Model, Structure, Support, build_model, parse_structure, t_structure_toml
 
 
 def t_frame() -> Structure:
-    """Return the shipped T-frame."""
     return parse_structure(t_structure_toml())
 
 
-def beam(
-    *,
-    length: float,
-    elements: int,
-    support: tuple[Support, ...],
-    modulus: float = 1.0,
-    shear_modulus: float = 0.4,
-    density: float = 1.0,
-    area: float = 1.0,
-    second_moment: tuple[float, float] = (1e-9, 4e-9),
-    torsion_constant: float = 1e-9,
-    shear_factor: float = 5 / 6,
-    direction: tuple[float, float, float] = (1.0, 0.0, 0.0),
-) -> Structure:
-    """Return one straight member from the origin."""
-    end = np.asarray(direction) / np.linalg.norm(direction) * length
-    return Structure.model_validate(
-        {
-            "name": "beam",
-            "material": {"m": {"youngs_modulus": modulus, "shear_modulus": shear_modulus, "density": density}},
-            "section": {
-                "s": {
-                    "area": area,
-                    "second_moment": second_moment,
-                    "torsion_constant": torsion_constant,
-                    "shear_factor": shear_factor,
-                }
-            },
-            "member": [
-                {"name": "b", "from": (0, 0, 0), "to": end.tolist(), "material": "m", "section": "s"}
-                | {"elements": elements}
-            ],
-            "support": support,
+def true_model(random: np.random.Generator, body: Body | None = None) -> Model:
+    """10 mm Timoshenko elements, consistent mass, flexible foot and joint, E and rho off."""
+    structure = t_frame()
+    steel = structure.material["steel"]
+    stiffness, density = 1 + 0.015 * random.standard_normal(), 1 + 0.007 * random.standard_normal()
+    material = steel.model_copy(
+        update={
+            "youngs_modulus": steel.youngs_modulus * stiffness,
+            "shear_modulus": steel.shear_modulus * stiffness,
+            "density": steel.density * density,
         }
     )
-
-
-def clamped() -> tuple[Support, ...]:
-    """Return a clamp at the origin."""
-    return (Support(at=(0, 0, 0), fixed=ALL),)
-
-
-def all_modes(model: Model) -> Modes:
-    """Return every mode of a small model with a regular mass matrix, densely."""
-    return model.modes(model.n_dofs)
-
-
-def of_axis(model: Model, modes: Modes, axis: int) -> FloatArray:
-    """Return the frequencies of the modes whose kinetic energy is in one of the six directions of the nodes."""
-    dofs = model.dofs[:, axis][model.dofs[:, axis] >= 0]
-    share = (modes.shape * (model.mass @ modes.shape))[dofs].sum(0)
-    return modes.frequency[share > 0.9]
-
-
-def as_estimate(
-    frequency: npt.ArrayLike,
-    shape: npt.ArrayLike,
-    *,
-    channels: tuple[str, ...],
-    frequency_std: npt.ArrayLike = 1e-3,
-    shape_std: float = 1e-3,
-) -> ModalEstimate:
-    """Return an estimate with the given modes, shapes (n_modes, n_channels) at unit norm."""
-    f, s = np.asarray(frequency, float), np.asarray(shape, complex)
-    return ModalEstimate(
-        channels=channels,
-        frequency=f,
-        frequency_std=np.broadcast_to(np.asarray(frequency_std, float), f.shape),
-        damping=np.full(len(f), 0.004),
-        damping_std=np.full(len(f), 0.001),
-        shape=s / np.linalg.norm(s, axis=1, keepdims=True),
-        shape_std=np.full(s.shape, shape_std),
-        support=np.ones(len(f)),
-        law_ratio=np.ones(len(f)),
-        start=0,
-        end=60 * 10**9,
+    unit = steel.youngs_modulus * 9.3e-8 / 1.48
+    springs = {axis: unit / random.uniform(0.001, 0.01) for axis in ("rx", "ry", "rz")}
+    joint = {axis: unit / random.uniform(0.001, 0.01) for axis in ("rx", "ry", "rz")}
+    changed = structure.model_copy(
+        update={
+            "material": {"steel": material},
+            "support": (Support.model_validate({"at": (0, 0, 0), "fixed": ("x", "y", "z"), "stiffness": springs}),),
+            "joint": (Joint.model_validate({"member": "crossbeam", "at": (0, 0, 1.48), "stiffness": joint}),),
+            "body": (body,) if body else (),
+        }
     )
+    return build_model(changed.with_mesh(0.01), shear_flexible=True, mass="consistent")
 
 
-def unmoved(n_windows: int, n_tracks: int = N_MODES) -> list[IndexArray]:
-    """Return tracks of windows whose modes all came in order."""
-    return [np.arange(n_tracks, dtype=np.intp)] * n_windows
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Truth:
-    """A real T-frame: not the reference model, and its sensors' gains scatter."""
-
-    seed: int
-    structure: Structure
-    gain: FloatArray  # (n_channels,)
-
-    def model(self, body: Body | None = None) -> Model:
-        """Return Timoshenko elements of 10 mm with consistent mass, with a body added or not."""
-        structure = self.structure.with_bodies([body] if body else [])
-        return build_model(structure, shear_flexible=True, mass="consistent")
-
-    def windows(
-        self, modes: Modes, sensor_rows: FloatArray, n: int, seed: int, noise: float = 1.0
-    ) -> list[ModalEstimate]:
-        """Return estimates with errors by the uncertainty law (0.1 % at 10 Hz) and 0.3 % of unit norm on shapes."""
-        random = np.random.default_rng(seed)
-        std, shape_std = noise * 1e-3 * np.sqrt(10 / modes.frequency), noise * 3e-3
-        exact = (sensor_rows @ modes.shape).T * self.gain
-        exact /= np.linalg.norm(exact, axis=1, keepdims=True)
-        return [
-            as_estimate(
-                modes.frequency * (1 + std * random.standard_normal(len(std))),
-                exact + shape_std * random.standard_normal(exact.shape),
-                channels=self.structure.channels,
-                frequency_std=std * modes.frequency,
-                shape_std=shape_std,
-            )
-            for _ in range(n)
-        ]
-
-
-def t_truth(seed: int) -> Truth:
-    """Return a T-frame with E and density off by per cents, a flexible foot and joint, gains off by 0.5 %."""
-    random = np.random.default_rng(seed)
-    plain = t_frame()
-    e, rho = 1 + 0.02 * random.standard_normal(), 1 + 0.01 * random.standard_normal()
-    changed = {"youngs_modulus": 210e9 * e, "shear_modulus": 80.8e9 * e, "density": 7850 * rho}
-
-    def springs() -> dict[str, float]:
-        return {axis: 210e9 * 9.3e-8 / 1.48 / random.uniform(0.002, 0.01) for axis in ("rx", "ry", "rz")}
-
-    foot = Support.model_validate({"at": (0, 0, 0), "fixed": ("x", "y", "z"), "stiffness": springs()})
-    top = Joint.model_validate({"member": "crossbeam", "at": (0, 0, 1.48), "stiffness": springs()})
-    steel = plain.material["steel"].model_copy(update=changed)
-    structure = plain.model_copy(update={"material": {"steel": steel}, "support": (foot,), "joint": (top,)})
-    gain = 1 + 0.005 * random.standard_normal(12)
-    return Truth(seed=seed, structure=structure.with_mesh(0.01), gain=gain)
+def measure(
+    model: Model, random: np.random.Generator, gain: np.ndarray, *, noise: float = 1e-3, shape_noise: float = 3e-3
+) -> ModalEstimate:
+    """Modes as identification would give them: relative noise of frequency falls with sqrt(f), as the law says."""
+    modes = model.modes(8)
+    shape = (model.sensor_rows @ modes.shape).T * gain
+    shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
+    std = noise * np.sqrt(10 / modes.frequency)
+    return ModalEstimate(
+        channels=model.structure.channels,
+        frequency=modes.frequency * (1 + std * random.standard_normal(8)),
+        frequency_std=std * modes.frequency,
+        damping=np.full(8, 0.004),
+        damping_std=np.full(8, 0.001),
+        shape=(shape + shape_noise * random.standard_normal(shape.shape)).astype(complex),
+        shape_std=np.full(shape.shape, shape_noise),
+        support=np.ones(8),
+        law_ratio=np.ones(8),
+        start=0,
+        end=60_000_000_000,
+    )

@@ -72,6 +72,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         If fewer than three measured modes have a partner in the model.
     """
     nominal = build_model(structure)
+    n_modes = min(n_modes, int((nominal.dofs[:, :3] >= 0).sum()))
     modes = nominal.modes(n_modes)
     rows = channel_rows(nominal, measured.channels)
     seen = (rows @ modes.shape).T
@@ -79,7 +80,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
     if (answers >= 0).sum() < 3:
         raise PairingError(
-            f"only {(answers >= 0).sum()} of the modes at at {np.round(frequency, 2).tolist()} Hz answer to one of "
+            f"only {(answers >= 0).sum()} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "
             f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
             "mapped rightly?"
         )

@@ -22,16 +22,19 @@ def pair_modes(
 
     Parameters
     ----------
-    frequency, shape : (n,) [Hz] and (n, n_channels) measured
-    model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels, k >= n
+    frequency, shape : (n,) [Hz] and (n, n_channels) measured; NaN for one that was never seen
+    model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels
 
     A pair with a MAC under 0.5 or frequencies more than 30 % apart is none.
     """
-    assurance = mac(shape, model_shape)
-    distance = np.abs(np.log(frequency[:, None] / model_frequency))
+    seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
+    assurance = mac(shape[seen], model_shape)
+    distance = np.abs(np.log(frequency[seen, None] / model_frequency))
     row, column = linear_sum_assignment(1 - assurance + distance)
-    answers = (assurance[row, column] >= 0.5) & (distance[row, column] <= 0.3)
-    return np.where(answers, column, -1)
+    near = (assurance[row, column] >= 0.5) & (distance[row, column] <= 0.3)
+    answers = np.full(len(frequency), -1, np.intp)
+    answers[seen[row[near]]] = column[near]
+    return answers
 
 
 def expand(shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int) -> FloatArray:

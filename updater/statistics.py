@@ -127,16 +127,19 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
     Raises
     ------
     ValueError
-        With fewer than three windows.
+        With fewer than three windows, or no mode seen in two of them.
     """
     if len(modes.log_frequency) < 3:
         raise ValueError(f"baseline: expected at least 3 windows, found {len(modes.log_frequency)}")
     stated = np.sqrt(_mean(modes.log_frequency_std**2))
     z = (modes.log_frequency - _mean(modes.log_frequency)) / stated
     freedom = int(np.maximum(np.isfinite(z).sum(0) - 1, 0).sum())
+    if not freedom:
+        raise ValueError("baseline: expected a mode seen in at least two windows, found none")
     factor = float(np.sqrt(np.nansum(z**2) / freedom))
     z_shape = (modes.shape - _mean(modes.shape)) / np.sqrt(_mean(modes.shape_std**2))
-    shape_freedom = np.maximum(np.isfinite(z_shape).sum(0) - 1, 0).sum()
+    # unit norm leaves a shape one free component fewer than it has channels
+    shape_freedom = np.maximum(np.isfinite(z_shape).sum(0) - 1, 0).sum() * (1 - 1 / len(modes.channels))
     return Scatter(
         frequency_factor=factor,
         shape_factor=float(np.sqrt(np.nansum(z_shape**2) / max(shape_freedom, 1))),

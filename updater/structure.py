@@ -15,11 +15,12 @@ from updater.errors import StructureError
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 Vector = tuple[float, float, float]
+_ON_MEMBER = 1e-4  # m
 Positive = Annotated[float, Field(gt=0)]
 
 
 class _Entry(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
 
 class Material(_Entry):
@@ -49,6 +50,12 @@ class Member(_Entry):
     section: str
     elements: Annotated[int, Field(ge=1)]  #: of equal length
 
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.start == self.end:
+            raise ValueError(f"member {self.name}: it ends where it begins, at {list(self.start)}")
+        return self
+
     @property
     def length(self) -> float:
         """Length [m]."""
@@ -58,6 +65,12 @@ class Member(_Entry):
         """Return the points (..., 3) [m] at distances (...) [m] from the member's start."""
         share = np.asarray(distance, float)[..., None] / self.length
         return np.asarray(self.start) + share * np.subtract(self.end, self.start)
+
+    def passes(self, point: Vector) -> bool:
+        """Say whether a point [m] lies on the member, to 0.1 mm."""
+        along = np.subtract(self.end, self.start) / self.length
+        distance = float(np.clip(np.subtract(point, self.start) @ along, 0, self.length))
+        return bool(np.linalg.norm(self.point(distance) - point) < _ON_MEMBER)
 
 
 class Support(_Entry):
@@ -92,6 +105,12 @@ class Sensor(_Entry):
     at: Vector  #: [m]
     direction: Vector
 
+    @model_validator(mode="after")
+    def _has_direction(self) -> Self:
+        if not any(self.direction):
+            raise ValueError(f"sensor {self.channel}: the direction is zero")
+        return self
+
 
 class Structure(_Entry):
     """A frame of straight members with everything fixed to it."""
@@ -99,7 +118,7 @@ class Structure(_Entry):
     name: str
     material: dict[str, Material]
     section: dict[str, Section]
-    member: tuple[Member, ...]
+    member: Annotated[tuple[Member, ...], Field(min_length=1)]
     support: tuple[Support, ...] = ()
     joint: tuple[Joint, ...] = ()
     body: tuple[Body, ...] = ()
@@ -116,6 +135,18 @@ class Structure(_Entry):
         channels = [sensor.channel for sensor in self.sensor]
         for repeated in {c for c in channels if channels.count(c) > 1} | {n for n in names if names.count(n) > 1}:
             raise ValueError(f"the name {repeated!r} is given twice")
+        return self
+
+    @model_validator(mode="after")
+    def _lie_on_members(self) -> Self:
+        places = [(f"sensor {sensor.channel}", sensor.at) for sensor in self.sensor]
+        places += [("support", support.at) for support in self.support] + [("body", body.at) for body in self.body]
+        for what, at in places:
+            if not any(member.passes(at) for member in self.member):
+                raise ValueError(f"{what}: {list(at)} lies on no member")
+        for joint in self.joint:
+            if not self.member_named(joint.member).passes(joint.at):
+                raise ValueError(f"joint of {joint.member}: {list(joint.at)} does not lie on it")
         return self
 
     @property

@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
+from fe_helpers import ALL, all_modes, beam, clamped, of_axis
 from scipy.sparse.linalg import spsolve
-from updater_helpers import ALL, all_modes, beam, clamped, of_axis
 
 from daq import FloatArray
 from updater import Model, ModelError, Support, build_model
@@ -24,16 +24,18 @@ def _cantilever_frequencies(elements: int, direction: tuple[float, float, float]
 def _closed_form() -> FloatArray:
     """Return both planes' frequencies, E = rho A = L = 1."""
     weak, strong = np.sqrt(1e-9), np.sqrt(4e-9)
-    return np.sort(np.r_[CANTILEVER**2 * weak, CANTILEVER**2 * strong] / (2 * np.pi))[:6]
+    return np.asarray(np.sort(np.r_[CANTILEVER**2 * weak, CANTILEVER**2 * strong] / (2 * np.pi))[:6], np.float64)
 
 
 def test_cantilever_bends_at_the_closed_form_frequencies_in_both_planes() -> None:
-    # a finite element of fourth order: (beta h)^4 / 720, 1.7e-5 for the third mode of 24 elements
-    np.testing.assert_allclose(_cantilever_frequencies(24), _closed_form(), rtol=(CANTILEVER[2] / 24) ** 4 / 700 + 1e-6)
+    # a finite element of fourth order: (beta h)^4 / 720, 6e-5 for the fourth mode of 24 elements
+    np.testing.assert_allclose(_cantilever_frequencies(24), _closed_form(), rtol=(CANTILEVER[3] / 24) ** 4 / 700)
 
 
 def test_cantilever_frequencies_do_not_depend_on_its_direction() -> None:
-    np.testing.assert_allclose(_cantilever_frequencies(8, SKEW), _cantilever_frequencies(8), rtol=1e-8)
+    np.testing.assert_allclose(
+        _cantilever_frequencies(8, SKEW), _cantilever_frequencies(8), rtol=2e-6
+    )  # EA is 1e9 EI: rounding
 
 
 def test_cantilever_frequency_converges_with_fourth_order() -> None:
@@ -53,7 +55,7 @@ def test_lumped_mass_converges_with_second_order() -> None:
 def _rod(wave_number: FloatArray, speed: float, h: float) -> FloatArray:
     """Frequencies of a chain of linear elements with consistent mass: exact for fixed-free and free-free rods."""
     c = np.cos(wave_number * h)
-    return speed * np.sqrt(6 * (1 - c) / (2 + c)) / h / (2 * np.pi)
+    return np.asarray(speed * np.sqrt(6 * (1 - c) / (2 + c)) / h / (2 * np.pi))
 
 
 def _thick(elements: int, support: tuple[Support, ...]) -> Model:
@@ -122,18 +124,21 @@ def test_pinned_timoshenko_beam_meets_the_closed_form() -> None:
     )
     error = []
     for n in (10, 20):
-        structure = beam(length=1.0, elements=n, support=support, second_moment=(moment, moment))
+        structure = beam(
+            length=1.0, elements=n, support=support, second_moment=(moment, moment), torsion_constant=moment
+        )
         model = build_model(structure, shear_flexible=True, mass="consistent")
-        k = np.arange(1, 4) * np.pi
+        k = np.array([1.0, 2.0, 3.0]) * np.pi
         closed = _timoshenko_pinned(k, 1.0, 0.4, moment, 5 / 6)
         found = np.array(
             [model.modes(30).frequency[np.abs(model.modes(30).frequency / f - 1).argmin()] for f in closed]
         )
         error.append(found / closed - 1)
+    extrapolated = (4 * error[1] - error[0]) / 3  # elements shorter than the section is deep: second order
     euler = k**2 * np.sqrt(moment) / (2 * np.pi)
     assert np.all(closed < 0.98 * euler)  # so that shear and rotary inertia matter here
-    np.testing.assert_array_less(np.abs(error[1]), (k / 20) ** 4 / 100)
-    assert np.all(error[0] / error[1] > 12)  # fourth order is 16
+    np.testing.assert_array_less(np.abs(extrapolated), (k / 20) ** 4 / 250)  # which leaves the fourth
+    np.testing.assert_allclose(np.log2(error[0] / error[1]), 2, atol=0.1)
 
 
 @pytest.mark.parametrize("shear_flexible", [False, True])
@@ -173,7 +178,7 @@ def test_rigid_motion_strains_nothing_and_weighs_the_rigid_body(
         rigid[model.dofs[node, 3 + axis], 3 + axis] = 1
         rigid[model.dofs[node, :3], 3 + axis] = np.cross(np.eye(3)[axis], point)
     force = model.stiffness @ rigid
-    assert np.abs(force).max() < 1e-12 * np.abs(model.stiffness).max()
+    assert np.abs(force).max() < 1e-12 * np.abs(model.stiffness.toarray()).max()
     for axis in range(6):  # a rigid motion is read as such anywhere
         point = 0.613 * np.asarray(direction)
         expected = np.r_[np.eye(3), np.zeros((3, 3))][:, axis] if axis < 3 else np.r_[

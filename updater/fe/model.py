@@ -17,6 +17,9 @@ from updater.structure import AXES, Body, Joint, Member, Structure
 
 MassKind = Literal["lumped", "consistent"]
 _COINCIDENT = 1e-6  # m: points nearer than this are the same node
+_FREE = 1e-14  # relative strain energy that is rounding: a bending mode's is about (element / member length)^4
+_DENSE = 60  # DOFs up to which all modes are solved for at once
+_MASSLESS = 1e-13  # least omega^-2 over the largest of a mode with inertia
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,24 +53,41 @@ class Model:
         return int(self.stiffness.shape[0])
 
     def modes(self, n: int) -> Modes:
-        """Return the lowest `n` modes (shift-invert Lanczos about zero; a semidefinite mass matrix is fine).
+        """Return the lowest `n` modes; a semidefinite mass matrix is fine.
 
         Raises
         ------
         ModelError
-            If the structure is a mechanism or stands free, so that its stiffness is singular.
+            If the structure is a mechanism or stands free, so that its stiffness is singular, or has fewer modes.
         """
-        start = np.ones(self.n_dofs)
+        few = self.n_dofs <= max(6 * n, _DENSE)
         try:
-            value, vector = eigsh(self.stiffness, n, self.mass, sigma=0.0, v0=start)
-        except RuntimeError as error:
+            value, vector = self._dense_modes() if few else self._lowest_modes(n)
+        except (RuntimeError, np.linalg.LinAlgError) as error:
             raise ModelError(
                 f"{self.structure.name}: the stiffness is singular: a support or a member is missing"
             ) from error
-        if value[0] <= 1e-9 * value[-1]:
+        if value[0] <= 0 or self._strain(vector[:, 0]) <= _FREE:
             raise ModelError(f"{self.structure.name}: it can move without deforming: a support is missing")
+        if len(value) < n:
+            raise ModelError(f"{self.structure.name}: expected {n} modes, found {len(value)}: the mesh is too coarse")
+        return Modes(frequency=np.sqrt(value[:n]) / (2 * np.pi), shape=_signed(vector[:, :n]))
+
+    def _strain(self, shape: FloatArray) -> float:
+        """Return a shape's strain energy over what it would be if every DOF moved alone [-]."""
+        return float(shape @ (self.stiffness @ shape) / (self.stiffness.diagonal() @ shape**2))
+
+    def _lowest_modes(self, n: int) -> tuple[FloatArray, FloatArray]:
+        """Return omega^2 (n,), ascending, and shapes by shift-invert Lanczos about zero."""
+        value, vector = eigsh(self.stiffness, n, self.mass, sigma=0.0, v0=np.ones(self.n_dofs))
         order = np.argsort(value)
-        return Modes(frequency=np.sqrt(value[order]) / (2 * np.pi), shape=_signed(vector[:, order]))
+        return value[order], vector[:, order]
+
+    def _dense_modes(self) -> tuple[FloatArray, FloatArray]:
+        """Return omega^2 and shapes of all modes that have inertia, by M b = omega^-2 K b."""
+        inverse, vector = scipy.linalg.eigh(self.mass.toarray(), self.stiffness.toarray())
+        inert = np.flatnonzero(inverse > _MASSLESS * inverse[-1])[::-1]
+        return 1 / inverse[inert], vector[:, inert] / np.sqrt(inverse[inert])
 
     def read(self, point: FloatArray, axis: int | None = None) -> FloatArray:
         """Return the rows that read displacements at a point on a member, through the element's shape functions.
@@ -173,26 +193,32 @@ class _Mesh:
         return member.point(even)
 
     def _node(self, point: FloatArray, member: Member) -> int:
-        near = [i for i, p in enumerate(self.nodes) if np.linalg.norm(p - point) < _COINCIDENT]
-        joint = next((j for j in self.structure.joint if np.linalg.norm(np.subtract(j.at, point)) < _COINCIDENT), None)
-        plain = [i for i in near if i not in {twin for _, twin, _ in self.twins}]
+        plain = [i for i in self._near(point) if i not in {twin for _, twin, _ in self.twins}]
         if not plain:
             self.nodes.append(point)
             plain = [len(self.nodes) - 1]
-        if joint is None or joint.member != member.name:
+        own = (j for j in self.structure.joint if j.member == member.name)
+        joint = next((j for j in own if np.linalg.norm(np.subtract(j.at, point)) < _COINCIDENT), None)
+        if joint is None:
             return plain[0]
-        twins = [twin for node, twin, _ in self.twins if node == plain[0]]
+        twins = [twin for node, twin, other in self.twins if node == plain[0] and other is joint]
         if not twins:
             self.nodes.append(point)
             self.twins.append((plain[0], len(self.nodes) - 1, joint))
             twins = [len(self.nodes) - 1]
         return twins[0]
 
+    def _near(self, point: FloatArray) -> list[int]:
+        """Return the nodes at a point, first made first."""
+        if not self.nodes:
+            return []
+        return list(np.flatnonzero(np.linalg.norm(np.array(self.nodes) - point, axis=1) < _COINCIDENT))
+
     def find(self, at: tuple[float, float, float], what: str) -> int:
-        for i, point in enumerate(self.nodes):
-            if np.linalg.norm(point - np.asarray(at)) < _COINCIDENT:
-                return i
-        raise ModelError(f"{what} at {list(at)}: no member passes there")
+        near = self._near(np.asarray(at))
+        if not near:
+            raise ModelError(f"{what} at {list(at)}: no member passes there")
+        return int(near[0])
 
     def number(self) -> IntArray:
         """Return the DOFs' numbers: held ones -1, twins share what their joint leaves rigid."""
