@@ -6,7 +6,6 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -22,7 +21,7 @@ _ORIGIN = 1_767_225_600_000_000_000  # 2026-01-01: where scaled time begins
 
 
 def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayReport:
-    """Run a rig as this process until it is over, SIGTERM or SIGINT.
+    """Run a rig as this process, whose signal handlers it takes, until it is over, SIGTERM or SIGINT.
 
     Parameters
     ----------
@@ -49,10 +48,8 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
         old.unlink(missing_ok=True)  # nobody shall take an earlier rig's for this one's
     now = time.time_ns()
     clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
-    with _stopped_by_signals() as stop:
-        done = play(
-            structure, scenario, clock, lambda found: _write(ports, {"clock": asdict(clock), "ports": found}), stop
-        )
+    stop = _stopped_by_signals()
+    done = play(structure, scenario, clock, lambda found: _write(ports, {"clock": asdict(clock), "ports": found}), stop)
     _write(report, asdict(done))
     return done
 
@@ -82,16 +79,12 @@ def _points(scenario: Scenario) -> Iterator[tuple[str, Vector]]:
         yield f"event.{i}.body.at", event.body.at
 
 
-@contextmanager
-def _stopped_by_signals() -> Iterator[threading.Event]:
-    """Yield an event that SIGTERM and SIGINT set; what they did before is restored."""
+def _stopped_by_signals() -> threading.Event:
+    """Return an event that SIGTERM and SIGINT set from now on; one that comes late cannot fail a finished rig."""
     stop = threading.Event()
-    old = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield stop
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
 
 
 def _write(path: Path, content: object) -> None:

