@@ -1,0 +1,50 @@
+"""What a kill -9 costs: half a second and a chunk at most."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from daq_helpers import make_block
+
+from daq import Block, read_attachments, read_log
+
+CHUNK_SECONDS = 0.4  # of LogThread unless told otherwise
+WRITER = """
+import sys, time
+from pathlib import Path
+from daq_helpers import make_block
+from daq import LogThread, LogWriter
+with LogThread(LogWriter(Path(sys.argv[1]), {"site.toml": "x"}), lambda item: None) as log:
+    for k in range(10**6):
+        log.put(make_block("a", 250 * k))
+        print(k, flush=True)
+        time.sleep(0.005)
+"""
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("seconds", [0.3, 0.95, 1.7])
+def test_kill_costs_half_a_second_and_a_chunk_at_most(tmp_path: Path, seconds: float) -> None:
+    path = tmp_path / "log.mcap"
+    put: list[float] = []  # when each block was known to be put
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(path)],
+        stdout=subprocess.PIPE,
+        env={"PYTHONPATH": f"{TESTS}:{TESTS.parent}"},
+    ) as process:
+        assert process.stdout is not None
+        while not put or put[-1] - put[0] < seconds:
+            assert process.stdout.readline()
+            put.append(time.monotonic())
+        process.kill()
+        killed = time.monotonic()
+    blocks = [item for item in read_log(path) if isinstance(item, Block)]
+    safe = sum(when < killed - 0.5 - CHUNK_SECONDS for when in put)
+    assert safe > 0 or seconds < 0.9
+    assert len(blocks) >= safe
+    for k, block in enumerate(blocks):
+        assert block.first_index == 250 * k
+        assert (block.counts == make_block("a", 250 * k).counts).all()
+    assert read_attachments(path) == {"site.toml": "x"}

@@ -1,0 +1,56 @@
+"""Emulated devices in a process of their own, told what to do over its standard input.
+
+    python emulated_ports.py N SPEED ORIGIN_WALL ORIGIN
+
+First line out: the ports as JSON. Lines in: `unplug K`, `end`. Last line out: frames sent and dropped by each device.
+"""
+
+import json
+import os
+import select
+import sys
+
+import numpy as np
+
+from daq import EmulatedEpson, IntArray, ScaledClock, serve_all, unplugging
+
+
+class Ramp:
+    """Scan k is (k, -k, 3 k)."""
+
+    def start(self, time: int, rate: float) -> None:
+        """Begin."""
+
+    def read(self, index: int, n: int) -> IntArray:
+        """Return counts (n, 3)."""
+        k = np.arange(index, index + n, dtype=np.int32)
+        return np.stack([k, -k, 3 * k], axis=1)
+
+
+def say(value: object) -> None:
+    sys.stdout.write(json.dumps(value) + "\n")
+    sys.stdout.flush()
+
+
+def told() -> list[str]:
+    """Return the words of a line if one is there within a millisecond."""
+    ready, _, _ = select.select([0], [], [], 1e-3)
+    return os.read(0, 100).decode().split() or ["end"] if ready else []
+
+
+def main() -> None:
+    """Serve until told to end."""
+    n, speed, origin_wall, origin = (int(word) for word in sys.argv[1:])
+    clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)
+    with unplugging([EmulatedEpson(Ramp(), clock, serial_number=f"E{k:07}") for k in range(n)]) as devices:
+        say([device.port for device in devices])
+        turn = 0
+        while (words := told()) != ["end"]:
+            if words:
+                devices[int(words[1])].close()
+            serve_all(devices, turn := turn + 1)
+        say({"sent": [device.sent for device in devices], "dropped": [device.dropped for device in devices]})
+
+
+if __name__ == "__main__":
+    main()
