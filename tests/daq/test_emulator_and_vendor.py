@@ -65,7 +65,7 @@ def served(*devices: EmulatedEpson) -> Iterator[None]:
 
 def test_vendors_driver_reads_the_emulator(monkeypatch: pytest.MonkeyPatch) -> None:
     esensorlib = pytest.importorskip("esensorlib.sensor_device")
-    monkeypatch.setattr(serial.Serial, "set_low_latency_mode", lambda self, on: None)  # a pty has none
+    monkeypatch.setattr(serial.Serial, "set_low_latency_mode", lambda *_: None)  # a pty has none
     device = EmulatedEpson(Steps(), SystemClock(), serial_number="T0000042")
     with served(device):
         sensor = esensorlib.SensorDevice(port=device.port, speed=460800, if_type="uart")
