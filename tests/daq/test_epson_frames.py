@@ -111,3 +111,24 @@ def test_joining_amid_a_frame_loses_that_frame_only() -> None:
 def test_temperature_comes_back_to_half_a_count(celsius: float) -> None:
     found = float(epson.temperature_celsius(epson.temperature_raw(celsius)))
     assert found == pytest.approx(celsius, abs=0.0037918 / 2 + 1e-9)
+
+
+def test_frame_inside_two_others_is_taken_from_the_left() -> None:
+    # A frame's last 14 bytes and the next one's first 10 spell a frame of their own.
+    first, second = bytearray(random_frames(1, 1)), bytearray(random_frames(2, 1))
+    first[10], second[9] = epson.HEADER, epson.DELIMITER
+    first[21:23] = _sum(bytes(first[1:21]))
+    inner = bytes(first[11:24]) + bytes(second[:7])
+    second[7:9] = _sum(inner)
+    second[21:23] = _sum(bytes(second[1:21]))
+    stream = bytes(first + second)
+    assert BurstDecoder().feed(stream[10:34]).counter.shape == (1,)  # it is one, seen by itself
+    assert joined([BurstDecoder().feed(stream)]) == joined(
+        [BurstDecoder().feed(bytes(first)), BurstDecoder().feed(bytes(second))]
+    )
+
+
+def _sum(body: bytes) -> bytes:
+    """Return the checksum of 20 bytes."""
+    total = sum(int.from_bytes(body[i : i + 2], "big") for i in range(0, len(body), 2))
+    return (total & 0xFFFF).to_bytes(2, "big")
