@@ -24,6 +24,7 @@ class Scans:
     counter: IntArray  #: (n,) as the device counts, wrapping [-]
     temperature: float  #: [degC]
     bad_bytes: int  #: dropped while these were read
+    age: int = 0  #: since the bytes were here [ns of wall time]
 
 
 class Driver(Protocol):
@@ -239,7 +240,7 @@ class DeviceReader(threading.Thread):
         heard = self._clock.now()
         while not self._ending.is_set():
             scans = self._driver.read()
-            now = self._clock.now()
+            now = self._clock.now() - round(scans.age * self._clock.speed)
             for block in self._blocks.add(scans, now):
                 self._hand_on(block)
             if len(scans.counts):

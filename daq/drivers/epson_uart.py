@@ -108,16 +108,19 @@ class EpsonUart:
     def read(self) -> Scans:
         """Return the scans that have arrived; none if nothing came within 0.1 s."""
         try:
-            before = self._decoder.bad_bytes
-            frames = self._decoder.feed(self._line.read(1) + self._line.read(self._line.in_waiting))
+            data = self._line.read(1) + self._line.read(self._line.in_waiting)
         except OSError as error:
             raise DeviceLost(self._port, f"the port is gone: {error}") from error
+        arrived = time.perf_counter_ns()
+        before = self._decoder.bad_bytes
+        frames = self._decoder.feed(data)
         celsius = epson.temperature_celsius(frames.temperature)
         return Scans(
             counts=frames.counts,
             counter=frames.counter.astype(np.int32),
             temperature=float(celsius.mean()) if len(celsius) else float("nan"),
             bad_bytes=self._decoder.bad_bytes - before,
+            age=time.perf_counter_ns() - arrived,
         )
 
     def close(self) -> None:
