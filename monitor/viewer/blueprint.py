@@ -1,140 +1,121 @@
-"""How the views are laid out."""
+"""How the views are laid out: only those that have something to show."""
 
-import numpy as np
-import rerun as rr
+import math
+from collections.abc import Sequence
+
 import rerun.blueprint as rrb
-from rerun.blueprint.encodings import TimelineColumn
 
-from monitor.results import ReferenceResult
-from monitor.viewer.palette import BACKGROUND
-from monitor.viewer.plots import HEIGHT, WIDTH
-from monitor.viewer.scene import Geometry
+from daq import Recording
+from monitor.viewer import views
+from monitor.viewer.change import mass_span
+from monitor.viewer.draw import TIME
+from monitor.viewer.story import Story
+from monitor.viewer.trends import frequency_span, shift_span
+
+_Part = rrb.View | rrb.Container
+_PLOTS_A_COLUMN = 6
 
 
-class Layout:
-    """The views of one recording.
+def layout(story: Story) -> rrb.Blueprint:
+    """Return the blueprint: the overview in front, then one tab a subject."""
+    tabs: list[rrb.Container] = [_overview(story)]
+    if story.reference:
+        tabs.append(views.mode_shapes(story.reference))
+    if story.spectra or story.reference:
+        tabs.append(_identification(story))
+    if story.answers:
+        tabs.append(_change(story))
+    if story.signals:
+        tabs.append(_signals(story.signals))
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.TopPanel(state="expanded"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIME, play_state="following"),
+        auto_layout=False,
+        auto_views=False,
+    )
 
-    Parameters
-    ----------
-    reference : None if the baseline was never learnt; views that need it are left out
-    seconds : length of the recording
-    answered : whether a change was located
-    """
 
-    def __init__(self, reference: ReferenceResult | None, seconds: float, *, answered: bool) -> None:
-        self._reference, self._seconds, self._answered = reference, seconds, answered
-        self._geometry = Geometry(reference) if reference else None
+def _stack(*parts: tuple[_Part, float]) -> rrb.Vertical:
+    return rrb.Vertical(*[part for part, _ in parts], row_shares=[share for _, share in parts])
 
-    def blueprint(self) -> rrb.Blueprint:
-        """Return the whole layout."""
-        tabs: list[rrb.Container] = [self._overview()]
-        if self._reference:
-            tabs += [self._mode_shapes(self._reference), self._identification()]
-        if self._answered:
-            tabs.append(self._change())
-        return rrb.Blueprint(
-            rrb.Tabs(*tabs, active_tab=0),
-            rrb.TopPanel(state="expanded"),
-            rrb.BlueprintPanel(state="collapsed"),
-            rrb.SelectionPanel(state="collapsed"),
-            rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
-            auto_layout=False,
-            auto_views=False,
-        )
 
-    def _overview(self) -> rrb.Horizontal:
-        card = rrb.TextDocumentView(name="Now", origin="/now")
-        left: list[rrb.View] = [self._structure(), card] if self._reference else [card]
-        return rrb.Horizontal(
-            rrb.Vertical(*left, row_shares=[5.0, 4.6][: len(left)]),
-            rrb.Vertical(
-                self._series("Frequency shift from the baseline [%]", "/trend/shift", legend=True),
-                self._series("Novelty, log10(T² / limit): over 0 is out", "/novelty"),
-                rrb.StateTimelineView(name="State", origin="/state", time_view=self._axis()),
-                row_shares=[4.0, 2.4, 2.2],
-            ),
-            rrb.Vertical(self._spectrum(), self._events(), row_shares=[4.0, 3.0]),
-            column_shares=[3.2, 4.0, 4.2],
-            name="Overview",
-        )
+def _beside(name: str, *parts: tuple[_Part, float]) -> rrb.Horizontal:
+    return rrb.Horizontal(*[part for part, _ in parts], column_shares=[share for _, share in parts], name=name)
 
-    def _mode_shapes(self, reference: ReferenceResult) -> rrb.Grid:
-        views = [self._scene(f"Mode {m.id}", f"/modes/mode_{m.id}", close=0.85) for m in reference.modes]
-        return rrb.Grid(*views, grid_columns=4 if len(views) > 6 else 3, name="Mode shapes")
 
-    def _identification(self) -> rrb.Horizontal:
-        return rrb.Horizontal(
-            rrb.Vertical(
-                self._spectrum(),
-                self._series("Natural frequencies [Hz]", "/trend/frequency", legend=True),
-                row_shares=[5, 3],
-            ),
-            rrb.TextDocumentView(name="Reference", origin="/reference"),
-            column_shares=[5, 3],
-            name="Identification",
-        )
+def _overview(story: Story) -> rrb.Horizontal:
+    left = _structure(story, 4.4, aspect=1.25)
+    left.append((views.card("Now", "/now"), 5.0))
+    right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if story.spectra else []
+    right.append((views.events(), 4.0))
+    return _beside("Overview", (_stack(*left), 3.3), (_trends(story), 4.0), (_stack(*right), 4.2))
 
-    def _change(self) -> rrb.Horizontal:
-        plot = rrb.archetypes.PlotBackground(color=BACKGROUND, show_grid=True)
-        posterior = rrb.BarChartView(
-            name="Posterior of the place [1/m], member after member, over distance from each start [m]",
-            origin="/answer/posterior",
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
-            background=plot,
-        )
-        return rrb.Horizontal(
-            self._structure(),
-            rrb.Vertical(
-                posterior,
-                self._series("Mass, with two standard deviations [g]", "/answer/mass", legend=True),
-                self._series("Standard deviation of the place [mm]", "/answer/place"),
-            ),
-            name="Change",
-        )
 
-    def _structure(self) -> rrb.Spatial3DView:
-        return self._scene("Structure", "/structure", close=0.72)
+def _structure(story: Story, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
+    """Return the view of the structure with its share of the room; none without a reference."""
+    if story.reference is None:
+        return []
+    return [(views.structure(story.reference, [answer for _, answer in story.answers], aspect), share)]
 
-    def _scene(self, name: str, origin: str, *, close: float) -> rrb.Spatial3DView:
-        if self._geometry is None:
-            return rrb.Spatial3DView(name=name, origin=origin)
-        view = np.array([0.75, -1.0, 0.42]) * 1.35 * close * self._geometry.size
-        return rrb.Spatial3DView(
-            name=name,
-            origin=origin,
-            background=BACKGROUND,
-            line_grid=rrb.LineGrid3D(visible=False),
-            eye_controls=rrb.EyeControls3D(position=self._geometry.centre + view, look_target=self._geometry.centre),
-        )
 
-    def _spectrum(self) -> rrb.Spatial2DView:
-        bounds = rrb.VisualBounds2D(x_range=[-22, WIDTH + 8], y_range=[-16, HEIGHT + 12])
-        return rrb.Spatial2DView(
-            name="Singular values and stabilisation", origin="/spectrum", background=BACKGROUND, visual_bounds=bounds
-        )
-
-    def _events(self) -> rrb.TextLogView:
-        columns = rrb.TextLogColumns(
-            timeline_columns=[TimelineColumn("time", visible=False)], text_log_columns=["loglevel", "body"]
-        )
-        return rrb.TextLogView(name="Events", origin="/events", columns=columns)
-
-    def _axis(self) -> rrb.TimeAxis:
-        start = rrb.TimeRangeBoundary.cursor_relative(seconds=-self._seconds)
-        return rrb.TimeAxis(
-            view_range=rr.TimeRange(
-                start=start, end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.01 * self._seconds)
+def _trends(story: Story) -> rrb.Vertical:
+    trends = views.Trends(story)
+    parts: list[tuple[_Part, float]] = []
+    if any(m.shift_percent is not None for w in story.watched for m in w.modes):
+        parts.append(
+            (
+                trends.series(
+                    "Frequency shift from the baseline [%]", "/trend/shift", values=shift_span(story), legend=True
+                ),
+                4.0,
             )
         )
+    elif any(w.modes for w in story.learning):
+        parts.append((trends.series("Frequencies found while learning [Hz]", "/trend/found"), 4.0))
+    if any(w.novelty for w in story.watched):
+        parts.append((trends.series("Novelty, log10(T² / limit): over 0 is out", "/novelty"), 2.4))
+    return _stack(*parts, (trends.lanes(), 1.7))
 
-    def _series(self, name: str, origin: str, *, legend: bool = False) -> rrb.TimeSeriesView:
-        start = rrb.TimeRangeBoundary.cursor_relative(seconds=-self._seconds)
-        return rrb.TimeSeriesView(
-            name=name,
-            origin=origin,
-            axis_x=self._axis(),
-            time_ranges=rrb.VisibleTimeRange("time", start=start, end=rrb.TimeRangeBoundary.cursor_relative()),
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftBottom) if legend else rrb.PlotLegend(visible=False),
-            background=rrb.archetypes.PlotBackground(color=BACKGROUND, show_grid=True),
-            interaction=rrb.PlotInteraction(tooltip_mode="All"),
+
+def _identification(story: Story) -> rrb.Horizontal:
+    left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if story.spectra else []
+    if story.reference:
+        modes, model = (
+            views.card("Baseline and model", "/reference/modes"),
+            views.card("Calibration", "/reference/model"),
         )
+        left.append((_beside("Reference", (modes, 5.0), (model, 4.0)), 3.7))
+    return _beside("Identification", (_stack(*left), 5.0), (_frequencies(story), 4.0))
+
+
+def _frequencies(story: Story) -> rrb.Grid:
+    """One small plot a mode, each with an axis of its own, so that a shift far smaller than the whole band is seen."""
+    trends = views.Trends(story)
+    plots = [
+        trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(story, n))
+        for n in story.tracks
+    ]
+    if not plots:
+        plots = [trends.series("Frequencies found while learning [Hz]", "/trend/found")]
+    return _grid(plots, name="Natural frequencies")
+
+
+def _change(story: Story) -> rrb.Horizontal:
+    trends = views.Trends(story)
+    mass = trends.series(f"Mass, ± 2σ [{story.mass_unit[1]}]", "/answer/mass", values=mass_span(story))
+    place = trends.series("Place, standard deviation [mm]", "/answer/place")
+    right: list[tuple[_Part, float]] = [(_beside("Sharpening", (mass, 1.0), (place, 1.0)), 3.4)]
+    if any(answer.profile for _, answer in story.answers):
+        right.insert(0, (views.posterior(), 5.6))
+    return _beside("Change", *_structure(story, 3.0, aspect=0.82), (_stack(*right), 4.2))
+
+
+def _signals(signals: Recording) -> rrb.Grid:
+    return _grid([views.signal(signals, channel.name) for channel in signals.channels], name="Signals")
+
+
+def _grid(plots: Sequence[rrb.View], name: str) -> rrb.Grid:
+    return rrb.Grid(*plots, grid_columns=math.ceil(len(plots) / _PLOTS_A_COLUMN), name=name)

@@ -1,5 +1,7 @@
 """One palette for all views."""
 
+import colorsys
+
 import numpy as np
 import numpy.typing as npt
 
@@ -7,9 +9,20 @@ from daq import FloatArray
 
 Colour = tuple[int, int, int]
 
-OK, WARN, ALARM, LEARN = (62, 178, 110), (245, 184, 61), (232, 72, 77), (86, 120, 190)
-STEEL, GREY, DIM, TEXT = (150, 158, 172), (150, 156, 168), (74, 80, 92), (235, 238, 245)
-BACKGROUND = [16, 18, 22]
+OK: Colour = (62, 178, 110)
+WARN: Colour = (245, 184, 61)
+ALARM: Colour = (232, 72, 77)
+LEARN: Colour = (86, 120, 190)
+STEEL: Colour = (150, 158, 172)
+GREY: Colour = (150, 156, 168)
+DIM: Colour = (74, 80, 92)
+FAINT: Colour = (46, 50, 58)
+TEXT: Colour = (235, 238, 245)
+SENSOR: Colour = (120, 200, 240)
+LIGHTER: Colour = (110, 170, 255)  # a mass that was taken away
+REGION: Colour = (255, 210, 90)
+BACKGROUND: Colour = (16, 18, 22)
+
 _MODES: tuple[Colour, ...] = (
     (86, 156, 255),
     (255, 166, 64),
@@ -17,19 +30,21 @@ _MODES: tuple[Colour, ...] = (
     (190, 132, 255),
     (255, 120, 160),
     (120, 214, 230),
-    (214, 200, 90),
-    (176, 184, 200),
-    (64, 150, 140),
-    (196, 130, 90),
-    (140, 120, 220),
-    (120, 180, 80),
+    (226, 212, 84),
+    (206, 210, 220),
+    (255, 104, 84),
+    (158, 224, 92),
 )
-_HEAT = np.array([[96, 104, 118], [120, 132, 150], [214, 178, 74], [240, 120, 50], [232, 48, 60]], float)
+_GOLDEN = 0.618034  # of a turn: neighbours in number are far apart in hue
+_HEAT = np.array([[110, 118, 132], [138, 148, 164], [222, 182, 74], [244, 124, 50], [236, 48, 60]], float)
 
 
 def mode_colour(number: int) -> Colour:
-    """Return the colour of a mode, counted from 1."""
-    return _MODES[(number - 1) % len(_MODES)]
+    """Return the colour of a mode, counted from 1; no two modes share one."""
+    if number <= len(_MODES):
+        return _MODES[number - 1]
+    red, green, blue = colorsys.hls_to_rgb(number * _GOLDEN % 1.0, 0.68, 0.72)
+    return round(255 * red), round(255 * green), round(255 * blue)
 
 
 def heat(level: FloatArray) -> npt.NDArray[np.uint8]:

@@ -1,136 +1,175 @@
-"""The structure in three dimensions: members, sensors, the located mass, mode shapes."""
+"""The structure in three dimensions: members, supports, sensors, and the located mass."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results import MassAnswer, ReferenceMode, ReferenceResult, WindowResult
-from monitor.viewer.palette import ALARM, DIM, GREY, STEEL, TEXT, heat, mode_colour
+from monitor.results import MassAnswer, ReferenceResult
+from monitor.viewer.draw import at
+from monitor.viewer.geometry import Geometry, screen
+from monitor.viewer.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
+from monitor.viewer.story import Story, thin
 
-_TUBE = 0.010  # of the structure's size, radius of its members
-_SHAPE = 0.16  # of its size, largest displacement of a mode
-_LEAST_LEVEL = 0.05  # of the posterior, as a share of its largest, that is drawn
-_PHASES = np.arange(24) / 24
-
-
-class Geometry:
-    """Nodes and lines of a reference, with a length to draw by."""
-
-    def __init__(self, reference: ReferenceResult) -> None:
-        self.nodes = np.array(reference.nodes)
-        self.lines = [np.array(nodes) for nodes in reference.lines.values()]
-        self.size = float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
-        self.centre = (self.nodes.min(0) + self.nodes.max(0)) / 2
-
-    def strips(self, displacement: FloatArray | None = None) -> list[FloatArray]:
-        """Return one polyline a member, displaced by (n_nodes, 3) [m]."""
-        at = self.nodes if displacement is None else self.nodes + displacement
-        return [at[line] for line in self.lines]
+TUBE = 0.0095  # of the structure's size, radius of its members
+SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer
+_DENSITY = 400.0  # kg/m3 of the sphere that stands for a mass: light, so that it can be seen
+_LEADER = 0.62  # of the way from the mass to the top of its label: the text hangs down from there
+_LARGEST = 0.06  # of the structure's size
 
 
-def draw_structure(recording: rr.RecordingStream, reference: ReferenceResult, windows: Sequence[WindowResult]) -> None:
-    """Draw members, sensors and, window by window, where the mass is."""
-    geometry = Geometry(reference)
+def draw_structure(recording: rr.RecordingStream, story: Story) -> None:
+    """Draw members, supports, sensors and, window by window, where the mass is."""
+    if story.reference is None:
+        return
+    geometry = Geometry(story.reference)
     recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _foot(recording, geometry)
-    _sensors(recording, reference, geometry)
-    members = rr.LineStrips3D(geometry.strips(), colors=[STEEL], radii=_TUBE * geometry.size)
-    recording.log("/structure/members", members, static=True)
-    for window in windows:
-        recording.set_time("time", timestamp=np.datetime64(window.end, "ns"))
+    _supports(recording, geometry)
+    _sensors(recording, story.reference, geometry)
+    at(recording, story.start)
+    _bare(recording, geometry)
+    answered = False
+    for window in thin(story.windows):
+        at(recording, window.end)
         if window.answer:
-            _mass(recording, geometry, window.answer)
-        else:
-            recording.log("/structure/mass", rr.Clear(recursive=True))
+            _mass(recording, geometry, window.answer, story.mass_unit)
+        elif answered:
+            _bare(recording, geometry)
+        answered = window.answer is not None
 
 
-def _foot(recording: rr.RecordingStream, geometry: Geometry) -> None:
-    low = geometry.nodes[np.argmin(geometry.nodes[:, 2])]
-    half = geometry.size * np.array([0.07, 0.07, 0.012])
-    box = rr.Boxes3D(centers=[low - [0, 0, half[2]]], half_sizes=[half], colors=[DIM], fill_mode="solid")
-    recording.log("/structure/foot", box, static=True)
+def seen(geometry: Geometry, answers: Sequence[MassAnswer]) -> FloatArray:
+    """Return the points (n, 3) that a picture of the structure must show, room for texts among them."""
+    right, up = screen(geometry.side(*SIDE))
+    room = 0.06 * geometry.size * np.array([right, -right, up, -up])
+    texts = [np.array(a.position) + _reach(geometry, a) for a in answers]
+    width = 0.22 * geometry.size * right
+    labels = [text + offset for text in texts for offset in (width, -width)]
+    return np.concatenate([*(geometry.nodes + offset for offset in room), np.array(labels).reshape(-1, 3)])
+
+
+def _bare(recording: rr.RecordingStream, geometry: Geometry) -> None:
+    recording.log("/structure/members", rr.LineStrips3D(geometry.strips(), colors=[STEEL], radii=TUBE * geometry.size))
+    recording.log("/structure/mass", rr.Clear(recursive=True))
+
+
+def _supports(recording: rr.RecordingStream, geometry: Geometry) -> None:
+    half = geometry.size * np.array([0.06, 0.06, 0.01])
+    feet = geometry.nodes[geometry.held] - [0, 0, half[2]]
+    plates = rr.Boxes3D(centers=feet, half_sizes=np.tile(half, (len(feet), 1)), colors=[DIM], fill_mode="solid")
+    recording.log("/structure/supports", plates, static=True)
+    name = "foot" if len(feet) == 1 else "support"
+    below = feet - [0, 0, 2 * half[2]]
+    labels = rr.Points3D(below, radii=0.0, colors=[GREY], labels=[name] * len(feet), show_labels=True)
+    recording.log("/structure/supports/names", labels, static=True)
 
 
 def _sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:
     """Draw one point a place, named by what its channels have in common, and an arrow a channel."""
     places: dict[tuple[float, float, float], list[str]] = {}
-    for channel, (at, _) in reference.sensors.items():
-        places.setdefault(at, []).append(channel)
-    labels = [_common(channels) for channels in places.values()]
-    points = rr.Points3D(list(places), radii=0.014 * geometry.size, colors=[(120, 200, 240)], labels=labels)
+    for channel, (place, _) in reference.sensors.items():
+        places.setdefault(place, []).append(channel)
+    labels = [common_name(channels) for channels in places.values()]
+    points = rr.Points3D(
+        list(places), radii=1.35 * TUBE * geometry.size, colors=[SENSOR], labels=labels, show_labels=True
+    )
     recording.log("/structure/sensors", points, static=True)
-    origins = [at for at, _ in reference.sensors.values()]
-    vectors = [0.07 * geometry.size * np.asarray(d) / np.linalg.norm(d) for _, d in reference.sensors.values()]
-    arrows = rr.Arrows3D(origins=origins, vectors=vectors, colors=[(90, 150, 190)], radii=0.004 * geometry.size)
+    origins = [place for place, _ in reference.sensors.values()]
+    vectors = [0.075 * geometry.size * np.asarray(d) / np.linalg.norm(d) for _, d in reference.sensors.values()]
+    arrows = rr.Arrows3D(origins=origins, vectors=vectors, colors=[SENSOR], radii=0.003 * geometry.size)
     recording.log("/structure/directions", arrows, static=True)
 
 
-def _common(names: list[str]) -> str:
+def common_name(names: list[str]) -> str:
+    """Return what the names of one place's channels begin with, or the first name if they share nothing."""
     if len(names) == 1:
         return names[0]
-    shared = [a for a, *rest in zip(*names, strict=False) if all(a == b for b in rest)]
-    return "".join(shared).rstrip("_-. ") or names[0]
+    shared = 0
+    while all(len(n) > shared for n in names) and len({n[shared] for n in names}) == 1:
+        shared += 1
+    return names[0][:shared].rstrip("_-. /") or names[0]
 
 
-def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer) -> None:
-    at = np.array(answer.position)
-    radius = geometry.size * (0.028 + 0.03 * min(1.0, abs(answer.mass) / 0.5))
-    recording.log("/structure/mass/body", rr.Points3D([at], radii=radius, colors=[ALARM]))
-    text = f"{1000 * answer.mass:+.0f} ± {1000 * answer.mass_std:.0f} g, ± {1000 * answer.position_std:.0f} mm"
-    beside = at + geometry.size * np.array([0.16, -0.08, 0.09])  # clear of the sensors' names
-    recording.log(
-        "/structure/mass/label", rr.Points3D([beside], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
-    )
-    region = [[r.start, r.end] for r in answer.region]
-    band = rr.LineStrips3D(region, colors=[(255, 210, 90)], radii=1.3 * _TUBE * geometry.size)
-    recording.log("/structure/mass/region", band)
-    segments, level = _posterior_on_members(answer)
-    shown = level > _LEAST_LEVEL
-    tube = rr.LineStrips3D(
-        [s for s, keep in zip(segments, shown, strict=True) if keep],
-        colors=heat(level[shown]),
-        radii=1.6 * _TUBE * geometry.size,
-    )
-    recording.log("/structure/mass/posterior", tube)
+def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer, unit: tuple[float, str]) -> None:
+    place, tube = np.array(answer.position), TUBE * geometry.size
+    radius = _radius(geometry, answer)
+    colour = ALARM if answer.mass >= 0 else LIGHTER
+    recording.log("/structure/mass/body", rr.Points3D([place], radii=radius, colors=[colour]))
+    bars = rr.LineStrips3D(_brackets(geometry, answer), colors=[REGION], radii=0.3 * tube)
+    recording.log("/structure/mass/region", bars)
+    segments, colours = heated_members(geometry, answer)
+    recording.log("/structure/members", rr.LineStrips3D(segments, colors=colours, radii=tube))
+    reach = _reach(geometry, answer)
+    leader = rr.LineStrips3D([[place, place + _LEADER * reach]], colors=[GREY], radii=rr.Radius.ui_points(0.6))
+    recording.log("/structure/mass/leader", leader)
+    text = mass_label(geometry, answer, unit)
+    label = rr.Points3D([place + reach], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
+    recording.log("/structure/mass/label", label)
 
 
-def _posterior_on_members(answer: MassAnswer) -> tuple[list[FloatArray], FloatArray]:
-    """Return segments between neighbouring positions and their density, as a share of the largest (square root)."""
-    segments, level = [], []
+def sphere_radius(mass: float) -> float:
+    """Return the radius [m] of the sphere that stands for a mass [kg]: its volume is in proportion."""
+    return float(np.cbrt(3 * abs(mass) / (4 * np.pi * _DENSITY)))
+
+
+def mass_label(geometry: Geometry, answer: MassAnswer, unit: tuple[float, str]) -> str:
+    """Return how much and where, each with its standard deviation; `unit`: how many are a kilogram, and its name."""
+    (scale, name), place = unit, geometry.place(answer.member, np.array(answer.position))
+    digits = max(0, -math.floor(math.log10(scale * answer.mass_std))) if answer.mass_std > 0 else 1
+    mass = f"{scale * answer.mass:+.{digits}f} ± {scale * answer.mass_std:.{digits}f} {name}"
+    return f"{mass}\nat {place} ± {answer.position_std:.3f} m"
+
+
+def _across(geometry: Geometry, member: str) -> FloatArray:
+    """Return the direction (3,) across a member in the picture's plane, to the right or upwards."""
+    towards = geometry.side(*SIDE)
+    right, up = screen(towards)
+    across = np.cross(towards, geometry.axis(member))
+    length = float(np.linalg.norm(across))
+    if length < 1e-6:  # the member points at the eye
+        return right
+    return np.asarray(across / length * (1 if across @ (right + 0.3 * up) >= 0 else -1))
+
+
+def _reach(geometry: Geometry, answer: MassAnswer) -> FloatArray:
+    """Return where the label's top stands from the mass (3,) [m]: further sideways than upwards, as texts are wide."""
+    right, up = screen(geometry.side(*SIDE))
+    across = _across(geometry, answer.member)
+    length = _radius(geometry, answer) + (0.12 + 0.2 * abs(float(across @ right))) * geometry.size
+    return np.asarray(length * across + 0.05 * geometry.size * up)
+
+
+def _radius(geometry: Geometry, answer: MassAnswer) -> float:
+    return float(np.clip(sphere_radius(answer.mass), 1.8 * TUBE * geometry.size, _LARGEST * geometry.size))
+
+
+def _brackets(geometry: Geometry, answer: MassAnswer) -> list[list[FloatArray]]:
+    """Return a bracket beside each stretch of the 95 % region, on the other side than the label."""
+    brackets = []
+    for stretch in answer.region:
+        across = -_across(geometry, stretch.member)
+        start, end = (
+            np.array(p) + (_radius(geometry, answer) + 0.025 * geometry.size) * across
+            for p in (stretch.start, stretch.end)
+        )
+        cap = 0.012 * geometry.size * across
+        brackets.append([start - cap, start, end, end - cap])
+    return brackets
+
+
+def heated_members(geometry: Geometry, answer: MassAnswer) -> tuple[list[FloatArray], npt.NDArray[np.uint8]]:
+    """Return the members in stretches, coloured by the square root of the posterior's density over its largest."""
+    segments, level, told = [], [], {p.member for p in answer.profile}
     for a, b in zip(answer.profile[:-1], answer.profile[1:], strict=True):
         if a.member == b.member:
             segments.append(np.array([a.position, b.position]))
             level.append((a.density + b.density) / 2)
-    return segments, np.sqrt(np.array(level) / max(max(level, default=1.0), 1e-12))
-
-
-def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult) -> None:
-    """Draw each mode still (both extremes) and moving, on a timeline of its own."""
-    geometry = Geometry(reference)
-    for mode in reference.modes:
-        base, colour = f"/modes/mode_{mode.id}", mode_colour(mode.id)
-        recording.log(base, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        thin = rr.Radius.ui_points(1.2)
-        recording.log(f"{base}/rest", rr.LineStrips3D(geometry.strips(), colors=[GREY], radii=thin), static=True)
-        swing = _SHAPE * geometry.size * np.array(mode.displacement)
-        ghosts = [strip for share in (-1.0, -0.5, 0.5) for strip in geometry.strips(share * swing)]
-        ghost = rr.LineStrips3D(ghosts, colors=[(*colour, 70)], radii=thin)
-        recording.log(f"{base}/ghost", ghost, static=True)
-        tube = 0.8 * _TUBE * geometry.size
-        recording.log(f"{base}/name", _name(geometry, mode), static=True)
-        recording.set_time("phase", duration=0.0)
-        recording.log(f"{base}/shape", rr.LineStrips3D(geometry.strips(swing), colors=[colour], radii=tube))
-        frames = [strip for phase in _PHASES for strip in geometry.strips(np.cos(2 * np.pi * phase) * swing)]
-        columns = rr.LineStrips3D.columns(strips=frames).partition([len(geometry.lines)] * len(_PHASES))
-        recording.send_columns(f"{base}/shape", [rr.TimeColumn("phase", duration=2 * _PHASES)], columns)
-        recording.reset_time()
-        still = rr.LineStrips3D(geometry.strips(swing), colors=[colour], radii=tube)
-        recording.log(f"{base}/still", still, static=True)
-
-
-def _name(geometry: Geometry, mode: ReferenceMode) -> rr.Points3D:
-    text = f"{mode.id}:  {mode.frequency:.2f} Hz,  {100 * mode.damping:.2f} %"
-    below = [*geometry.centre[:2], geometry.nodes[:, 2].min() - 0.07 * geometry.size]
-    return rr.Points3D([below], radii=0.0, colors=[mode_colour(mode.id)], labels=[text], show_labels=True)
+    for member, nodes in geometry.lines.items():
+        if member not in told:
+            segments.append(geometry.nodes[nodes])
+            level.append(0.0)
+    share = np.array(level) / max(max(level, default=0.0), 1e-12)
+    return segments, heat(np.sqrt(share))

@@ -1,0 +1,106 @@
+"""What is known, in words and tables (Markdown)."""
+
+import rerun as rr
+
+from monitor.describe import mass_text
+from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
+from monitor.viewer.draw import at, clock
+from monitor.viewer.story import Story, find_mode
+
+_DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
+_MARKDOWN = "text/markdown"
+
+
+def write_cards(recording: rr.RecordingStream, story: Story) -> None:
+    """Write the card of each window, and the reference's two tables."""
+    for window in story.windows:
+        at(recording, window.end)
+        recording.log("/now", rr.TextDocument(window_card(window, story), media_type=_MARKDOWN))
+    if story.reference:
+        for path, words in (
+            ("/reference/modes", modes_card(story.reference)),
+            ("/reference/model", model_card(story.reference)),
+        ):
+            recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
+
+
+def window_card(window: WindowResult, story: Story) -> str:
+    """Return the card of one window: the verdict first, then what it rests on."""
+    parts = [f"# {verdict(window, story.alarms)}"]
+    if window.phase == "learning":
+        parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
+    if window.answer:
+        parts.append(_answer(window.answer))
+    elif window.phase == "alarm":
+        parts.append("**The structure has changed.** Where, the next windows will tell.")
+    if window.problem:
+        parts.append(f"**No modes in this window**: {window.problem}.")
+    if window.novelty:
+        parts.append(f"Novelty **{window.novelty.t2:.1f}**, limit {window.novelty.limit:.1f}.")
+    if window.modes or window.phase != "learning":
+        parts.append(_table(window, story))
+    parts.append(f"*Window {window.index}: {clock(window.start)} to {clock(window.end)} UTC*")
+    return "\n\n".join(parts)
+
+
+def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
+    """Return the state in a few words."""
+    if window.phase == "learning":
+        return "Learning the baseline"
+    since = [a for a in alarms if a.time <= window.end]
+    state = since[-1].state if since else "normal"
+    if window.phase == "alarm":
+        return f"ALARM since {clock(since[-1].time)}" if state == "alarm" else "ALARM"
+    return "Watch: over the limit" if state == "watch" else "Normal"
+
+
+def _answer(answer: MassAnswer) -> str:
+    share = f"{100 * answer.member_probability:.0f} % sure of the {answer.member}"
+    fit = f"from {answer.n_windows} window{'s' * (answer.n_windows > 1)}, fit p = {answer.p_value:.2g}"
+    doubt = ". **A mass alone explains it badly.**" if answer.p_value < _DOUBTFUL else ""
+    return f"**{mass_text(answer)}**\n\n{share}, {fit}{doubt}"
+
+
+def _table(window: WindowResult, story: Story) -> str:
+    if window.phase == "learning":
+        head = ["| Hz | ± | ζ % |", "|---:|---:|---:|"]
+        return "\n".join([*head, *(f"| {_frequency(m)} |" for m in window.modes)])
+    head = ["| mode | Hz | ± | ζ % | shift % | ± | σ |", "|---:|---:|---:|---:|---:|---:|---:|"]
+    return "\n".join([*head, *(_row(number, find_mode(window, number)) for number in story.tracks)])
+
+
+def _row(number: int, mode: ModeResult | None) -> str:
+    if mode is None:
+        return f"| **{number}** | not seen | | | | | |"
+    return f"| **{number}** | {_frequency(mode)} | {_shift(mode)} |"
+
+
+def _frequency(mode: ModeResult) -> str:
+    return f"{mode.frequency:.3f} | {mode.frequency_std:.3f} | {100 * mode.damping:.2f}"
+
+
+def _shift(mode: ModeResult) -> str:
+    if mode.shift_percent is None or mode.shift_std_percent is None:
+        return " | | "
+    sigmas = f"{mode.shift_percent / mode.shift_std_percent:+.1f}" if mode.shift_std_percent else ""
+    return f"{mode.shift_percent:+.2f} | {mode.shift_std_percent:.2f} | {sigmas}"
+
+
+def modes_card(reference: ReferenceResult) -> str:
+    """Return measured modes beside those of the structure file."""
+    lines = [f"Baseline of {reference.n_windows} windows; model: as the structure file says, before calibration.", ""]
+    lines += ["| mode | measured Hz | ± | ζ % | model Hz | off % | MAC |", "|---:|---:|---:|---:|---:|---:|---:|"]
+    for m in reference.modes:
+        off = 100 * (m.model_frequency / m.frequency - 1)
+        measured = f"{m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f}"
+        lines.append(f"| **{m.id}** | {measured} | {m.model_frequency:.2f} | {off:+.2f} | {m.mac:.4f} |")
+    return "\n".join(lines)
+
+
+def model_card(reference: ReferenceResult) -> str:
+    """Return what calibration found."""
+    if not reference.calibrated:
+        return "Nothing was calibrated."
+    lines = ["What calibration found about the model:", "", "| parameter | value | ± |", "|:--|---:|---:|"]
+    lines += [f"| {name} | {value:.4f} | {std:.4f} |" for name, (value, std) in reference.calibrated.items()]
+    return "\n".join(lines)

@@ -1,0 +1,184 @@
+"""Where the mass is: the posterior along the members, and how the answer sharpens."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import rerun as rr
+
+from daq import FloatArray
+from monitor.results import MassAnswer, ProfilePoint
+from monitor.viewer.draw import Axes, at, band, line, text, ticks, times
+from monitor.viewer.palette import ALARM, REGION, TEXT, WARN, Colour
+from monitor.viewer.story import Story, thin
+
+BOUNDS = ((-24.0, 208.0), (-16.0, 132.0))  # of the drawing, x and y
+_WIDTH, _TOP, _LOWER = 200.0, 70.0, 34.0
+_BETWEEN = 20.0  # upper and lower panel
+_GAP = 0.06  # of all members' length, between two members
+_SMALLEST = 1e-300
+_MOST_SIGMAS = 30.0  # that are drawn, if there is a place so bad
+_LEAST_SIGMAS = 3.0
+_MARGIN = 0.35  # of the masses that the data allow, above and below them
+_MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
+
+
+def draw_answers(recording: rr.RecordingStream, story: Story) -> None:
+    """Draw mass and place over time, and the posterior window by window."""
+    if not story.answers:
+        return
+    column = times([w.end for w, _ in story.answers])
+    answers = [a for _, a in story.answers]
+    scale, unit = story.mass_unit
+    mass, spread = (scale * np.array([getattr(a, name) for a in answers]) for name in ("mass", "mass_std"))
+    band(recording, "/answer/mass", f"mass ± 2σ [{unit}]", TEXT, column, mass, 2 * spread)
+    place = [1000 * a.position_std for a in answers]
+    line(recording, "/answer/place", "place, standard deviation [mm]", WARN, column, place)
+    drawn = [(w, a) for w, a in thin(story.answers) if a.profile]
+    if drawn:
+        draw_posteriors(recording, [(w.end, a) for w, a in drawn], story.mass_unit)
+
+
+def mass_span(story: Story) -> tuple[float, float]:
+    """Return lowest and highest value of the plot of masses in the run's unit, +-2 sigma included."""
+    ends = [story.mass_unit[0] * (a.mass + sign * 2 * a.mass_std) for _, a in story.answers for sign in (-1, 1)]
+    return min(ends), max(ends)
+
+
+def draw_posteriors(
+    recording: rr.RecordingStream, answers: list[tuple[int, MassAnswer]], unit: tuple[float, str]
+) -> None:
+    """Draw how many standard deviations worse each place is, and under it the mass that would fit best there.
+
+    Parameters
+    ----------
+    answers : with their times [ns UTC]
+    unit : of mass: how many are a kilogram, and its name
+    """
+    unrolled = Unrolled(answers[-1][1])
+    top, low = _panels(unrolled, [a for _, a in answers], unit[0])
+    _frames(recording, unrolled, top, low, unit[1])
+    for time, answer in answers:
+        at(recording, time)
+        _posterior(recording, unrolled, top, low, scaled(answer, unit[0]))
+
+
+def scaled(answer: MassAnswer, scale: float) -> MassAnswer:
+    """Return the answer with its masses in another unit."""
+    profile = [p.model_copy(update={"mass": scale * p.mass}) for p in answer.profile]
+    return answer.model_copy(update={"mass": scale * answer.mass, "profile": profile})
+
+
+def sigmas(points: list[ProfilePoint]) -> FloatArray:
+    """Return sqrt(-2 ln(density / largest)) at each point (n,): for a Gaussian posterior the distance in its sigmas.
+
+    A density that is too small to be a number is as far away as the smallest number.
+    """
+    density = np.array([p.density for p in points], float)
+    share = density / max(density.max(), _SMALLEST)
+    return np.asarray(np.sqrt(-2 * np.log(np.maximum(share, _SMALLEST))))
+
+
+class Unrolled:
+    """The members laid one after another on a line.
+
+    Parameters
+    ----------
+    answer : with a profile along all members
+    """
+
+    def __init__(self, answer: MassAnswer) -> None:
+        self.start: dict[str, FloatArray] = {}
+        self.length: dict[str, float] = {}
+        for point in answer.profile:
+            place = np.array(point.position)
+            start = self.start.setdefault(point.member, place)
+            self.length[point.member] = float(np.linalg.norm(place - start))
+        gap = _GAP * sum(self.length.values())
+        steps = [length + gap for length in self.length.values()]
+        self.offset = dict(zip(self.length, np.concatenate([[0.0], np.cumsum(steps)[:-1]]).tolist(), strict=True))
+        self.total = float(sum(steps) - gap)
+
+    def along(self, member: str, position: FloatArray) -> FloatArray:
+        """Return where positions (..., 3) on a member are on the line (...) [m]."""
+        return np.asarray(self.offset[member] + np.linalg.norm(position - self.start[member], axis=-1))
+
+    def ticks(self) -> Iterator[tuple[float, str]]:
+        """Return places on the line and the distance from the member's start there."""
+        step = self.total / 10
+        for member, length in self.length.items():
+            for value in ticks(0.0, length, max(2, int(length / step))):
+                yield self.offset[member] + float(value), f"{value:g}"
+
+
+def _panels(unrolled: Unrolled, answers: list[MassAnswer], scale: float) -> tuple[Axes, Axes]:
+    far = [sigmas(a.profile) for a in answers]
+    worst = min(_MOST_SIGMAS, max(_LEAST_SIGMAS, *(float(f.max()) for f in far)))
+    allowed = [scale * p.mass for a, f in zip(answers, far, strict=True) for p in np.array(a.profile)[f <= worst]]
+    span = min(0.0, *allowed), max(0.0, *allowed)
+    room = _MARGIN * (span[1] - span[0]) or 1.0
+    panel = partial(Axes, left=0.0, width=_WIDTH, x_range=(0.0, unrolled.total))
+    masses = (span[0] - room * (span[0] < 0), span[1] + room * (span[1] > 0))
+    return (
+        panel(top=0.0, height=_TOP, y_range=(worst, 0.0)),
+        panel(top=_TOP + _BETWEEN, height=_LOWER, y_range=masses),
+    )
+
+
+def _frames(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low: Axes, unit: str) -> None:
+    x = dict(unrolled.ticks())
+    top.grid(recording, "/posterior/place", x, {float(v): f"{v:g} σ" for v in ticks(0.0, top.y_range[0], 6)}, room=9.0)
+    masses = {float(v): f"{v:g} {unit}" for v in ticks(*low.y_range, 3)}
+    low.grid(recording, "/posterior/mass", dict.fromkeys(x, ""), masses, room=10.0)
+    middle = [float(top.x(unrolled.offset[m] + length / 2)) for m, length in unrolled.length.items()]
+    colours = [_colour(unrolled, m) for m in unrolled.length]
+    text(recording, "/posterior/members", [[x, -11.0] for x in middle], [*unrolled.length], colours)
+
+
+def _colour(unrolled: Unrolled, member: str) -> Colour:
+    return _MEMBERS[list(unrolled.length).index(member) % len(_MEMBERS)]
+
+
+def _posterior(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low: Axes, answer: MassAnswer) -> None:
+    places: list[FloatArray] = []
+    masses: list[FloatArray] = []
+    colours: tuple[list[Colour], list[Colour]] = ([], [])
+    far = sigmas(answer.profile)
+    for member in unrolled.length:
+        mine = [i for i, p in enumerate(answer.profile) if p.member == member]
+        points = [answer.profile[i] for i in mine]
+        x = unrolled.along(member, np.array([p.position for p in points]).reshape(-1, 3))
+        found = top.runs(x, far[mine]), low.runs(x, np.array([p.mass for p in points]))
+        places += found[0]
+        masses += found[1]
+        for runs, colour in zip(found, colours, strict=True):
+            colour += [_colour(unrolled, member)] * len(runs)
+    for name, strips, colour in zip(("place", "mass"), (places, masses), colours, strict=True):
+        drawn = rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(1.3), draw_order=10.0)
+        recording.log(f"/posterior/{name}/curves", drawn)
+    _region(recording, unrolled, top, low, answer)
+
+
+def _region(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low: Axes, answer: MassAnswer) -> None:
+    """Mark the best place, and the 95 % region under the curve."""
+    bottom = top.top + top.height
+    stretches = [
+        [[float(top.x(unrolled.along(r.member, np.array(p)))), bottom] for p in (r.start, r.end)]
+        for r in answer.region
+        if r.member in unrolled.offset
+    ]
+    bars = rr.LineStrips2D(stretches, colors=[REGION], radii=rr.Radius.ui_points(3.5), draw_order=15.0)
+    recording.log("/posterior/region", bars)
+    if answer.member not in unrolled.offset:
+        return
+    x = float(top.x(unrolled.along(answer.member, np.array(answer.position))))
+    mark = rr.LineStrips2D(
+        [[[x, 0.0], [x, bottom]], [[x, low.top], [x, low.top + low.height]]],
+        colors=[ALARM],
+        radii=rr.Radius.ui_points(0.7),
+        draw_order=5.0,
+    )
+    recording.log("/posterior/best", mark)
+    level = float(low.y(np.clip(answer.mass, *low.y_range)))
+    dot = rr.Points2D([[x, level]], colors=[ALARM], radii=rr.Radius.ui_points(4.0), draw_order=20.0)
+    recording.log("/posterior/mass/best", dot)
