@@ -145,7 +145,7 @@ class _Device:
             signal = stretch.resampled(start, n, self._grid_rate, self._ratio)
             if signal is not None:
                 signal = signal[:, : self._n_axes]
-                np.copyto(out, signal, where=~np.isnan(signal))
+                np.copyto(out[:, : signal.shape[1]], signal, where=~np.isnan(signal))
         return out
 
 

@@ -1,5 +1,6 @@
 """Epson M-A352 (and alike M-A370, M-A552AR1) over a serial line."""
 
+import sys
 import time
 from typing import Any
 
@@ -15,6 +16,12 @@ _STALL = 400e-6  # s between commands, at least 350 us
 _REPLY_SECONDS = 1.0
 _READ_SECONDS = 0.1
 _FILTER_SECONDS = 2.0
+if sys.platform == "win32":
+    _PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
+else:
+    import termios
+
+    _PORT_ERRORS = (OSError, termios.error)  # SerialException is an OSError, what flushing raises is not
 
 
 class EpsonUart:
@@ -46,7 +53,7 @@ class EpsonUart:
         try:
             self._serial = serial.Serial(self._port, BAUD, timeout=_REPLY_SECONDS, write_timeout=1.0, exclusive=True)
             identity = self._configure()
-        except (OSError, ValueError) as error:  # SerialException is an OSError
+        except (*_PORT_ERRORS, ValueError) as error:
             self.close()
             raise DriverError(self._port, f"no M-A352 answers: {error}") from error
         self._decoder = epson.BurstDecoder()
@@ -109,7 +116,7 @@ class EpsonUart:
         """Return the scans that have arrived; none if nothing came within 0.1 s."""
         try:
             data = self._line.read(1) + self._line.read(self._line.in_waiting)
-        except OSError as error:
+        except _PORT_ERRORS as error:
             raise DeviceLost(self._port, f"the port is gone: {error}") from error
         arrived = time.perf_counter_ns()
         before = self._decoder.bad_bytes
@@ -130,6 +137,6 @@ class EpsonUart:
         try:
             self._write(0, epson.MODE_CTRL, epson.MODE_CONFIG)
             self._serial.close()
-        except OSError:
+        except _PORT_ERRORS:
             self._serial.close()  # it is gone: nothing to stop
         self._serial = None
