@@ -80,6 +80,7 @@ class Worker:
 def _analyse(structure: str, site: str, inbox: "Queue[Item]", outbox: "Queue[Result | None]") -> None:
     """Run the pipeline until the last item; Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(5)  # acquisition comes first
     from monitor.pipeline import Pipeline  # loads numpy, in this process, under the limits above
     from monitor.settings import parse_settings
     from updater import parse_structure

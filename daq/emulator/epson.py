@@ -10,7 +10,7 @@ from daq.hostclock import HostClock
 from daq.protocol import epson
 from daq.recording import IntArray
 
-_KERNEL_BUFFER = 4096  # bytes a pty holds
+_PORT_BUFFER = 640 * 1024  # bytes that Linux keeps of a real port's before it loses some; a pty alone keeps 4 kB
 _SERIAL_LENGTH = 8
 
 
@@ -30,7 +30,7 @@ class EmulatedEpson:
     """The device side of one M-A352.
 
     It answers registers and streams burst frames. It never waits for a reader: beyond the pty's own buffer it holds
-    as much as a real adapter would in the same wall time, and then drops whole frames and counts them.
+    as much as the kernel would of a real port's bytes, and then drops whole frames and counts them.
 
     Parameters
     ----------
@@ -56,7 +56,6 @@ class EmulatedEpson:
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
-        self._fifo = round(_KERNEL_BUFFER * max(1.0, clock.speed))
         self._registers = _registers(serial_number)
         self._window = 0
         self._unplugged = False
@@ -132,7 +131,7 @@ class EmulatedEpson:
         if n <= 0:
             return
         counts = self._source.read(self._due, n)
-        room = max(0, (self._fifo - len(self._pending)) // epson.FRAME_SIZE)
+        room = max(0, (_PORT_BUFFER - len(self._pending)) // epson.FRAME_SIZE)
         self.dropped += max(0, n - room)
         if room:
             self._pending += epson.encode_frames(counts[:room], self._due, self._temperature)
