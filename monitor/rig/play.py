@@ -11,7 +11,7 @@ from monitor.rig.truth import World
 from updater import Structure
 
 _TICK = 0.004  # s of wall time between servings
-_LEASH = 0.5  # s of data that one serving may cover
+_LEASH = 4 * _TICK  # s of wall time that one serving may make up for: at speed 10 a pty just holds as much
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,10 +25,14 @@ class PlayReport:
 
 
 class _LeashedClock:
-    """A clock that after a stall of this process catches up in steps, so that no device runs far ahead of another."""
+    """A clock that catches up in steps after this process was held up.
+
+    Without it, what became due meanwhile would overflow the ports, though no real device would have been held up; and
+    one device would run far ahead of the others.
+    """
 
     def __init__(self, clock: HostClock, step: float) -> None:
-        self._clock, self._step = clock, round(step * 1e9)
+        self._clock, self._step = clock, round(step * 1e9 * clock.speed)
         self.speed = clock.speed
         self._limit = clock.now() + self._step
 
