@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 
 from daq import Recording
 from monitor.viewer import views
-from monitor.viewer.change import mass_span
+from monitor.viewer.change import has_profile, mass_span
 from monitor.viewer.draw import TIME
 from monitor.viewer.story import Story
 from monitor.viewer.trends import frequency_span, shift_span
@@ -108,7 +108,7 @@ def _change(story: Story) -> rrb.Horizontal:
     mass = trends.series(f"Mass, ± 2σ [{story.mass_unit[1]}]", "/answer/mass", values=mass_span(story))
     place = trends.series("Place, standard deviation [mm]", "/answer/place")
     right: list[tuple[_Part, float]] = [(_beside("Sharpening", (mass, 1.0), (place, 1.0)), 3.4)]
-    if any(answer.profile for _, answer in story.answers):
+    if any(has_profile(answer) for _, answer in story.answers):
         right.insert(0, (views.posterior(), 5.6))
     return _beside("Change", *_structure(story, 3.0, aspect=0.82), (_stack(*right), 4.2))
 

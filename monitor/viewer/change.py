@@ -23,6 +23,11 @@ _MARGIN = 0.35  # of the masses that the data allow, above and below them
 _MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
 
 
+def has_profile(answer: MassAnswer) -> bool:
+    """Tell whether there is a posterior to draw: at two places of one member at least."""
+    return len({(p.member, p.position) for p in answer.profile}) > len({p.member for p in answer.profile})
+
+
 def draw_answers(recording: rr.RecordingStream, story: Story) -> None:
     """Draw mass and place over time, and the posterior window by window."""
     if not story.answers:
@@ -34,7 +39,7 @@ def draw_answers(recording: rr.RecordingStream, story: Story) -> None:
     band(recording, "/answer/mass", f"mass ± 2σ [{unit}]", TEXT, column, mass, 2 * spread)
     place = [1000 * a.position_std for a in answers]
     line(recording, "/answer/place", "place, standard deviation [mm]", WARN, column, place)
-    drawn = [(w, a) for w, a in thin(story.answers) if a.profile]
+    drawn = [(w, a) for w, a in thin(story.answers) if has_profile(a)]
     if drawn:
         draw_posteriors(recording, [(w.end, a) for w, a in drawn], story.mass_unit)
 
@@ -107,7 +112,7 @@ class Unrolled:
         """Return places on the line and the distance from the member's start there."""
         step = self.total / 10
         for member, length in self.length.items():
-            for value in ticks(0.0, length, max(2, int(length / step))):
+            for value in ticks(0.0, length, max(2, int(length / step))) if length else [0.0]:
                 yield self.offset[member] + float(value), f"{value:g}"
 
 
@@ -148,7 +153,8 @@ def _posterior(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low
         mine = [i for i, p in enumerate(answer.profile) if p.member == member]
         points = [answer.profile[i] for i in mine]
         x = unrolled.along(member, np.array([p.position for p in points]).reshape(-1, 3))
-        found = top.runs(x, far[mine]), low.runs(x, np.array([p.mass for p in points]))
+        mass = low.runs(x, np.array([p.mass for p in points]))
+        found = top.runs(x, far[mine]), [run for run in mass if len(run) > 2]  # no upright line where it leaves at once
         places += found[0]
         masses += found[1]
         for runs, colour in zip(found, colours, strict=True):

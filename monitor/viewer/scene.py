@@ -118,7 +118,7 @@ def sphere_radius(mass: float) -> float:
 def mass_label(geometry: Geometry, answer: MassAnswer, unit: tuple[float, str]) -> str:
     """Return how much and where, each with its standard deviation; `unit`: how many are a kilogram, and its name."""
     (scale, name), place = unit, geometry.place(answer.member, np.array(answer.position))
-    digits = max(0, -math.floor(math.log10(scale * answer.mass_std))) if answer.mass_std > 0 else 1
+    digits = max(0, -math.floor(math.log10(scale * answer.mass_std))) if 0 < answer.mass_std < math.inf else 1
     mass = f"{scale * answer.mass:+.{digits}f} ± {scale * answer.mass_std:.{digits}f} {name}"
     return f"{mass}\nat {place} ± {answer.position_std:.3f} m"
 

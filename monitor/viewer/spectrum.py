@@ -20,7 +20,7 @@ def draw_spectra(recording: rr.RecordingStream, story: Story) -> None:
     """Draw singular values, poles and identified modes, window by window."""
     if not story.spectra:
         return
-    axes = _axes(story)
+    axes = spectrum_axes(story)
     x = {float(f): f"{f:g}" for f in ticks(*axes.x_range, 9)}
     x[list(x)[-1]] += " Hz"
     y = {float(v): f"{v:g} dB" for v in ticks(*axes.y_range, 6)}
@@ -34,7 +34,8 @@ def draw_spectra(recording: rr.RecordingStream, story: Story) -> None:
         _identified(recording, axes, window)
 
 
-def _axes(story: Story) -> Axes:
+def spectrum_axes(story: Story) -> Axes:
+    """Return the axes that hold the spectra of all windows, up to a little above the highest mode."""
     spectra = [s for _, s in story.spectra]
     end = max(s.frequency[-1] for s in spectra)
     named = [m.frequency for w, _ in story.spectra for m in w.modes] + [
@@ -42,7 +43,7 @@ def _axes(story: Story) -> Axes:
     ]
     highest = min(end, _ROOM_ABOVE * max(named)) if named else end
     low = min(_low(s, highest) for s in spectra)
-    high = max(max(s.singular_values[0]) for s in spectra)
+    high = max(low + 10, *(max(s.singular_values[0]) for s in spectra))
     return Axes(
         left=0.0,
         top=0.0,

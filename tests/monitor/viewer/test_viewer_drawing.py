@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import viewer_helpers as made
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq import FloatArray
@@ -17,8 +17,8 @@ from monitor.viewer.draw import Axes, ticks
 from monitor.viewer.geometry import FIELD_OF_VIEW, Geometry, screen
 from monitor.viewer.palette import heat, mode_colour
 from monitor.viewer.scene import common_name
-from monitor.viewer.spectrum import side_by_side
-from monitor.viewer.story import thin
+from monitor.viewer.spectrum import side_by_side, spectrum_axes
+from monitor.viewer.story import Story, thin
 from monitor.viewer.views import best_grid
 
 SITE = made.Site()
@@ -104,6 +104,7 @@ def test_synthetic_answer_lies_at_the_mass_or_its_mirror_image() -> None:
     assert answer.mass == pytest.approx(SITE.mass, rel=1e-9)
 
 
+@settings(deadline=None)  # a busy machine is not an error
 @given(low=FLOATS, length=st.floats(1e-3, 1e4), most=st.integers(2, 12))
 def test_ticks_are_evenly_spaced_inside_and_few(low: float, length: float, most: int) -> None:
     found = ticks(low, low + length, most)
@@ -115,6 +116,7 @@ def test_ticks_are_evenly_spaced_inside_and_few(low: float, length: float, most:
     assert not np.signbit(found[found == 0]).any()
 
 
+@settings(deadline=None)  # a busy machine is not an error
 @given(places=st.lists(st.floats(0, 200), max_size=12), apart=st.floats(0.1, 10))
 def test_labels_of_close_modes_stand_side_by_side(places: list[float], apart: float) -> None:
     ascending = np.sort(np.array(places, float))
@@ -143,6 +145,20 @@ def test_crossing_of_the_frame_is_interpolated() -> None:
     np.testing.assert_allclose(run, [[0, 50], [50, 0]], atol=1e-9)
 
 
+def test_flat_spectrum_has_an_axis() -> None:
+    window = SITE.window(0, "learning", np.zeros(SITE.n_modes))
+    flat = window.spectrum.model_copy(update={"singular_values": [[-60.0] * 257]}) if window.spectrum else None
+    story = Story(
+        name="flat",
+        reference=None,
+        windows=(window.model_copy(update={"spectrum": flat}),),
+        alarms=(),
+        signals=None,
+    )
+    low, high = spectrum_axes(story).y_range
+    assert low <= -60 < high
+
+
 def test_modes_have_colours_of_their_own() -> None:
     colours = [mode_colour(number) for number in range(1, 61)]
     assert len(set(colours)) == len(colours)
@@ -164,6 +180,7 @@ def test_sensor_place_is_named_by_what_its_channels_share(names: list[str], expe
     assert common_name(names) == expected
 
 
+@settings(deadline=None)  # a busy machine is not an error
 @given(n=st.integers(0, 2000), most=st.integers(1, 300))
 def test_thinned_items_are_few_evenly_spread_and_end_with_the_last(n: int, most: int) -> None:
     kept = thin(list(range(n)), most)
@@ -172,6 +189,7 @@ def test_thinned_items_are_few_evenly_spread_and_end_with_the_last(n: int, most:
     assert len({b - a for a, b in itertools.pairwise(kept)}) <= 1
 
 
+@settings(deadline=None)  # a busy machine is not an error
 @given(n=st.integers(1, 40), aspect=st.floats(0.2, 8))
 def test_no_other_grid_shows_the_pictures_larger(n: int, aspect: float) -> None:
     def size(columns: int) -> float:
