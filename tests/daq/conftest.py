@@ -1,0 +1,6 @@
+"""Hypothesis without deadlines: a busy machine is not an error."""
+
+from hypothesis import settings
+
+settings.register_profile("busy", deadline=None)
+settings.load_profile("busy")
