@@ -8,7 +8,8 @@ import numpy as np
 from daq import FloatArray, IndexArray, IntArray
 from oma import ModalEstimate
 from updater.calibration import Calibration, calibrate, channel_rows
-from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
+from updater.expansion import LARGEST_CLUSTER, expand, orthonormal, pair_modes
+from updater.fe.model import Model, Modes, build_model
 from updater.one_step import normalised_increments, scale_by_stiffness, update_mass
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks
 from updater.structure import Structure
@@ -60,19 +61,20 @@ def learn_reference(
     kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
     scatter = learn_scatter(kept)
     baseline = mean_modes(kept, frequency_factor=scatter.frequency_factor, shape_factor=scatter.shape_factor)
-    frequency, shape = calibration.modes.frequency.copy(), calibration.modes.shape.copy()
-    frequency[calibration.paired] = np.exp(baseline.log_frequency)
-    shape[:, calibration.paired] = shape[:, calibration.paired] @ _first_stage(calibration, baseline)
-    return Reference(calibration=calibration, baseline=baseline, scatter=scatter, frequency=frequency, shape=shape)
+    updated = _first_stage(calibration.model, calibration.modes, calibration.paired, baseline)
+    return Reference(
+        calibration=calibration, baseline=baseline, scatter=scatter, frequency=updated.frequency, shape=updated.shape
+    )
 
 
-def _first_stage(calibration: Calibration, baseline: ModalMean) -> FloatArray:
-    """Return the measured modes in the paired model modes (n_tracks, n_tracks), orthonormal."""
-    rows = channel_rows(calibration.model, baseline.channels)
-    seen = (rows @ calibration.modes.shape[:, calibration.paired]).T
-    omega = calibration.modes.omega[calibration.paired]
-    t = [expand(s, seen, omega, i, largest=LARGEST_CLUSTER) for i, s in enumerate(baseline.shape)]
-    return orthonormal(np.array([x / np.linalg.norm(x) for x in t]).T)
+def _first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalMean) -> Modes:
+    """Return the modes with the measured ones (n_tracks,) in the place of the paired, which alters no mass."""
+    frequency, shape = modes.frequency.copy(), modes.shape.copy()
+    frequency[paired] = np.exp(baseline.log_frequency)
+    seen = (channel_rows(model, baseline.channels) @ shape[:, paired]).T
+    t = [expand(s, seen, modes.omega[paired], i, largest=LARGEST_CLUSTER) for i, s in enumerate(baseline.shape)]
+    shape[:, paired] = shape[:, paired] @ orthonormal(np.array([x / np.linalg.norm(x) for x in t]).T)
+    return Modes(frequency=frequency, shape=shape)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,28 +91,41 @@ class MassUpdate:
 
 
 def mass_update(reference: Reference, event: ModalMean) -> MassUpdate:
-    """Return the one-step update's second stage: eq. 7 with modes scaled by eq. 13, read as nodal increments."""
-    seen = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape[:, 0]))
-    paired = reference.paired[seen]
-    at_channels = reference.at_channels(event.channels).T
-    omega = 2 * np.pi * reference.frequency
+    """Return the one-step update's second stage: eq. 7 with modes scaled by eq. 13, read as nodal increments.
+
+    The mass is lumped in particles, as in the paper, so that a diagonal entry is a node's mass.
+    """
+    model, modes, paired = _particle_reference(reference)
+    seen = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape[:, 0]) & (paired >= 0))
+    paired = paired[seen]
+    at_channels = (channel_rows(model, event.channels) @ modes.shape).T
     t = np.column_stack(
         [
-            expand(event.shape[i], at_channels, omega, k, largest=LARGEST_CLUSTER)
+            expand(event.shape[i], at_channels, modes.omega, k, largest=LARGEST_CLUSTER)
             for i, k in zip(seen, paired, strict=True)
         ]
     )
     # eq. 13 asks for the change of frequency alone: the ratio to the baseline, not to the model
     ratio = np.exp(event.log_frequency - reference.baseline.log_frequency)[seen]
-    t = scale_by_stiffness(t, omega[paired], omega[paired] * ratio)
-    model = reference.calibration.model
+    t = scale_by_stiffness(t, modes.omega[paired], modes.omega[paired] * ratio)
     mass = model.mass.diagonal()
-    change = update_mass(mass[:, None] * reference.shape, t, np.eye(len(omega))[:, paired]).diagonal()
-    share = (reference.shape[:, paired] ** 2).sum(1)
+    change = update_mass(mass[:, None] * modes.shape, t, np.eye(len(modes.omega))[:, paired]).diagonal()
+    share = (modes.shape[:, paired] ** 2).sum(1)
     weighed = mass > 0
     normalised = np.full(len(mass), np.nan)
     normalised[weighed] = normalised_increments(change[weighed], 1 / mass[weighed], share[weighed])
     return MassUpdate(increment=_by_node(model.dofs, change, 0.0), normalised=_by_node(model.dofs, normalised, np.nan))
+
+
+def _particle_reference(reference: Reference) -> tuple[Model, Modes, IndexArray]:
+    """Return the calibrated structure with particle-lumped mass, one-step updated, and the mode of each track or -1."""
+    baseline = reference.baseline
+    model = build_model(reference.calibration.structure, shear_flexible=True)
+    modes = model.modes(len(reference.frequency))
+    seen = (channel_rows(model, baseline.channels) @ modes.shape).T
+    paired = pair_modes(np.exp(baseline.log_frequency), baseline.shape, modes.frequency, seen)
+    partnered = np.flatnonzero(paired >= 0)
+    return model, _first_stage(model, modes, paired[partnered], baseline.only(partnered)), paired
 
 
 def _by_node(dofs: IntArray, values: FloatArray, held: float) -> FloatArray:

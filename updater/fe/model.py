@@ -266,12 +266,14 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
     dofs = mesh.number()
     k, m = _Matrix(), _Matrix()
     elements = tuple(_element(mesh, span, shear_flexible=shear_flexible) for span in mesh.spans)
-    for start, end, element in elements:
-        turn = np.kron(np.eye(4), local_axes(mesh.nodes[end] - mesh.nodes[start]))
+    alike: dict[tuple[str, float], tuple[FloatArray, FloatArray]] = {}  # elements of a member share their matrices
+    for (start, end, element), (_, _, member) in zip(elements, mesh.spans, strict=True):
+        key = member.name, round(element.length, 12)
+        if key not in alike:
+            alike[key] = _global_matrices(element, mesh.nodes[end] - mesh.nodes[start], mass)
         rows = np.r_[dofs[start], dofs[end]]
-        k.add(rows, turn.T @ element.stiffness() @ turn)
-        local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
-        m.add(rows, turn.T @ local @ turn)
+        k.add(rows, alike[key][0])
+        m.add(rows, alike[key][1])
     for node, twin, joint in mesh.twins:
         for turn_axis, value in joint.stiffness.items():
             pair = dofs[[node, twin], AXES.index(turn_axis)]
@@ -297,6 +299,12 @@ def _element(mesh: _Mesh, span: tuple[int, int, Member], *, shear_flexible: bool
     length = float(np.linalg.norm(mesh.nodes[end] - mesh.nodes[start]))
     material, section = mesh.structure.material[member.material], mesh.structure.section[member.section]
     return start, end, Element(length, material, section, shear_flexible)
+
+
+def _global_matrices(element: Element, direction: FloatArray, mass: MassKind) -> tuple[FloatArray, FloatArray]:
+    turn = np.kron(np.eye(4), local_axes(direction))
+    local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
+    return turn.T @ element.stiffness() @ turn, turn.T @ local @ turn
 
 
 def body_mass(body: Body) -> FloatArray:

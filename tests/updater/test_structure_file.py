@@ -1,0 +1,142 @@
+"""The structure file: what it may not say, and its round trip."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fe_helpers import t_frame
+
+from updater import Structure, StructureError, build_model, load_structure, parse_structure, t_structure_toml
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "entry"),
+    [
+        ("density = 7850", "density = inf", "material.steel.density"),
+        ("density = 7850", "density = nan", "material.steel.density"),
+        ("density = 7850", 'density = "heavy"', "material.steel.density"),
+        ("density = 7850", "densty = 7850", "material.steel.dens"),
+        ('section = "tube_40x40x3"', 'section = "pipe"', "member column: section 'pipe'"),
+        ("to = [0.0, 0.0, 1.48]", "to = [0.0, 0.0, 0.0]", "member column: it ends where it begins"),
+        ("to = [0.0, 0.0, 1.48]", "to = [0.0, 1.48]", "member.0.to"),
+        ('name = "crossbeam"', 'name = "column"', "'column' is given twice"),
+        ("direction = [1, 0, 0]", "direction = [0, 0, 0]", "sensor col_037_x: the direction is zero"),
+        ("at = [0.0, 0.0, 0.37]", "at = [0.01, 0.0, 0.37]", "sensor col_037_x: [0.01, 0.0, 0.37] lies on no member"),
+        ("[[support]]\nat = [0.0, 0.0, 0.0]", "[[support]]\nat = [0.0, 0.1, 0.0]", "support: [0.0, 0.1, 0.0] lies on"),
+        (
+            "[[support]]",
+            "[[body]]\nat = [9.0, 0.0, 0.0]\nmass = 1.0\n\n[[support]]",
+            "body: [9.0, 0.0, 0.0] lies on no member",
+        ),
+        (
+            "[[support]]",
+            '[[joint]]\nmember = "crossbeam"\nat = [0.0, 0.0, 0.5]\nstiffness = {rx = 1.0}\n\n[[support]]',
+            "joint of crossbeam: [0.0, 0.0, 0.5] does not lie on it",
+        ),
+        (
+            "[[support]]",
+            '[[joint]]\nmember = "beam"\nat = [0.0, 0.0, 1.48]\nstiffness = {rx = 1.0}\n\n[[support]]',
+            "member 'beam' is not defined; there are ['column', 'crossbeam']",
+        ),
+    ],
+)
+def test_wrong_entry_is_named(old: str, new: str, entry: str) -> None:
+    text = t_structure_toml()
+    assert old in text
+    with pytest.raises(StructureError) as caught:
+        parse_structure(text.replace(old, new, 1), "frame.toml")
+    assert str(caught.value).startswith("frame.toml: ")
+    assert entry in str(caught.value)
+
+
+def test_structure_without_members_is_refused() -> None:
+    with pytest.raises(StructureError, match=r"bare\.toml: member"):
+        parse_structure('name = "bare"\nmember = []\n[material]\n[section]\n', "bare.toml")
+
+
+def test_text_that_is_no_toml_names_the_line() -> None:
+    with pytest.raises(StructureError, match=r"frame\.toml: .*line 2"):
+        parse_structure('name = "x"\nmember = = 1', "frame.toml")
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"], ids=["missing", "not text"])
+def test_file_that_cannot_be_read_is_named(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "frame.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(StructureError, match=r"frame\.toml: cannot be read") as caught:
+        load_structure(path)
+    assert caught.value.path == path
+
+
+def test_file_and_dump_come_back_as_they_were(tmp_path: Path) -> None:
+    path = tmp_path / "frame.toml"
+    path.write_text(t_structure_toml(), encoding="utf-8")
+    read = load_structure(path)
+    assert read == t_frame()
+    assert Structure.model_validate(read.model_dump(by_alias=True)) == read
+    assert Structure.model_validate_json(read.model_dump_json(by_alias=True)) == read
+
+
+def test_shipped_frame_is_the_golden_one() -> None:
+    """The figures of the tested structure; changing one is a change of the reference structure."""
+    frame = t_frame()
+    assert [(m.name, m.start, m.end, m.elements) for m in frame.member] == [
+        ("column", (0.0, 0.0, 0.0), (0.0, 0.0, 1.48), 37),
+        ("crossbeam", (-0.4, 0.0, 1.48), (0.4, 0.0, 1.48), 16),
+    ]
+    assert frame.material["steel"].model_dump() == {
+        "youngs_modulus": 210e9,
+        "shear_modulus": 80.8e9,
+        "density": 7850.0,
+    }
+    assert frame.section["tube_40x40x3"].model_dump() == {
+        "area": 4.1934e-4,
+        "second_moment": (9.3e-8, 9.3e-8),
+        "torsion_constant": 1.58e-7,
+        "shear_factor": 0.44,
+    }
+    assert " ".join(frame.channels) == (
+        "col_037_x col_037_y col_074_x col_074_y col_111_x col_111_y "
+        "beam_mid_x beam_mid_y beam_left_y beam_left_z beam_right_y beam_right_z"
+    )
+
+
+def test_mesh_length_is_an_upper_bound_and_keeps_everything_else() -> None:
+    fine = t_frame().with_mesh(0.03)
+    assert [m.elements for m in fine.member] == [50, 27]
+    assert fine.model_copy(update={"member": t_frame().member}) == t_frame()
+
+
+def _portal(joints: str) -> Structure:
+    """Two posts and a third member that all meet at one point."""
+    members = "".join(
+        f'[[member]]\nname = "{name}"\nfrom = [0.0, 0.0, 0.0]\nto = {to}\nmaterial = "m"\nsection = "s"\nelements = 2\n'
+        for name, to in (("a", [1.0, 0.0, 0.0]), ("b", [0.0, 1.0, 0.0]), ("c", [0.0, 0.0, 1.0]))
+    )
+    return parse_structure(
+        'name = "corner"\n[material.m]\nyoungs_modulus = 1.0\nshear_modulus = 0.4\ndensity = 1.0\n'
+        "[section.s]\narea = 1.0\nsecond_moment = [0.01, 0.01]\ntorsion_constant = 0.02\n"
+        f'{members}[[support]]\nat = [1.0, 0.0, 0.0]\nfixed = ["x", "y", "z", "rx", "ry", "rz"]\n{joints}'
+    )
+
+
+def _joint(member: str) -> str:
+    return f'[[joint]]\nmember = "{member}"\nat = [0.0, 0.0, 0.0]\nstiffness = {{rx = 1e-6, ry = 1e-6, rz = 1e-6}}\n'
+
+
+def test_joints_of_two_members_at_one_point_both_yield() -> None:
+    """Each soft joint adds its member's three slow rotations; the member below the joint stays as it was."""
+    slow = [
+        int((build_model(_portal(joints), mass="consistent").modes(10).frequency < 0.01).sum())
+        for joints in ("", _joint("b"), _joint("c"), _joint("b") + _joint("c"))
+    ]
+    assert slow == [0, 3, 3, 6]
+
+
+def test_joint_order_does_not_matter() -> None:
+    one, other = (
+        build_model(_portal(_joint(first) + _joint(second)), mass="consistent").modes(8).frequency
+        for first, second in (("b", "c"), ("c", "b"))
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-9)
