@@ -39,9 +39,11 @@ class Worker:
     def __enter__(self) -> Self:
         before = {name: os.environ.get(name) for name in _THREADS}
         os.environ.update(_THREADS)  # read by the child when it loads numpy: one thread, the same sums on every run
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's business
         try:
             self._process.start()
         finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             for name, value in before.items():
                 if value is None:
                     del os.environ[name]
@@ -78,8 +80,7 @@ class Worker:
 
 
 def _analyse(structure: str, site: str, inbox: "Queue[Item]", outbox: "Queue[Result | None]") -> None:
-    """Run the pipeline until the last item; Ctrl-C is the parent's business."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Run the pipeline until the last item."""
     os.nice(5)  # acquisition comes first
     from monitor.pipeline import Pipeline  # loads numpy, in this process, under the limits above
     from monitor.settings import parse_settings

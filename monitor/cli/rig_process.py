@@ -39,7 +39,9 @@ class RigProcess:
         """Return {"clock": .., "ports": ..}."""
         end = time.monotonic() + _READY_SECONDS
         while not self._ports.exists():
-            if self._process.poll() is not None or time.monotonic() > end or stop.is_set():
+            if stop.is_set():
+                raise KeyboardInterrupt
+            if self._process.poll() is not None or time.monotonic() > end:
                 self._process.kill()
                 raise StartError(f"the virtual rig did not start: {self._said() or 'no answer'}")
             time.sleep(0.05)
