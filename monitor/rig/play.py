@@ -1,6 +1,7 @@
 """A scenario played on emulated devices: a world that moves, ptys that stream, a timeline of what happens."""
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,7 +12,8 @@ from monitor.rig.truth import World
 from updater import Structure
 
 _TICK = 0.004  # s of wall time between servings
-_LEASH = 4 * _TICK  # s of wall time that one serving may make up for: at speed 10 a pty just holds as much
+_LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may make up for: what a pty just holds; a third of a FIFO
+_SMOOTHING = 0.1  # of the time between servings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,18 +33,22 @@ class _LeashedClock:
     one device would run far ahead of the others.
     """
 
-    def __init__(self, clock: HostClock, step: float) -> None:
-        self._clock, self._step = clock, round(step * 1e9 * clock.speed)
+    def __init__(self, clock: HostClock) -> None:
+        self._clock = clock
         self.speed = clock.speed
-        self._limit = clock.now() + self._step
+        self._limit = clock.now()
+        self._interval, self._last = _TICK, time.monotonic()
 
     def now(self) -> int:
         """Return the time [ns UTC]."""
         return min(self._clock.now(), self._limit)
 
     def lengthen(self) -> None:
-        """Allow another step."""
-        self._limit = self.now() + self._step
+        """Allow another step: twice what servings are apart lately, so that a busy machine is kept up with too."""
+        wall = time.monotonic()
+        self._interval += _SMOOTHING * (wall - self._last - self._interval)
+        self._last = wall
+        self._limit = self.now() + round(min(max(2 * self._interval, _LEASH[0]), _LEASH[1]) * 1e9 * self.speed)
 
 
 def play(
@@ -66,7 +72,7 @@ def play(
     stop : ends it early
     """
     world, sources = make_sources(structure, scenario)
-    leashed = _LeashedClock(clock, _LEASH)
+    leashed = _LeashedClock(clock)
     with unplugging([]) as devices:
         for device, source in zip(scenario.device, sources, strict=True):
             number, error = serial_number(device), device.clock_error

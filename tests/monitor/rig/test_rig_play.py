@@ -94,12 +94,20 @@ def n_missing(blocks: list[Block]) -> int:
     return sum(block.first_index - end for block, end in zip(blocks[1:], ends[:-1], strict=True))
 
 
-def played(folder: Path, scenario: Scenario, wall_seconds: float) -> tuple[dict[str, Any], list[Item], ScaledClock]:
+def _reached(items: list[Item], device: str, n_scans: int) -> bool:
+    blocks = scans(items, device)
+    return bool(blocks) and blocks[-1].end_index >= n_scans
+
+
+def played(folder: Path, scenario: Scenario, n_scans: int) -> tuple[dict[str, Any], list[Item], ScaledClock]:
+    """Play a scenario until each device has been read n_scans times, then end it by a signal."""
     with rig(folder, scenario) as process:
         found = process.ready()
         clock = ScaledClock(**found["clock"])
         with reading(found["ports"], clock) as items:
-            time.sleep(wall_seconds)
+            end = time.monotonic() + _READY_SECONDS
+            while time.monotonic() < end and not all(_reached(items, name, n_scans) for name in found["ports"]):
+                time.sleep(0.1)
         process.process.send_signal(signal.SIGTERM)
         return process.report(), items, clock
 
@@ -107,7 +115,7 @@ def played(folder: Path, scenario: Scenario, wall_seconds: float) -> tuple[dict[
 def test_six_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(tmp_path: Path) -> None:
     scenario = draw_t_frame("t_structure", 31, duration=0, between=(6.0, 7.0))
     for _ in range(3):  # a port holds 170 ms; neighbours on this machine may take it for longer, though not every time
-        report, items, _ = played(tmp_path, scenario, 3.0)
+        report, items, _ = played(tmp_path, scenario, 30_000)
         if not report["dropped"]:
             break
     assert report["dropped"] == 0
@@ -117,26 +125,26 @@ def test_six_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(tm
         blocks = scans(items, device.name)
         assert n_missing(blocks) == 0
         data = np.concatenate([block.counts for block in blocks]) * EPSON_SCALE
-        assert len(data) > 0.9 * 3.0 * SPEED * scenario.rate
+        assert len(data) >= 30_000
         assert 0.002 < data.std(0).max() < 0.1
         received += len(data)
-    # what was under way when the readers stopped: a pty's 4 kB, a block not yet full and a serving's delay, each device
-    assert 0 <= report["sent"] - received < 6 * (170 + 250 + 1000)
+    # what was under way when the readers stopped: in ports, in devices, in a block not full; 0.5 s of wall time or less
+    assert 0 <= report["sent"] - received < 6 * 5000
     opened = [item.time for item in items if isinstance(item, Event) and item.topic == "/event/device_open"]
     assert len(report["events"]) == 1
     late = (report["events"][0] - max(opened)) * 1e-9 - scenario.event[0].at
-    assert abs(late) < 1.0  # 0.1 s of wall time between the rig that begins and the driver that says so
+    assert abs(late) < 5.0  # 0.5 s of wall time, if others have the machine, from driver to rig or back
 
 
 def test_both_sides_share_one_time_scale(tmp_path: Path) -> None:
-    report, items, clock = played(tmp_path, nominal(5), 2.0)
+    report, items, clock = played(tmp_path, nominal(5), 20_000)
     assert clock.speed == SPEED
     assert report["events"] == []
     for blocks in (scans(items, device) for device in ("col_037", "beam_right")):
         first, last = blocks[0], blocks[-1]
         seconds = (last.pair_time - first.pair_time) * 1e-9
-        # the earliest arrival of a block is late by 0 to some ten ms of wall time, tenfold
-        assert (last.pair_index - first.pair_index) / 1000 == pytest.approx(seconds, abs=1.0)
+        # others may have the machine for a while and make arrivals late; a scale that is not shared is off by ten
+        assert (last.pair_index - first.pair_index) / 1000 == pytest.approx(seconds, rel=0.5)
 
 
 def test_a_rig_ends_by_itself_when_its_duration_is_over(tmp_path: Path) -> None:
