@@ -50,7 +50,12 @@ class RigProcess:
 
     def stop_at_its_end(self, stop: threading.Event) -> None:
         """Set `stop` when the rig ends, however that comes."""
-        threading.Thread(target=lambda: (self._process.wait(), stop.set()), name="rig watch", daemon=True).start()
+
+        def watch() -> None:
+            self._process.wait()
+            stop.set()
+
+        threading.Thread(target=watch, name="rig watch", daemon=True).start()
 
     def finish(self) -> dict[str, Any]:
         """Ask the rig to end and return its report."""
