@@ -62,6 +62,9 @@ def _frequency(recording: rr.RecordingStream, story: Story, number: int) -> None
         spread = np.array([2 * m.frequency_std if m else _NAN for m in seen])
         column = ends(story.watched)
         band(recording, f"{path}/measured", f"mode {number} ± 2σ", mode_colour(number), column, values, spread)
+        style = rr.SeriesPoints(colors=[mode_colour(number)], names=[f"mode {number}"], marker_sizes=[2.5])
+        recording.log(f"{path}/seen", style, static=True)  # a window alone between two gaps makes no line
+        recording.send_columns(f"{path}/seen", [column], rr.Scalars.columns(scalars=values))
     for mode in story.reference.modes if story.reference else []:
         if mode.id == number:
             rule(recording, f"{path}/baseline", "baseline", GREY, (story.start, story.end), mode.frequency)

@@ -142,6 +142,12 @@ def test_frequency_has_a_band_of_two_standard_deviations(rrd: Rrd) -> None:
     assert variances[-1][0] == pytest.approx((2 * mode.frequency_std) ** 2, rel=1e-12)
 
 
+def test_mode_seen_between_two_gaps_is_a_point(rrd: Rrd) -> None:
+    times, values = rrd.scalars("/trend/frequency/mode_2/seen")
+    assert times.tolist() == [w.end for w in WATCHED]
+    assert np.isnan(values).tolist()[:4] == [False, True, False, True]
+
+
 def test_frequencies_found_while_learning_have_no_identity(rrd: Rrd) -> None:
     times, values = rrd.scalars("/trend/found")
     learning = WINDOWS[:N_LEARNING]
