@@ -7,7 +7,7 @@ from updater_helpers import t_frame
 from daq import FloatArray
 from updater import Body, Joint, ModelError, Structure, Support, build_model, parse_structure, t_structure_toml
 
-E, G, RHO, AREA, I, J, LENGTH = 210e9, 80.8e9, 7850.0, 4.1934e-4, 9.3e-8, 1.58e-7, 1.5
+E, G, RHO, AREA, SECOND, J, LENGTH = 210e9, 80.8e9, 7850.0, 4.1934e-4, 9.3e-8, 1.58e-7, 1.5
 TABLE = {
     None: [10.78, 10.97, 38.84, 68.77, 92.53, 158.02, 253.11, 270.96],
     (0.304, 0.25, 1.48): [10.36, 10.55, 36.65, 66.37, 91.93, 153.98, 241.08, 269.60],
@@ -21,7 +21,9 @@ def bar(fixed: tuple[str, ...], n: int, end_fixed: tuple[str, ...] = ()) -> Stru
         {
             "name": "bar",
             "material": {"steel": {"youngs_modulus": E, "shear_modulus": G, "density": RHO}},
-            "section": {"tube": {"area": AREA, "second_moment": (I, I), "torsion_constant": J, "shear_factor": 0.44}},
+            "section": {
+                "tube": {"area": AREA, "second_moment": (SECOND, SECOND), "torsion_constant": J, "shear_factor": 0.44}
+            },
             "member": [
                 {
                     "name": "bar",
@@ -38,9 +40,9 @@ def bar(fixed: tuple[str, ...], n: int, end_fixed: tuple[str, ...] = ()) -> Stru
 
 
 def cantilever_frequency(number: int) -> float:
-    """Euler-Bernoulli: (lambda L)^2 sqrt(E I / (rho A L^4)) / 2 pi."""
+    """Euler-Bernoulli: (lambda L)^2 sqrt(E SECOND / (rho A L^4)) / 2 pi."""
     root = [1.875104068711961, 4.694091132974175, 7.854757438237613][number]
-    return float(root**2 * np.sqrt(E * I / (RHO * AREA * LENGTH**4)) / (2 * np.pi))
+    return float(root**2 * np.sqrt(E * SECOND / (RHO * AREA * LENGTH**4)) / (2 * np.pi))
 
 
 ALL = ("x", "y", "z", "rx", "ry", "rz")
@@ -53,15 +55,15 @@ def bending_only(n: int) -> FloatArray:
 
 
 def test_cantilever_frequency_converges_with_fourth_order() -> None:
-    """Consistent mass and cubic shapes: error ~ h^4. The rotary inertia of the element shifts the limit, so compare meshes."""
+    """Consistent mass and cubic shapes: error ~ h^4. Rotary inertia shifts the limit, so meshes are compared."""
     coarse, fine, finest = (bending_only(n)[1] for n in (4, 8, 32))
     order = np.log2((coarse - finest) / (fine - finest))
     assert 3.8 < order < 4.2
 
 
 def test_slender_cantilever_agrees_with_euler_bernoulli() -> None:
-    """Rotary inertia lowers mode 1 by about 2 (r / L)^2 x 2.3, r^2 = I / A: under 0.1 % here."""
-    relative = (I / AREA) / LENGTH**2
+    """Rotary inertia lowers mode 1 by about 2 (r / L)^2 x 2.3, r^2 = SECOND / A: under 0.1 % here."""
+    relative = (SECOND / AREA) / LENGTH**2
     assert bending_only(32)[0] == pytest.approx(cantilever_frequency(0), rel=6 * relative)
 
 
@@ -72,7 +74,7 @@ def test_lumped_cantilever_converges_with_second_order() -> None:
 
 
 @pytest.mark.parametrize(
-    ("free", "speed"), [("x", np.sqrt(E / RHO)), ("rx", np.sqrt(G * J / (RHO * 2 * I)))], ids=["axial", "torsion"]
+    ("free", "speed"), [("x", np.sqrt(E / RHO)), ("rx", np.sqrt(G * J / (RHO * 2 * SECOND)))], ids=["axial", "torsion"]
 )
 def test_fixed_free_rod_and_shaft_agree_with_the_wave_equation(free: str, speed: float) -> None:
     """f = c / 4 L; linear elements with consistent mass are high by (pi h / 2 L)^2 / 24."""
@@ -97,8 +99,8 @@ def test_free_free_bar_on_soft_springs_agrees_with_its_closed_form() -> None:
         }
     )
     flexible = [f for f in build_model(structure, mass="consistent").modes(10).frequency if f > 20]
-    expected = 4.730040744862704**2 * np.sqrt(E * I / (RHO * AREA * LENGTH**4)) / (2 * np.pi)
-    assert flexible[0] == pytest.approx(expected * (1 - 24.7 * (I / AREA) / LENGTH**2), rel=1e-4)
+    expected = 4.730040744862704**2 * np.sqrt(E * SECOND / (RHO * AREA * LENGTH**4)) / (2 * np.pi)
+    assert flexible[0] == pytest.approx(expected * (1 - 24.7 * (SECOND / AREA) / LENGTH**2), rel=1e-4)
 
 
 def test_a_structure_without_support_is_refused() -> None:
@@ -107,11 +109,11 @@ def test_a_structure_without_support_is_refused() -> None:
 
 
 def test_shear_flexible_cantilever_deflects_as_timoshenko_says() -> None:
-    """u = P L^3 / 3 E I + P L / kappa G A, exact at the nodes for any mesh."""
+    """u = P L^3 / 3 E SECOND + P L / kappa G A, exact at the nodes for any mesh."""
     model = build_model(bar(ALL, 3), shear_flexible=True)
     tip = model.read(np.array([LENGTH, 0, 0]), 1)
     flexibility = tip @ np.linalg.solve(model.stiffness.toarray(), tip)
-    assert flexibility == pytest.approx(LENGTH**3 / (3 * E * I) + LENGTH / (0.44 * G * AREA), rel=1e-9)
+    assert flexibility == pytest.approx(LENGTH**3 / (3 * E * SECOND) + LENGTH / (0.44 * G * AREA), rel=1e-9)
 
 
 @pytest.mark.parametrize("added", list(TABLE), ids=["nothing", "304 g", "152 g"])
