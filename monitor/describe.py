@@ -19,7 +19,6 @@ from oma import ModalEstimate, OmaError, Stabilization, singular_values
 from updater import MassChange, Reference, Structure, real_shape
 
 _SPECTRUM_POINTS = 1024
-_PROFILE_STEP = 10  # of the posterior's positions in the log: every centimetre
 
 
 def mode_results(estimate: ModalEstimate, track: IndexArray, reference: Reference | None) -> list[ModeResult]:
@@ -96,9 +95,8 @@ def reference_result(reference: Reference, time: int) -> ReferenceResult:
 
 def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> MassAnswer:
     """Return a located mass in the structure's coordinates."""
-    keep = slice(None, None, _PROFILE_STEP)
     at = {member.name: member.point for member in structure.member}
-    columns = (change.members[keep], change.position[keep], change.density[keep], change.profile_mass[keep])
+    columns = (change.members, change.position, change.density, change.profile_mass)
     return MassAnswer(
         member=change.member,
         position=_vector(at[change.member](change.distance)),

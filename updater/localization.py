@@ -10,7 +10,6 @@ close (a symmetric column's first two) even a centimetre turns their planes.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
@@ -22,9 +21,12 @@ _COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: st
 _MODEL_ERROR = 0.06  # of each predicted change: what the reference gets wrong about it
 _DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body only as a share of it
 _COARSE = 0.01  # m between re-analysed positions
-_FINE = 0.001  # m between positions of the posterior
+_FINE = 0.001  # m between them where the posterior is
+_NEAR = 60.0  # of chi-square over the best: a centimetre may hide a posterior of a millimetre
+_MOST_FINE = 300  # fine positions on one member
 _NEWTON = 5
 _MASS_STD = 0.2  # of the structure's mass, prior of the body's
+_LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
 _OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
 _STEPS = np.array([1e-4, 1e-4, 1e-4])  # of the finite differences: share of the total mass, and m
 
@@ -84,7 +86,12 @@ def locate_mass(reference: Reference, event: ModalMean) -> MassChange:
         If fewer than three modes can be compared.
     """
     data = _changes(reference, event)
-    curves = [_along(reference, data, member.name) for member in reference.calibration.structure.member]
+    coarse = []
+    for member in reference.calibration.structure.member:
+        grid = np.linspace(0, member.length, max(4, round(member.length / _COARSE)) + 1)
+        coarse.append(_along(reference, data, member.name, grid))
+    best = min(float(curve.chi_square.min()) for curve in coarse)
+    curves = [_along(reference, data, curve.member, _closer(curve, best)) for curve in coarse]
     # each shape change lies beside the base: one component fewer than channels; place and mass are fitted
     return _posterior(curves, data.shape_change.size - 2)
 
@@ -143,23 +150,24 @@ class _Line:
         return np.asarray(at.transpose(0, 2, 1) @ at)
 
 
-def _line(reference: Reference, name: str) -> _Line:
+def _line(reference: Reference, name: str, position: FloatArray) -> _Line:
     structure, model = reference.calibration.structure, reference.calibration.model
     member = structure.member_named(name)
-    position = np.linspace(0, member.length, max(4, round(member.length / _COARSE)) + 1)
     modes = np.array([model.read(p) @ reference.shape for p in member.point(position)])
     cross_axes = local_axes(np.subtract(member.end, member.start))[1:]
     turned = [np.cross(modes[:, 3:], axis, axisa=1, axisc=1) for axis in cross_axes]
     return _Line(position, modes[:, :3], np.array(turned))
 
 
-def _along(reference: Reference, data: _Data, name: str) -> _Curve:
+def _along(reference: Reference, data: _Data, name: str, position: FloatArray) -> _Curve:
     """Profile the likelihood along one member: the best body at every position, by Gauss-Newton on all at once."""
-    line = _line(reference, name)
+    line = _line(reference, name, position)
     total = reference.calibration.model.total_mass()
     scale = np.array([total, 1.0, 1.0])
     none = np.zeros((len(line.position), 2))
-    body = np.column_stack([_first_order(data, line.gram(none)), none])  # mass, two offsets
+    # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
+    start = np.clip(_first_order(data, line.gram(none)), -_LARGEST_REMOVED * total, _MASS_STD * total)
+    body = np.column_stack([start, none])  # mass, two offsets
     residual = _residual(reference, data, line, body)
     for _ in range(_NEWTON):
         slope = np.stack(
@@ -179,7 +187,7 @@ def _descend(
     best = (residual**2).sum(1)
     for share in (0.1, 0.3, 0.6, 1.0):
         trial = body - share * step
-        trial[:, 0] = np.maximum(trial[:, 0], -0.5 * _MASS_STD * reference.calibration.model.total_mass())
+        trial[:, 0] = np.maximum(trial[:, 0], -_LARGEST_REMOVED * reference.calibration.model.total_mass())
         tried = _residual(reference, data, line, trial)
         better = (tried**2).sum(1) < best
         best = np.where(better, (tried**2).sum(1), best)
@@ -237,17 +245,17 @@ def reanalyse(
 
 
 def _posterior(curves: list[_Curve], freedom: int) -> MassChange:
-    fine = [_refined(curve) for curve in curves]
-    chi_square = np.concatenate([c.chi_square for c in fine])
-    mass, mass_std = np.concatenate([c.mass for c in fine]), np.concatenate([c.mass_std for c in fine])
-    position = np.concatenate([c.position for c in fine])
-    members = np.repeat([c.member for c in fine], [len(c.position) for c in fine])
-    weight = np.concatenate([np.gradient(c.position) for c in fine])
-    log_density = 0.5 * (np.concatenate([c.log_volume for c in fine]) - (chi_square - chi_square.min()))
+
+    chi_square = np.concatenate([c.chi_square for c in curves])
+    mass, mass_std = np.concatenate([c.mass for c in curves]), np.concatenate([c.mass_std for c in curves])
+    position = np.concatenate([c.position for c in curves])
+    members = np.repeat([c.member for c in curves], [len(c.position) for c in curves])
+    weight = np.concatenate([np.gradient(c.position) for c in curves])
+    log_density = 0.5 * (np.concatenate([c.log_volume for c in curves]) - (chi_square - chi_square.min()))
     density = np.exp(log_density - log_density.max())
     probability = density * weight
     density, probability = density / probability.sum(), probability / probability.sum()
-    share = {c.member: float(probability[members == c.member].sum()) for c in fine}
+    share = {c.member: float(probability[members == c.member].sum()) for c in curves}
     member = max(share, key=lambda name: share[name])
     here = np.where(members == member, probability, 0) / share[member]
     distance = float(here @ position)
@@ -268,13 +276,15 @@ def _posterior(curves: list[_Curve], freedom: int) -> MassChange:
     )
 
 
-def _refined(curve: _Curve) -> _Curve:
-    """Interpolate what is smooth along a member to the posterior's resolution."""
-    n = round(float(curve.position[-1]) / _FINE) + 1
-    position = np.linspace(0, curve.position[-1], n)
-    known = np.column_stack([curve.chi_square, curve.mass, np.log(curve.mass_std), curve.log_volume])
-    chi_square, mass, log_std, log_volume = CubicSpline(curve.position, known)(position).T
-    return _Curve(curve.member, position, chi_square, mass, np.exp(log_std), log_volume)
+def _closer(curve: _Curve, best: float) -> FloatArray:
+    """Return the positions of a profile and, where it comes near the best of all members', many more between."""
+    near = curve.position[curve.chi_square < best + _NEAR]
+    if not len(near):
+        return curve.position
+    spacing = max(_FINE, 2 * _COARSE * len(near) / _MOST_FINE)
+    steps = np.arange(-_COARSE, _COARSE + spacing / 2, spacing)
+    fine = np.clip((near[:, None] + steps).ravel(), 0, curve.position[-1])
+    return np.unique(np.round(np.concatenate([curve.position, fine]), 6))
 
 
 def _credible(
