@@ -8,7 +8,7 @@ import numpy as np
 from daq import Assembler, Block, Event, FloatArray, Recording
 from monitor.alarms import Alarm
 from monitor.describe import alarm_text, mass_answer, mode_results, reference_result, spectrum_result
-from monitor.results import AlarmResult, Novelty, Phase, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, MassAnswer, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
@@ -140,7 +140,7 @@ class Pipeline:
         if self._alarm.state != before.state:
             yield self._said(window, alarm_text(self._alarm.state, result))
 
-    def _locate(self, watch: _Watch) -> object:
+    def _locate(self, watch: _Watch) -> MassAnswer | None:
         """Locate from the windows that begin after the first one over the limit: that one may hold both states."""
         pure = [w.estimate for w in self._out if w.recording.start >= self._out[0].recording.end]
         if not pure:

@@ -63,7 +63,7 @@ class Settings(_Section):
     """A whole SITE.toml."""
 
     structure: str
-    state: str = "state"
+    state: str = "state"  #: folder for what outlives a run; nothing does yet
     device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1)]
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()
