@@ -4,13 +4,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
+from oma import mac_matrix
 
 LARGEST_CLUSTER = 4
-
-
-def mac(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the modal assurance criterion (n_a, n_b) of real shapes given as rows [-]."""
-    return np.asarray((a @ b.T) ** 2 / np.outer((a**2).sum(1), (b**2).sum(1)))
 
 
 def pair_modes(
@@ -28,7 +24,7 @@ def pair_modes(
     A pair with a MAC under 0.5 or frequencies more than 30 % apart is none.
     """
     seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
-    assurance = mac(shape[seen], model_shape)
+    assurance = mac_matrix(shape[seen], model_shape)
     distance = np.abs(np.log(frequency[seen, None] / model_frequency))
     row, column = linear_sum_assignment(1 - assurance + distance)
     near = (assurance[row, column] >= 0.5) & (distance[row, column] <= 0.3)
