@@ -4,6 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from updater import Diagnosis
+
 Vector = tuple[float, float, float]
 Phase = Literal["learning", "watching", "alarm"]
 
@@ -73,6 +75,28 @@ class MassAnswer(_Result):
     profile: list[ProfilePoint]
 
 
+class FlaggedDof(_Result):
+    """A node and direction whose mass increment is beyond what undisturbed windows show."""
+
+    node: int  #: index into `ReferenceResult.nodes`
+    direction: Literal["x", "y", "z"]
+    z: float  #: normalised increment over its standard deviation [-]
+
+
+class MassIncrements(_Result):
+    """Nodal mass increments of the one-step update (the paper's eqs 3 to 14)."""
+
+    increment: list[Vector]  #: (n_nodes,) by direction, diag(M_u) - diag(M) [kg]
+    increment_std: list[Vector]  #: [kg]
+    normalised: list[tuple[float | None, float | None, float | None]]  #: eq. 14 [kg]; None where it says nothing
+    normalised_std: list[tuple[float | None, float | None, float | None]]  #: [kg]
+    totals: Vector  #: sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
+    totals_std: Vector  #: [kg]
+    z_limit: float  #: |z| that one undisturbed window in 100 passes anywhere (family-wise 1 %) [-]
+    flagged: list[FlaggedDof]
+    n_windows: int  #: windows that entered
+
+
 class Spectrum(_Result):
     """Singular values of the spectral matrix, and the stabilisation diagram's poles."""
 
@@ -94,6 +118,8 @@ class WindowResult(_Result):
     modes: list[ModeResult]
     novelty: Novelty | None = None
     answer: MassAnswer | None = None
+    increments: MassIncrements | None = None
+    diagnosis: Diagnosis | None = None  #: since the baseline
     spectrum: Spectrum | None = None
     rms: dict[str, float] = {}  #: of each channel [m/s2]
     problem: str | None = None  #: why the window gave no modes

@@ -1,0 +1,92 @@
+"""The answer of a diagnosis, as other programs read it (docs/updater.md, `modalwatch diagnose --json`)."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+Vector = tuple[float, float, float]
+Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+
+class Quantity(_Part):
+    """An estimated parameter of a cause."""
+
+    value: float
+    std: float
+    unit: str
+
+
+class Where(_Part):
+    """Place of a cause on the structure, or the channels of one that sits in the measuring chain."""
+
+    member: str | None = None
+    position: Vector | None = None  #: on the member's axis [m]
+    position_std: float | None = None  #: along the member [m]
+    region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
+    channels: tuple[str, ...] = ()
+
+
+class Cause(_Part):
+    """One accepted cause."""
+
+    cause: str
+    probability: float
+    where: Where | None  #: None for a cause that has no place
+    parameters: dict[str, Quantity]
+    cannot_be_told_from: tuple[str, ...] = ()
+
+
+class Rejected(_Part):
+    """One cause that was tried and refused."""
+
+    cause: str
+    log_evidence: float  #: against the best one [-]
+    why: str
+
+
+class FrequencyFit(_Part):
+    """A frequency as measured, and as predicted without and with the causes [Hz]."""
+
+    measured: float | None
+    std: float | None
+    before: float | None
+    after: float | None
+
+
+class Pair(_Part):
+    """A figure without and with the causes."""
+
+    before: float | None
+    after: float | None
+
+
+class ModeFit(_Part):
+    """One mode, without and with the causes."""
+
+    frequency: FrequencyFit
+    mac: Pair
+
+
+class Gain(_Part):
+    """What the extended model gains, on data that were not used where `heldout`."""
+
+    heldout: bool
+    frequency_error_percent: Pair  #: root mean square
+    one_minus_mac: Pair  #: mean
+    log_likelihood: Pair
+
+
+class Diagnosis(_Part):
+    """What the simulation gets wrong, or what has changed."""
+
+    verdict: Verdict
+    causes: tuple[Cause, ...]
+    rejected: tuple[Rejected, ...]
+    modes: tuple[ModeFit, ...]
+    gain: Gain | None
+    extended_model: str | None = None  #: path of the structure.toml with the causes written in
+    next_measurement: str
