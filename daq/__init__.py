@@ -1,23 +1,29 @@
 """Bytes in, recordings out: drivers, emulators, the MCAP log, and blocks of many devices on one grid."""
 
 from daq.assembly import Assembler
+from daq.channelmap import CHANNELS, ChannelMap
+from daq.convert import read_data, with_channels, write_recording
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.epson import EmulatedEpson, SampleSource, serve_all, unplugging
-from daq.errors import DaqError, DeviceLost, DriverError, LogError
+from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogThread, LogWriter, read_attachments, read_log
 from daq.protocol.epson import SCALE as EPSON_SCALE
+from daq.reading import load_recordings, read_channel_map
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import driver_names, make_driver
 from daq.timebase import ClockFit
 
 __all__ = [
+    "CHANNELS",
     "EPSON_SCALE",
     "Assembler",
     "Block",
     "Channel",
+    "ChannelMap",
     "ClockFit",
     "DaqError",
+    "DataError",
     "DeviceLost",
     "DeviceReader",
     "Driver",
@@ -40,9 +46,14 @@ __all__ = [
     "Scans",
     "SystemClock",
     "driver_names",
+    "load_recordings",
     "make_driver",
     "read_attachments",
+    "read_channel_map",
+    "read_data",
     "read_log",
     "serve_all",
     "unplugging",
+    "with_channels",
+    "write_recording",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from daq.log import Event
-from daq.recording import Block, Channel, Flag, FloatArray, Gap, Recording
+from daq.recording import Block, Channel, Flag, FloatArray, Recording, find_gaps
 from daq.timebase import ClockFit
 
 _HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
@@ -83,9 +83,11 @@ class _Stretch:
                 out[start - first : stop - first] = part * block.scale
         return out
 
-    def resampled(self, start: int, n: int, rate: float, ratio: float) -> FloatArray | None:
-        """Return scans on a grid (n, n_axes), None if there is none near it."""
+    def resampled(self, start: int, n: int, rate: float, ratio: float | None) -> FloatArray | None:
+        """Return scans on a grid (n, n_axes), None if there is none near it; without a ratio they lie on it."""
         first, scan_rate = self.clock.index_at(start)
+        if ratio is None:
+            return self.scans(round(first), round(first) + n)
         position: FloatArray = first + np.arange(n, dtype=float) * (scan_rate / rate)
         low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
@@ -96,10 +98,10 @@ class _Stretch:
 class _Device:
     """Stretches of one device, one a start."""
 
-    def __init__(self, rate: float, grid_rate: float, n_axes: int) -> None:
+    def __init__(self, rate: float, grid_rate: float, n_axes: int, *, on_grid: bool) -> None:
         self._rate, self._grid_rate, self._n_axes = rate, grid_rate, n_axes
-        self._ratio = grid_rate / rate
-        self._half = half_taps(self._ratio)
+        self._ratio = None if on_grid else grid_rate / rate
+        self._half = half_taps(self._ratio) if self._ratio else 0
         self._stretches: deque[_Stretch] = deque()
         self.lost = False
 
@@ -111,13 +113,23 @@ class _Device:
 
     @property
     def ready(self) -> bool:
-        return bool(self._stretches) and self._stretches[-1].clock.span >= _SETTLE_SECONDS
+        return self.heard and self._stretches[-1].clock.span >= _SETTLE_SECONDS
+
+    @property
+    def heard(self) -> bool:
+        return bool(self._stretches)
 
     @property
     def first_time(self) -> int:
         """Time from which on there can be samples [ns UTC]."""
         stretch = self._stretches[-1]
         return stretch.clock.time_at(stretch.blocks[0].first_index + self._half)
+
+    @property
+    def end_time(self) -> int:
+        """Time before which there can be samples, unless more blocks come [ns UTC]."""
+        stretch = self._stretches[-1]
+        return stretch.clock.time_at(stretch.blocks[-1].end_index - self._half)
 
     @property
     def temperatures(self) -> list[float]:
@@ -157,15 +169,23 @@ class Assembler:
     channels : analysed channels
     rates : device -> nominal scans a second [Hz]; the grid has the slowest one
     window_seconds, step_seconds : length of a window and distance of their starts [s]
+    on_grid : scans of all devices lie on one grid already, as those of an imported file: nothing is interpolated
     """
 
     def __init__(
-        self, channels: tuple[Channel, ...], rates: Mapping[str, float], *, window_seconds: float, step_seconds: float
+        self,
+        channels: tuple[Channel, ...],
+        rates: Mapping[str, float],
+        *,
+        window_seconds: float,
+        step_seconds: float,
+        on_grid: bool = False,
     ) -> None:
         self._channels = channels
         self._rate = min(rates.values())
         n_axes = 1 + max(channel.axis for channel in channels)
-        self._devices = {name: _Device(rate, self._rate, n_axes) for name, rate in rates.items()}
+        self._on_grid = on_grid
+        self._devices = {name: _Device(rate, self._rate, n_axes, on_grid=on_grid) for name, rate in rates.items()}
         self._n = round(window_seconds * self._rate)
         self._step = round(step_seconds * 1e9)
         self._next: int | None = None  # start of the next window [ns UTC]
@@ -190,19 +210,40 @@ class Assembler:
             device.lost = True
             yield from self._complete()
 
+    def finish(self) -> Iterator[Recording]:
+        """Yield what is left when no more comes: windows that a device no longer reaches, and a last, shorter one."""
+        alive = [d for d in self._devices.values() if d.heard and not d.lost]
+        alive = alive or [d for d in self._devices.values() if d.heard]
+        if not alive:
+            return
+        if self._next is None:
+            self._next = self._first(alive)
+        ends = [d.end_time for d in alive]
+        end = max(ends) if self._on_grid else min(ends)
+        while (left := int((end - self._next) * 1e-9 * self._rate + 1e-3)) > 0:  # ends are rounded to ns
+            yield from self._cut(self._next, min(left, self._n))
+
     def _complete(self) -> Iterator[Recording]:
         alive = [d for d in self._devices.values() if not d.lost]
         if not alive or not all(d.ready for d in alive):
             return
         if self._next is None:
-            self._next = max(d.first_time for d in alive)
+            self._next = self._first(alive)
         while all(d.reaches(self._next + self._window_ns) for d in alive):
-            signals = {name: device.resampled(self._next, self._n) for name, device in self._devices.items()}
-            if not all(np.isnan(signal).all() for signal in signals.values()):  # nothing was there: no window
-                yield self._recording(self._next, signals)
-            self._next += self._step
-            for device in self._devices.values():
-                device.forget(self._next)
+            yield from self._cut(self._next, self._n)
+
+    def _first(self, devices: list[_Device]) -> int:
+        """Return where the first window starts: where all devices are there; on a common grid, where one is."""
+        return (min if self._on_grid else max)(device.first_time for device in devices)
+
+    def _cut(self, start: int, n: int) -> Iterator[Recording]:
+        """Yield a window of `n` samples unless nothing was there, and go on to the next."""
+        signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
+        if not all(np.isnan(signal).all() for signal in signals.values()):
+            yield self._recording(start, signals)
+        self._next = start + self._step
+        for device in self._devices.values():
+            device.forget(self._next)
 
     @property
     def _window_ns(self) -> int:
@@ -210,18 +251,12 @@ class Assembler:
 
     def _recording(self, start: int, signals: Mapping[str, FloatArray]) -> Recording:
         temperatures = [device.temperatures for device in self._devices.values()]
+        data = np.column_stack([signals[channel.device][:, channel.axis] for channel in self._channels])
         return Recording(
             channels=self._channels,
-            data=np.column_stack([signals[channel.device][:, channel.axis] for channel in self._channels]),
+            data=data,
             rate=self._rate,
             start=start,
             temperature=float(np.mean([np.mean(values) for values in temperatures if values])),
-            gaps=tuple(gap for name, signal in signals.items() for gap in _gaps(name, signal)),
+            gaps=find_gaps(self._channels, data),
         )
-
-
-def _gaps(device: str, signal: FloatArray) -> Iterator[Gap]:
-    missing = np.isnan(signal).any(1)
-    edges = np.flatnonzero(np.diff(np.r_[False, missing, False].astype(np.int8)))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        yield Gap(device=device, start=start, stop=stop)

@@ -4,6 +4,7 @@ DaqError
     DriverError         a device that does not answer as its protocol says
         DeviceLost      a device that answered and is gone
     LogError            a log that cannot be read or written; names the file
+    DataError           a file of measurements that cannot be imported; names the file, and line or field
 """
 
 from pathlib import Path
@@ -27,6 +28,14 @@ class DeviceLost(DriverError):  # noqa: N818 - what happened, not an error of so
 
 class LogError(DaqError):
     """A log file that cannot be used."""
+
+    def __init__(self, path: Path | str, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path = path
+
+
+class DataError(DaqError):
+    """A file of measurements that cannot be imported."""
 
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")

@@ -1,5 +1,6 @@
 """Blocks as a device hands them on, and recordings on one time grid."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntFlag
 
@@ -98,3 +99,16 @@ class Recording:
     def end(self) -> int:
         """Time after the last sample [ns UTC]."""
         return self.start + round(self.duration * 1e9)
+
+
+def find_gaps(channels: tuple[Channel, ...], data: FloatArray) -> tuple[Gap, ...]:
+    """Return the stretches in which a device lacks a sample of any of its channels; data (n_samples, n_channels)."""
+    return tuple(_find_gaps(channels, np.isnan(data)))
+
+
+def _find_gaps(channels: tuple[Channel, ...], missing: npt.NDArray[np.bool_]) -> Iterator[Gap]:
+    for device in dict.fromkeys(channel.device for channel in channels):
+        own = [channel.device == device for channel in channels]
+        edges = np.flatnonzero(np.diff(np.r_[False, missing[:, own].any(1), False].astype(np.int8)))
+        for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            yield Gap(device=device, start=start, stop=stop)

@@ -2,6 +2,7 @@
 
 MonitorError
     SettingsError   SITE.toml cannot be used; names file and key
+    ArgumentError   an argument that makes no sense; names it
     StartError      it could not start: a device, a port, a folder
 """
 
@@ -18,6 +19,14 @@ class SettingsError(MonitorError):
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")
         self.path = path
+
+
+class ArgumentError(MonitorError):
+    """An argument of a command that makes no sense."""
+
+    def __init__(self, name: str, message: str) -> None:
+        super().__init__(f"{name}: {message}")
+        self.name = name
 
 
 class StartError(MonitorError):

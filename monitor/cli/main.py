@@ -74,6 +74,24 @@ def replay(
     raise typer.Exit(replay_command(log, site, json))
 
 
+@app.command("import")
+def import_(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table (CSV), .npz or .mat.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
+    rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
+    unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
+    scale: Annotated[float, typer.Option(help="Units a number, if not 1.", min=1e-12)] = 1.0,
+    start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
+    structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
+    site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
+) -> None:
+    """Make a log of a file of measurements: one column a channel, named as its sensor."""
+    from monitor.cli.importing import import_command
+
+    done = import_command(data, out, rate=rate, unit=unit, scale=scale, start=start, structure=structure, site=site)
+    raise typer.Exit(done)
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -97,9 +115,10 @@ def _explain(error: Exception) -> int:
     """Say what went wrong in one line; return the exit code."""
     from daq import DaqError
     from monitor.errors import MonitorError, StartError
+    from oma import OmaError
     from updater import UpdaterError
 
-    if isinstance(error, DaqError | MonitorError | UpdaterError):
+    if isinstance(error, DaqError | OmaError | MonitorError | UpdaterError):
         typer.echo(f"error: {error}", err=True)
         return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
     typer.echo(f"internal error: {type(error).__name__}: {error}", err=True)

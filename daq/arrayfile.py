@@ -1,0 +1,94 @@
+"""Arrays of numpy's .npz and Matlab's .mat files."""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+
+from daq.errors import DataError
+from daq.recording import FloatArray
+
+_DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """Signals as a file of arrays holds them."""
+
+    names: tuple[str, ...]
+    values: FloatArray  #: (n_samples, n_channels)
+    rate: float | None  #: [Hz]; None if the file does not say
+    t: FloatArray | None  #: (n_samples,) [s]; None if the file does not say
+
+
+def read_arrays(path: Path) -> Arrays:
+    """Read signals from arrays.
+
+    Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
+    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or ``t`` [s].
+
+    Raises
+    ------
+    DataError
+        Naming the file and the array.
+    """
+    arrays = _load(path)
+    rate, t = _first(arrays, _RATE), arrays.pop("t", None)
+    data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
+    if data is None:
+        arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
+        lengths = {array.shape for array in arrays.values()}
+        if len(lengths) != 1 or len(next(iter(lengths))) != 1:
+            found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items()) or "nothing"
+            raise DataError(path, f"expected 'data' or one array (n_samples,) a channel, found {found}")
+        data, names = np.column_stack(list(arrays.values())), np.array(list(arrays))
+    values = _numbers(path, "data", data)
+    if values.ndim != 2:
+        raise DataError(path, f"data: expected (n_samples, n_channels), found {values.shape}")
+    return Arrays(
+        names=_channel_names(path, names, values.shape[1]),
+        values=values,
+        rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
+        t=None if t is None else _numbers(path, "t", t).ravel(),
+    )
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        if path.suffix.lower() == ".npz":
+            with path.open("rb") as opened, np.load(opened) as file:
+                return dict(file)
+        return {name: array for name, array in loadmat(path).items() if not name.startswith("__")}
+    except OSError as error:
+        raise DataError(path, f"cannot be read: {error.strerror or error}") from error
+    except NotImplementedError as error:
+        raise DataError(path, "is a Matlab 7.3 file: save it with -v7") from error
+    except (ValueError, TypeError, IndexError, AttributeError, EOFError, zipfile.BadZipFile, MatReadError) as error:
+        raise DataError(path, f"holds no arrays: {error}") from error
+
+
+def _first(arrays: dict[str, Any], names: tuple[str, ...]) -> Any:  # noqa: ANN401 - whatever the file holds
+    return next((arrays.pop(name) for name in names if name in arrays), None)
+
+
+def _numbers(path: Path, name: str, array: Any) -> FloatArray:  # noqa: ANN401 - whatever the file holds
+    try:
+        values = np.asarray(array, np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(path, f"{name}: expected numbers, found {np.asarray(array).dtype}") from error
+    if not values.size or np.isinf(values).any():
+        raise DataError(path, f"{name}: expected finite numbers, found {'inf' if values.size else 'none'}")
+    return values
+
+
+def _channel_names(path: Path, names: Any, n: int) -> tuple[str, ...]:  # noqa: ANN401 - whatever the file holds
+    if names is None:
+        return tuple(f"ch{i + 1}" for i in range(n))
+    found = tuple(str(np.asarray(name).squeeze()).strip() for name in np.ravel(names))
+    if len(found) != n or len(set(found)) != n:
+        raise DataError(path, f"channels: expected {n} different names, found {found}")
+    return found

@@ -1,0 +1,38 @@
+"""Which axis of which device is which sensor, as it stands in a log: so that a log alone can be read."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from daq.errors import LogError
+from daq.recording import Channel
+
+CHANNELS = "channels.json"  #: name of the attachment
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelMap:
+    """The channels of a log."""
+
+    channels: tuple[Channel, ...]
+    on_grid: bool  #: scans of all devices lie on one time grid, as those of an imported file
+
+    def to_json(self) -> str:
+        """Return the text that is attached to a log."""
+        return json.dumps({"channels": [asdict(c) for c in self.channels], "on_grid": self.on_grid}, indent=1)
+
+
+def parse_channel_map(text: str, path: Path) -> ChannelMap:
+    """Read a channel map from the text attached to the log at `path`.
+
+    Raises
+    ------
+    LogError
+        If it is none.
+    """
+    try:
+        content = json.loads(text)
+        channels = tuple(Channel(**entry) for entry in content["channels"])
+        return ChannelMap(channels=channels, on_grid=bool(content["on_grid"]))
+    except (ValueError, TypeError, KeyError) as error:
+        raise LogError(path, f"{CHANNELS}: expected channels and on_grid, found {text!r:.80}") from error

@@ -1,0 +1,182 @@
+"""Files of measurements to recordings, and recordings to logs."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from daq.arrayfile import read_arrays
+from daq.channelmap import CHANNELS, ChannelMap
+from daq.csvfile import read_csv
+from daq.errors import DataError
+from daq.log import LogWriter
+from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
+from daq.sampling import UnevenError, even_grid
+
+_LARGEST = (1 << 30) - 1  # count
+_BLOCK_SECONDS = 1.0
+_DEVICE = "import"
+
+
+def read_data(path: Path, *, rate: float | None = None, factor: float = 1.0, start: int = 0) -> Recording:
+    """Read a file of measurements: .npz, .mat, anything else as a table of text.
+
+    Parameters
+    ----------
+    path : of the file; see `read_csv` and `read_arrays` for what it may hold
+    rate : samples a second [Hz], if the file does not say
+    factor : m/s2 a unit of the file
+    start : time of the first sample [ns UTC]
+
+    Returns
+    -------
+    Recording
+        [m/s2]. NaN and empty cells are gaps, and so is a missing stretch of times.
+
+    Raises
+    ------
+    DataError
+        Naming the file, and line or field.
+    ValueError
+        If `rate` or `factor` is not positive.
+    """
+    if not factor > 0 or not (rate is None or rate > 0):
+        raise ValueError(f"rate and factor: expected positive numbers, found {rate} and {factor}")
+    read = _arrays if path.suffix.lower() in {".npz", ".mat"} else _table
+    names, values, rate = read(path, rate)
+    channels = _channels(names, values)
+    data = values * factor
+    return Recording(channels=channels, data=data, rate=rate, start=start, gaps=find_gaps(channels, data))
+
+
+Columns = tuple[tuple[str, ...], FloatArray, float]  # names, values on an even grid, rate [Hz]
+
+
+def _table(path: Path, rate: float | None) -> Columns:
+    table = read_csv(path)
+    if "t" not in table.names:
+        return table.names, table.values, _known(path, rate, None, "has no column 't' of times [s]: give --rate")
+    column = table.names.index("t")
+    names = tuple(name for name in table.names if name != "t")
+    if not names:
+        raise DataError(path, "has no column beside 't'")
+    if rate is not None:
+        raise DataError(path, "has a column 't' of times: leave out --rate")
+    values = np.delete(table.values, column, axis=1)
+    try:
+        return names, *_on_grid(table.values[:, column], values)
+    except UnevenError as error:
+        raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
+
+
+def _arrays(path: Path, rate: float | None) -> Columns:
+    arrays = read_arrays(path)
+    if arrays.t is None:
+        return arrays.names, arrays.values, _known(path, rate, arrays.rate, "has neither 'rate' nor 't': give --rate")
+    if len(arrays.t) != len(arrays.values):
+        raise DataError(path, f"t: expected {len(arrays.values)} times, found {len(arrays.t)}")
+    try:
+        return arrays.names, *_on_grid(arrays.t, arrays.values)
+    except UnevenError as error:
+        raise DataError(path, f"t[{error.row}]: {error.why}") from error
+
+
+def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:
+    """Return the rate that is given or stands in the file."""
+    rate = given if given is not None else found
+    if rate is None:
+        raise DataError(path, otherwise)
+    if not rate > 0:
+        raise DataError(path, f"rate: expected a positive number of Hz, found {rate}")
+    return rate
+
+
+def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
+    """Return rows at their places on an even grid, NaN between, and its rate."""
+    grid = even_grid(t)
+    data = np.full((int(grid.index[-1]) + 1, values.shape[1]), np.nan)
+    data[grid.index] = values
+    return data, grid.rate
+
+
+def _channels(names: tuple[str, ...], values: FloatArray) -> tuple[Channel, ...]:
+    """Give the columns to devices: those that lack the same samples to the same one."""
+    patterns: dict[bytes, list[int]] = {}
+    for column, missing in enumerate(np.isnan(values).T):
+        patterns.setdefault(np.packbits(missing).tobytes(), []).append(column)
+    place = {}
+    for number, columns in enumerate(patterns.values(), 1):
+        device = _DEVICE if number == 1 else f"{_DEVICE}-{number}"
+        place.update({column: Channel(name=names[column], device=device, axis=i) for i, column in enumerate(columns)})
+    return tuple(place[column] for column in range(len(names)))
+
+
+def write_recording(path: Path, recording: Recording, attachments: Mapping[str, str] | None = None) -> None:
+    """Write a recording to a new log, its channel map attached.
+
+    Counts are at most 2^30, so that a value is kept to 1e-9 of its device's largest one. A sample that a device lacks
+    of one of its channels is a gap of the device.
+
+    Parameters
+    ----------
+    path : of the new file
+    recording : Recording
+    attachments : name -> text, beside the channel map
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    """
+    known = ChannelMap(channels=recording.channels, on_grid=True)
+    writer = LogWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
+    blocks = [block for device in _devices(recording) for block in _blocks(recording, device)]
+    for block in sorted(blocks, key=lambda block: block.first_index):
+        writer.write(block)
+    writer.close()
+
+
+def _devices(recording: Recording) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(channel.device for channel in recording.channels))
+
+
+def _blocks(recording: Recording, device: str) -> Iterator[Block]:
+    """Yield the blocks of one device."""
+    axes = {c.axis: i for i, c in enumerate(recording.channels) if c.device == device}
+    data = np.zeros((len(recording.data), max(axes) + 1))
+    data[:, list(axes)] = recording.data[:, list(axes.values())]
+    there = np.asarray(np.isfinite(data).all(axis=1))
+    largest = float(np.abs(data[there]).max(initial=0.0))
+    scale = largest / _LARGEST if largest > 0 else 1.0
+    counts = np.rint(np.where(there[:, None], data, 0.0) / scale).astype(np.int32)
+    edges = np.flatnonzero(np.diff(np.r_[False, there, False].astype(np.int8)))
+    length = max(1, round(_BLOCK_SECONDS * recording.rate))
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        for first in range(start, stop, length):
+            yield Block(
+                device=device,
+                rate=recording.rate,
+                first_index=first,
+                counts=counts[first : min(first + length, stop)],
+                scale=scale,
+                pair_index=first,
+                pair_time=recording.start + round(first / recording.rate * 1e9),
+                temperature=recording.temperature,
+            )
+
+
+def with_channels(recording: Recording, channels: tuple[Channel, ...]) -> Recording:
+    """Return a recording whose channels stand on the devices and axes of others of the same names.
+
+    Raises
+    ------
+    ValueError
+        If a name is missing among `channels`.
+    """
+    place = {channel.name: channel for channel in channels}
+    for channel in recording.channels:
+        if channel.name not in place:
+            raise ValueError(f"channel {channel.name!r}: expected one of {', '.join(place)}")
+    moved = tuple(place[channel.name] for channel in recording.channels)
+    return replace(recording, channels=moved, gaps=find_gaps(moved, recording.data))

@@ -1,0 +1,115 @@
+"""A whole log as recordings."""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from daq.assembly import Assembler
+from daq.channelmap import CHANNELS, ChannelMap, parse_channel_map
+from daq.errors import LogError
+from daq.log import Event, read_attachments, read_log
+from daq.recording import Block, Channel, Recording, find_gaps
+
+_PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
+
+
+def load_recordings(
+    path: Path, *, window_seconds: float | None = None, channels: tuple[Channel, ...] | None = None
+) -> Iterator[Recording]:
+    """Yield the recordings of a log, cut in windows of equal length.
+
+    Parameters
+    ----------
+    path : of the log
+    window_seconds : length of a window [s]; unless given, the whole log is one
+    channels : which axis of which device is which sensor; unless given, as the log's own channel map says
+
+    Yields
+    ------
+    Recording
+        NaN where a device has a gap or is missing altogether. What is left at the end after the last whole window is
+        left out, unless it is all there is.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read, does not say what its channels are, or has no scan of them.
+    ValueError
+        If the window is not positive.
+    """
+    if window_seconds is not None and not window_seconds > 0:
+        raise ValueError(f"window_seconds: expected a positive number, found {window_seconds}")
+    stored = read_channel_map(path)
+    if channels is None and stored is None:
+        raise LogError(path, "does not say which channel is which sensor")
+    known = ChannelMap(channels=channels or stored.channels, on_grid=bool(stored and stored.on_grid))  # type: ignore[union-attr]
+    rates = _rates(path, known.channels)
+    rate = min(rates.values())
+    length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
+    pieces = _cut(path, known, rates, length / rate)
+    if window_seconds is None:
+        yield from _joined(pieces)
+    else:
+        yield from _whole(pieces, length)
+
+
+def read_channel_map(path: Path) -> ChannelMap | None:
+    """Return the channel map attached to a log, None if there is none; errors as for `read_log`."""
+    text = read_attachments(path).get(CHANNELS)
+    return None if text is None else parse_channel_map(text, path)
+
+
+def _rates(path: Path, channels: tuple[Channel, ...]) -> dict[str, float]:
+    """Return the rates of the channels' devices [Hz], as far as the log has them."""
+    devices = {channel.device for channel in channels}
+    rates: dict[str, float] = {}
+    for item in read_log(path):
+        if isinstance(item, Block) and item.device in devices:
+            rates.setdefault(item.device, item.rate)
+        if len(rates) == len(devices):
+            break
+    if not rates:
+        raise LogError(path, f"holds no scan of {', '.join(sorted(devices))}")
+    return rates
+
+
+def _cut(path: Path, known: ChannelMap, rates: dict[str, float], seconds: float) -> Iterator[Recording]:
+    """Yield windows one after the other, the last one shorter."""
+    missing = {c.device for c in known.channels} - rates.keys()
+    all_rates = rates | dict.fromkeys(missing, min(rates.values()))
+    assembler = Assembler(
+        known.channels, all_rates, window_seconds=seconds, step_seconds=seconds, on_grid=known.on_grid
+    )
+    for device in missing:
+        yield from assembler.push_event(Event(topic="/event/device_lost", time=0, payload={"device": device}))
+    for item in read_log(path):
+        if isinstance(item, Event):
+            yield from assembler.push_event(item)
+        elif item.device in rates:
+            yield from assembler.push(item)
+    yield from assembler.finish()
+
+
+def _whole(pieces: Iterable[Recording], n: int) -> Iterator[Recording]:
+    """Yield pieces of `n` samples; the first one however long."""
+    pieces = iter(pieces)
+    yield from itertools.islice(pieces, 1)
+    yield from (piece for piece in pieces if len(piece.data) == n)
+
+
+def _joined(pieces: Iterable[Recording]) -> Iterator[Recording]:
+    """Yield pieces joined to one recording; nothing if there are none."""
+    parts = list(pieces)
+    if not parts:
+        return
+    first = parts[0]
+    places = [round((part.start - first.start) * 1e-9 * first.rate) for part in parts]
+    data = np.full((places[-1] + len(parts[-1].data), len(first.channels)), np.nan)
+    for place, part in zip(places, parts, strict=True):
+        data[place : place + len(part.data)] = part.data
+    known = [part.temperature for part in parts if np.isfinite(part.temperature)]
+    temperature = float(np.mean(known)) if known else float("nan")
+    yield replace(first, data=data, temperature=temperature, gaps=find_gaps(first.channels, data))

@@ -1,0 +1,98 @@
+"""`import`: a file of measurements becomes a log."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from rich.console import Console
+
+from daq import DataError, Recording, read_data, with_channels, write_recording
+from monitor.daemon import load_site
+from monitor.errors import ArgumentError
+from updater import StructureError, parse_structure
+
+UNITS = {"m/s2": 1.0, "g": 9.80665}
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
+
+console = Console(highlight=False)
+
+
+def import_command(
+    data: Path,
+    out: Path,
+    *,
+    rate: float | None,
+    unit: str,
+    scale: float,
+    start: str | None,
+    structure: Path | None,
+    site: Path | None,
+) -> int:
+    """Write the log; say what is in it."""
+    if unit not in UNITS:
+        raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {unit!r}")
+    recording = read_data(data, rate=rate, factor=UNITS[unit] * scale, start=_start(start))
+    attachments: dict[str, str] = {}
+    if site is not None:
+        recording, attachments = _for_site(data, recording, site)
+    if structure is not None:
+        attachments["structure.toml"] = _structure_text(data, recording, structure)
+    write_recording(out, recording, attachments)
+    missing = sum(gap.stop - gap.start for gap in recording.gaps)
+    console.print(
+        f"{out}: {len(recording.channels)} channels, {recording.duration:.6g} s at {recording.rate:.6g} Hz, "
+        f"{len(recording.gaps)} gaps ({missing} samples)",
+        soft_wrap=True,
+    )
+    return 0
+
+
+def _start(text: str | None) -> int:
+    """Return a time [ns UTC]; without a zone it is UTC, without a text 1970."""
+    if text is None:
+        return 0
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ArgumentError("--start", f"expected a time as 2026-01-31T12:00:00Z, found {text!r}") from error
+    time = time if time.tzinfo else time.replace(tzinfo=UTC)
+    if time < _EPOCH:
+        raise ArgumentError("--start", f"expected a time after 1970, found {text!r}")
+    return (time - _EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def _for_site(data: Path, recording: Recording, path: Path) -> tuple[Recording, dict[str, str]]:
+    """Return the recording on the devices of a site, so that it can be replayed, and what to attach."""
+    site = load_site(path)
+    names = {channel.name for channel in recording.channels}
+    for channel in site.settings.channels:
+        if channel.name not in names:
+            raise DataError(data, f"has no column {channel.name!r}, which {path} asks for")
+    for device in site.settings.device:
+        if abs(recording.rate / device.rate - 1) > _RATE_TOLERANCE:
+            raise DataError(
+                data, f"has {recording.rate:.6g} samples a second, device {device.name} of {path} {device.rate:g}"
+            )
+    try:
+        moved = with_channels(recording, site.settings.channels)
+    except ValueError as error:
+        raise DataError(data, f"{error} of {path}") from error
+    return moved, {"site.toml": site.site_text, "structure.toml": site.structure_text}
+
+
+def _structure_text(data: Path, recording: Recording, path: Path) -> str:
+    """Return the text of a structure file, once all columns are known to be sensors of it."""
+    text = structure_text(path)
+    known = parse_structure(text, path).channels
+    for channel in recording.channels:
+        if channel.name not in known:
+            raise DataError(data, f"column {channel.name!r} is no sensor of {path}; there are {', '.join(known)}")
+    return text
+
+
+def structure_text(path: Path) -> str:
+    """Return the text of a structure file."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise StructureError(path, f"cannot be read: {error}") from error

@@ -1,0 +1,29 @@
+"""Logs of this program, whoever wrote them, as recordings."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from daq import Channel, LogError, Recording, load_recordings, read_attachments, read_channel_map
+from monitor.settings import parse_settings
+
+
+def log_channels(path: Path) -> tuple[Channel, ...]:
+    """Return which axis of which device is which sensor: from the log's channel map, else its settings.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read or has neither.
+    """
+    stored = read_channel_map(path)
+    if stored is not None:
+        return stored.channels
+    attached = read_attachments(path)
+    if "site.toml" not in attached:
+        raise LogError(path, "does not say which channel is which sensor: no channel map and no settings are attached")
+    return parse_settings(attached["site.toml"], f"{path}: site.toml").channels
+
+
+def log_recordings(path: Path, window_seconds: float | None = None) -> Iterator[Recording]:
+    """Yield the recordings of a log, the whole one unless a window [s] is given; errors as for `load_recordings`."""
+    return load_recordings(path, window_seconds=window_seconds, channels=log_channels(path))

@@ -1,0 +1,39 @@
+"""Commands run inside the test's own process: as a user types them, without the half second of a new one."""
+
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+from monitor.cli.main import main
+
+
+@dataclass(frozen=True)
+class Done:
+    code: int
+    out: str  # without line breaks that a narrow terminal would put in
+    err: str
+
+
+class Commands:
+    """Runs `modalwatch` commands."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self._monkeypatch, self._capsys = monkeypatch, capsys
+        monkeypatch.setenv("COLUMNS", "200")
+
+    def __call__(self, *arguments: object) -> Done:
+        self._monkeypatch.setattr(sys, "argv", ["modalwatch", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        said = self._capsys.readouterr()
+        return Done(int(end.value.code or 0), said.out, said.err)
+
+
+def assert_refused(done: Done, *said: object) -> None:
+    """Assert exit code 2 and one line of error that says all this."""
+    assert done.code == 2, done
+    assert done.err.startswith("error: "), done
+    assert done.err.count("\n") == 1, done
+    for text in said:
+        assert str(text) in done.err, done

@@ -1,0 +1,220 @@
+"""Files of measurements: what they hold comes out of the log again, and every mistake names its line."""
+
+import io
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.extra import numpy as hnp
+from scipy.io import savemat
+
+from daq import Channel, DataError, FloatArray, Gap, LogError, Recording, load_recordings, read_data, write_recording
+
+START = 1_767_225_600_000_000_000
+
+
+def write_csv(path: Path, data: FloatArray, rate: float, *, delimiter: str = ",", decimals: int = 9) -> Path:
+    """Write a table with times; NaN as an empty cell."""
+    text = io.StringIO()
+    text.write(delimiter.join(["t", *(f"c{i}" for i in range(data.shape[1]))]) + "\n")
+    for k, row in enumerate(data):
+        cells = [f"{k / rate:.{decimals}f}", *("" if np.isnan(x) else repr(float(x)) for x in row)]
+        text.write(delimiter.join(cells) + "\n")
+    path.write_text(text.getvalue(), encoding="utf-8")
+    return path
+
+
+def through_a_log(recording: Recording, path: Path) -> Recording:
+    path.unlink(missing_ok=True)
+    write_recording(path, recording)
+    (found,) = load_recordings(path)
+    return found
+
+
+@given(
+    hnp.arrays(np.float64, st.tuples(st.integers(2, 40), st.integers(1, 4)), elements=st.floats(-1e3, 1e3)),
+    st.sampled_from([1.0, 51.2, 256.0, 300.0, 1000.0, 1024.0]),
+    st.sampled_from([",", ";", "\t"]),
+)
+def test_table_comes_back_from_the_log(
+    tmp_path_factory: pytest.TempPathFactory, data: FloatArray, rate: float, delimiter: str
+) -> None:
+    folder = tmp_path_factory.mktemp("table")
+    read = read_data(write_csv(folder / "data.csv", data, rate, delimiter=delimiter), start=START)
+    np.testing.assert_array_equal(read.data, data)
+    assert read.rate == rate
+    found = through_a_log(read, folder / "log.mcap")
+    # half a count; counts go up to 2^30 - 1
+    np.testing.assert_allclose(found.data, data, rtol=0, atol=np.abs(data).max() * 0.51 / (2**30 - 1))
+    assert (found.rate, found.start, found.channels, found.gaps) == (rate, START, read.channels, ())
+
+
+@given(st.data())
+def test_what_is_missing_in_the_table_is_missing_in_the_recording(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    missing = data.draw(hnp.arrays(np.bool_, st.tuples(st.integers(2, 300), st.integers(1, 3))))
+    missing[0, 0] = missing[-1, 0] = False  # else the recording is shorter, rightly
+    values = np.where(missing, np.nan, np.random.default_rng(1).standard_normal(missing.shape))
+    folder = tmp_path_factory.mktemp("gaps")
+    read = read_data(write_csv(folder / "data.csv", values, 100.0))
+    found = through_a_log(read, folder / "log.mcap")
+    np.testing.assert_array_equal(np.isnan(found.data), missing)
+    assert found.gaps == read.gaps
+
+
+def test_missing_rows_are_a_gap(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "data.csv", np.random.default_rng(2).standard_normal((100, 2)), 50.0)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:31] + lines[61:]))  # line 32 is sample 30
+    found = through_a_log(read_data(path), tmp_path / "log.mcap")
+    assert found.gaps == (Gap(device="import", start=30, stop=60),)
+    assert len(found.data) == 100
+
+
+def test_times_of_few_digits_give_the_exact_rate(tmp_path: Path) -> None:
+    data = np.random.default_rng(3).standard_normal((5000, 1))
+    assert read_data(write_csv(tmp_path / "data.csv", data, 1024.0, decimals=4)).rate == 1024.0
+
+
+def test_comments_quotes_and_decimal_commas(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text('\ufeff# made by hand\n\n"t"; "left x" ;b\n0,00;1,5;NaN\n# amid\n0,01;-2,5;\n0,02;3;4e-3\n')
+    found = read_data(path)
+    assert [c.name for c in found.channels] == ["left x", "b"]
+    assert [c.device for c in found.channels] == ["import", "import-2"]  # they lack different samples
+    np.testing.assert_array_equal(found.data, [[1.5, np.nan], [-2.5, np.nan], [3, 4e-3]])
+    assert found.rate == 100.0
+
+
+def test_unit_and_start(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("a\n1\n2\n")
+    found = read_data(path, rate=2.0, factor=9.80665, start=START)
+    np.testing.assert_array_equal(found.data[:, 0], [9.80665, 19.6133])
+    assert (found.start, found.rate, found.duration) == (START, 2.0, 1.0)
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_arrays(tmp_path: Path, ending: str) -> None:
+    path, data = tmp_path / f"data.{ending}", np.random.default_rng(4).standard_normal((50, 2))
+    names = np.array(["left_x", "b"])
+    if ending == "npz":
+        np.savez(path, data=data, rate=25.0, channels=names)
+    else:
+        savemat(path, {"data": data, "rate": 25.0, "channels": names})
+    found = read_data(path)
+    assert found.channels == (
+        Channel(name="left_x", device="import", axis=0),
+        Channel(name="b", device="import", axis=1),
+    )
+    np.testing.assert_array_equal(found.data, data)
+    assert found.rate == 25.0
+
+
+def test_arrays_one_a_channel_with_times(tmp_path: Path) -> None:
+    path = tmp_path / "data.npz"
+    np.savez(path, t=np.arange(6) / 8, left=np.arange(6.0), right=np.ones(6))
+    found = read_data(path)
+    assert [c.name for c in found.channels] == ["left", "right"]
+    assert found.rate == 8.0
+
+
+TABLES = {
+    "empty": ("", "is empty: expected a line with the columns' names"),
+    "no names": ("0,1\n1,2\n", "line 1: expected the columns' names, found numbers"),
+    "no rows": ("t,a\n", "holds no numbers"),
+    "no channel": ("t\n1\n2\n", "has no column beside 't'"),
+    "no time": ("a,b\n1,2\n", "has no column 't' of times \\[s\\]: give --rate"),
+    "name twice": ("t,a,a\n0,1,2\n", "line 1: the column name 'a' is given twice"),
+    "no name": ("t,,a\n0,1,2\n", "line 1: the column name '' is empty"),
+    "word": ("t,a\n0,1\n# c\n1,x1\n", "line 4, column 'a': expected a number, found 'x1'"),
+    "infinite": ("t,a\n0,1\n1,inf\n", "line 3, column 'a': expected a number, found 'inf'"),
+    "short row": ("t,a\n0,1\n1\n", "line 3: expected 2 cells, found 1"),
+    "long row": ("t,a\n0,1\n1,2,3\n", "line 3: expected 2 cells, found 3"),
+    "backwards": ("t,a\n0,1\n1,1\n0.5,1\n", "line 4: the time does not increase"),
+    "no such time": ("t,a\n0,1\n,1\n2,1\n", "line 3: the time is missing"),
+    "one row": ("t,a\n0,1\n", "line 2: at least two times are needed"),
+    "jitter": (
+        "t,a\n" + "".join(f"{k / 100 + 0.003 * (k == 7):.4f},1\n" for k in range(20)),
+        "line 9: t = 0.073 s is 0.3 periods off an even grid of 100 Hz",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "says"), TABLES.values(), ids=list(TABLES))
+def test_a_table_that_is_wrong(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=rf"data\.csv: {says}") as found:
+        read_data(path)
+    assert found.value.path == path
+
+
+def test_a_file_that_is_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    with pytest.raises(DataError, match=r"data\.csv: cannot be read: No such file"):
+        read_data(path)
+    path.write_bytes(b"\x89MCAP\xff\xfe")
+    with pytest.raises(DataError, match=r"data\.csv: is no text"):
+        read_data(path)
+
+
+ARRAYS: dict[str, tuple[dict[str, object], str]] = {
+    "no rate": ({"data": np.ones((5, 2))}, "has neither 'rate' nor 't'"),
+    "rate": ({"data": np.ones((5, 2)), "rate": -1.0}, "rate: expected a positive number"),
+    "shape": ({"data": np.ones((5, 2, 2)), "rate": 1.0}, "data: expected \\(n_samples, n_channels\\)"),
+    "words": ({"data": np.array([["a", "b"]]), "rate": 1.0}, "data: expected numbers"),
+    "infinite": ({"data": np.array([[np.inf, 1]]), "rate": 1.0}, "data: expected finite numbers"),
+    "names": ({"data": np.ones((5, 2)), "rate": 1.0, "channels": ["a"]}, "channels: expected 2 different names"),
+    "lengths": ({"a": np.ones(5), "b": np.ones(6), "rate": 1.0}, r"expected 'data' or one array .* a channel, found a"),
+    "times": ({"data": np.ones((5, 2)), "t": np.arange(4.0)}, "t: expected 5 times, found 4"),
+    "jitter": ({"data": np.ones((9, 2)), "t": np.arange(9) + 0.25 * np.eye(9)[4]}, r"t\[4\]: t = 4.25 s"),
+}
+
+
+@pytest.mark.parametrize(("arrays", "says"), ARRAYS.values(), ids=list(ARRAYS))
+def test_arrays_that_are_wrong(tmp_path: Path, arrays: dict[str, object], says: str) -> None:
+    path = tmp_path / "data.npz"
+    np.savez(path, **arrays)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match=rf"data\.npz: {says}"):
+        read_data(path)
+
+
+@pytest.mark.parametrize("name", ["data.npz", "data.mat"])
+@pytest.mark.parametrize("content", [b"", b"no arrays at all, only text", b"PK\x03\x04 cut"])
+def test_a_file_that_holds_no_arrays(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DataError, match=rf"{name}: holds no arrays"):
+        read_data(tmp_path / name, rate=1.0)
+
+
+def test_a_log_is_cut_in_windows(tmp_path: Path) -> None:
+    data = np.random.default_rng(5).standard_normal((1000, 3))
+    channels = tuple(Channel(name=n, device="d", axis=i) for i, n in enumerate("xyz"))
+    write_recording(tmp_path / "log.mcap", Recording(channels=channels, data=data, rate=100.0, start=START))
+    found = list(load_recordings(tmp_path / "log.mcap", window_seconds=3.0))
+    assert [w.start - START for w in found] == [0, 3_000_000_000, 6_000_000_000]
+    np.testing.assert_allclose(np.concatenate([w.data for w in found]), data[:900], rtol=0, atol=1e-8)
+    assert [len(w.data) for w in load_recordings(tmp_path / "log.mcap", window_seconds=30.0)] == [1000]
+
+
+def test_a_channel_without_a_scan_stays(tmp_path: Path) -> None:
+    data = np.column_stack([np.arange(300.0), np.full(300, np.nan)])
+    channels = (Channel(name="a", device="d", axis=0), Channel(name="b", device="e", axis=0))
+    found = through_a_log(Recording(channels=channels, data=data, rate=100.0, start=START), tmp_path / "log.mcap")
+    assert np.isnan(found.data[:, 1]).all()
+    np.testing.assert_allclose(found.data[:, 0], data[:, 0], rtol=0, atol=1e-6)
+    assert found.gaps == (Gap(device="e", start=0, stop=300),)
+    (other,) = load_recordings(tmp_path / "log.mcap", channels=channels[:1])
+    assert other.channels == channels[:1]
+    with pytest.raises(LogError, match=r"log\.mcap: holds no scan of e"):
+        list(load_recordings(tmp_path / "log.mcap", channels=channels[1:]))
+
+
+@pytest.mark.parametrize("window", [0.0, -1.0, float("nan")])
+def test_a_window_is_positive(tmp_path: Path, window: float) -> None:
+    with pytest.raises(ValueError, match="window_seconds: expected a positive number"):
+        list(load_recordings(tmp_path / "log.mcap", window_seconds=window))

@@ -1,0 +1,135 @@
+"""`import` and what can be wrong with what it is given."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_helpers import Commands, assert_refused
+
+from daq import Recording, load_recordings, read_attachments
+from monitor.recordings import log_recordings
+from updater import t_structure_toml
+
+SITE = """structure = "t_structure.toml"
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "/dev/none"
+rate = 100
+channels = {z = "beam_left_z", y = "beam_left_y"}
+"""
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """Return a table of two sensors, 3 s at 100 Hz, with a gap of one; a site and a structure beside it."""
+    data = np.random.default_rng(6).standard_normal((300, 2))
+    rows = [f"{k / 100},{a!r},{b!r}" for k, (a, b) in enumerate(data.tolist())]
+    rows[150] = "1.5,,1"
+    (tmp_path / "data.csv").write_text("\n".join(["t,beam_left_y,beam_left_z", *rows]))
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(SITE, encoding="utf-8")
+    return tmp_path / "data.csv"
+
+
+def imported(path: Path) -> Recording:
+    (found,) = log_recordings(path)
+    return found
+
+
+def test_import_says_what_it_wrote(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--unit", "g", "--start", "2026-01-01T00:00:00Z")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == f"{tmp_path}/log.mcap: 2 channels, 3 s at 100 Hz, 1 gaps (1 samples)\n"
+    found = imported(tmp_path / "log.mcap")
+    values = np.genfromtxt(table, delimiter=",", skip_header=1)[:, 1:]
+    np.testing.assert_allclose(found.data, 9.80665 * values, rtol=0, atol=1e-7)
+    assert found.start == 1_767_225_600_000_000_000
+    assert list(read_attachments(tmp_path / "log.mcap")) == ["channels.json"]
+
+
+def test_import_for_a_site_takes_its_devices(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", tmp_path / "site.toml")
+    assert done.code == 0, done.err
+    found = imported(tmp_path / "log.mcap")
+    assert [(c.name, c.device, c.axis) for c in found.channels] == [
+        ("beam_left_y", "beam_left", 1),
+        ("beam_left_z", "beam_left", 2),
+    ]
+    attached = read_attachments(tmp_path / "log.mcap")
+    assert attached["site.toml"] == SITE
+    assert attached["structure.toml"] == t_structure_toml()
+
+
+def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    structure = tmp_path / "t_structure.toml"
+    assert modalwatch("import", table, "-o", tmp_path / "log.mcap", "--structure", structure).code == 0
+    assert read_attachments(tmp_path / "log.mcap")["structure.toml"] == t_structure_toml()
+    table.write_text("t,left\n0,1\n1,2\n")
+    done = modalwatch("import", table, "-o", tmp_path / "other.mcap", "--structure", structure)
+    assert_refused(done, table, "column 'left' is no sensor of", structure)
+    assert not (tmp_path / "other.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--unit", "inch"), "--unit: expected one of m/s2, g, found 'inch'"),
+        (("--start", "yesterday"), "--start: expected a time as 2026-01-31T12:00:00Z, found 'yesterday'"),
+        (("--start", "1066-10-14"), "--start: expected a time after 1970"),
+        (("--rate", "10"), "data.csv: has a column 't' of times: leave out --rate"),
+        (("--structure", "none.toml"), "none.toml: cannot be read: "),
+    ],
+)
+def test_options_that_are_wrong(
+    modalwatch: Commands, table: Path, tmp_path: Path, options: tuple[str, str], says: str
+) -> None:
+    assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap", *options), says)
+    assert not (tmp_path / "log.mcap").exists()
+
+
+def test_data_that_does_not_fit_the_site(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    site, text = tmp_path / "site.toml", table.read_text()
+    for old, new, says in (
+        ("beam_left_z", "left", "has no column 'beam_left_z', which"),
+        ("beam_left_z\n", "beam_left_z,x\n", "line 2: expected 4 cells, found 3"),
+    ):
+        table.write_text(text.replace(old, new))
+        assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", site), table, says)
+    table.write_text(text)
+    site.write_text(SITE.replace("rate = 100", "rate = 200"))
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", site)
+    assert_refused(done, "has 100 samples a second, device beam_left of", "200")
+    site.write_text(SITE.replace(', y = "beam_left_y"', ""))
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", site)
+    assert_refused(done, table, "channel 'beam_left_y': expected one of beam_left_z of", site)
+
+
+def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").write_text("precious")
+    assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap"), "log.mcap: cannot be written: File exists")
+    assert (tmp_path / "log.mcap").read_text() == "precious"
+
+
+def test_a_recorded_log_takes_its_channels_from_its_settings() -> None:
+    path = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+    windows = list(log_recordings(path, 20.0))
+    (whole,) = log_recordings(path)
+    assert len(whole.channels) == 12
+    assert {len(w.data) for w in windows} == {20 * 500}
+    # the clocks are known better at the end of 60 s than of 20 s, by microseconds
+    assert abs(whole.start - windows[0].start) < 1e6
+    assert whole.duration > 20 * len(windows)
+    assert np.isfinite(whole.data).mean() > 0.999
+
+
+def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
+    from daq import LogError, LogWriter
+
+    LogWriter(tmp_path / "log.mcap", {}).close()
+    for read in (log_recordings, load_recordings):
+        with pytest.raises(LogError, match="does not say which channel is which sensor"):
+            list(read(tmp_path / "log.mcap"))
+    LogWriter(tmp_path / "bad.mcap", {"channels.json": "[1]"}).close()
+    with pytest.raises(LogError, match=r"channels\.json: expected channels and on_grid, found '\[1\]'"):
+        list(load_recordings(tmp_path / "bad.mcap"))
