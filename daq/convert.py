@@ -128,7 +128,13 @@ def write_recording(path: Path, recording: Recording, attachments: Mapping[str, 
     ------
     LogError
         If the file exists or cannot be made.
+    ValueError
+        If two channels stand on the same axis of a device.
     """
+    places = [(channel.device, channel.axis) for channel in recording.channels]
+    for device, axis in places:
+        if places.count((device, axis)) > 1:
+            raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
     known = ChannelMap(channels=recording.channels, on_grid=True)
     writer = LogWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
     blocks = [block for device in _devices(recording) for block in _blocks(recording, device)]

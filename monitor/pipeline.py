@@ -8,6 +8,7 @@ import numpy as np
 from daq import Assembler, Block, Event, FloatArray, Recording
 from monitor.alarms import Alarm
 from monitor.describe import alarm_text, mass_answer, mode_results, reference_result, spectrum_result
+from monitor.fusion import choose_tracks
 from monitor.results import AlarmResult, MassAnswer, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
@@ -26,7 +27,6 @@ from updater import (
 )
 
 Result = WindowResult | ReferenceResult | AlarmResult
-_LEAST_PRESENCE = 0.7  # share of baseline windows that must show a mode for it to be tracked
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,14 +171,13 @@ def learn_baseline(structure: Structure, estimates: list[ModalEstimate]) -> _Wat
     PairingError
         If fewer than three stay.
     """
-    seed = max(estimates, key=lambda e: e.n_modes)
-    assigned = np.array([Tracker(reference=seed).assign(e) for e in estimates])
-    often = np.flatnonzero((assigned >= 0).mean(0) >= _LEAST_PRESENCE)
+    seed, often, tracks = choose_tracks(estimates)
     if len(often) < 3:
         raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
-    reference = learn_reference(structure, estimates, list(assigned[:, often]))
-    kept = often[reference.calibration.tracks]
-    mean = mean_modes(stack_tracks(estimates, list(assigned[:, kept])))
+    reference = learn_reference(structure, estimates, tracks)
+    chosen = reference.calibration.tracks
+    kept = often[chosen]
+    mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
     fields = {name: getattr(seed, name)[kept] for name in _MODAL_FIELDS}
     fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
     return _Watch(Tracker(reference=replace(seed, channels=mean.channels, **fields)), reference)

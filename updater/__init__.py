@@ -3,6 +3,7 @@
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import estimate_delays, real_shape, remove_delays
 from updater.errors import ModelError, PairingError, StructureError, UpdaterError
+from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.localization import MassChange, Stretch, locate_mass
@@ -76,6 +77,7 @@ __all__ = [
     "mean_modes",
     "novelty",
     "novelty_limit",
+    "pair_modes",
     "parse_structure",
     "real_shape",
     "remove_delays",

@@ -92,6 +92,29 @@ def import_(
     raise typer.Exit(done)
 
 
+@app.command()
+def identify(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...")],
+    method: Annotated[str, typer.Option(help="Way of identification.")] = "covariance-ssi",
+    window: Annotated[
+        float | None,
+        typer.Option(help="Length of a window [s]; that of the log's settings, else the whole log.", min=0.1),
+    ] = None,
+    band: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Where modes are sought [Hz].")
+    ] = None,
+    structure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="structure.toml to compare with; the log's own unless given.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
+) -> None:
+    """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty."""
+    from monitor.cli.identifying import Options, identify_command
+
+    options = Options(method=method, window=window, band=band, structure=structure)
+    raise typer.Exit(identify_command(logs, options, json))
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

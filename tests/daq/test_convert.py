@@ -218,3 +218,10 @@ def test_a_channel_without_a_scan_stays(tmp_path: Path) -> None:
 def test_a_window_is_positive(tmp_path: Path, window: float) -> None:
     with pytest.raises(ValueError, match="window_seconds: expected a positive number"):
         list(load_recordings(tmp_path / "log.mcap", window_seconds=window))
+
+
+def test_two_channels_on_one_axis_are_refused(tmp_path: Path) -> None:
+    channels = (Channel(name="a", device="d", axis=1), Channel(name="b", device="d", axis=1))
+    with pytest.raises(ValueError, match="channels: expected one for axis 1 of d, found more"):
+        write_recording(tmp_path / "log.mcap", Recording(channels=channels, data=np.ones((2, 2)), rate=1.0, start=0))
+    assert not (tmp_path / "log.mcap").exists()

@@ -1,0 +1,192 @@
+"""Modes of many windows: identified, tracked and averaged to one estimate."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray, Recording
+from oma import (
+    ComplexArray,
+    CovarianceSSI,
+    IdentificationError,
+    ModalEstimate,
+    Tracker,
+    channel_faults,
+    identify_all,
+    normalise,
+)
+from updater import learn_scatter, mean_modes, stack_tracks
+
+LEAST_PRESENCE = 0.7  #: share of windows that must show a mode for it to be tracked [-]
+_SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are the same one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Windows:
+    """What identification made of the windows of a recording."""
+
+    estimates: tuple[ModalEstimate, ...]  #: of the windows that gave modes
+    harmonics: FloatArray  #: (n_harmonics,) tones seen in most of these windows [Hz]
+    channels: dict[str, str]  #: "ok", or what is wrong and in how many windows
+    problems: tuple[str, ...]  #: of the windows that gave none
+    start: int  #: of the earliest window [ns UTC]
+    end: int  #: of the latest one [ns UTC]
+    rate: float  #: samples a second [Hz]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FusedModes:
+    """One estimate out of many windows; its standard deviations are of the means."""
+
+    estimate: ModalEstimate
+    n: IndexArray  #: (n_modes,) windows that entered
+    scatter: float | None  #: real over stated standard deviation of frequencies; None with fewer than three windows
+
+
+def identify_windows(
+    recordings: Iterable[Recording],
+    method: CovarianceSSI | None = None,
+    band: tuple[float, float] | None = None,
+    on_window: Callable[[Recording], None] = lambda _: None,
+) -> Windows:
+    """Identify the modes of each window.
+
+    Parameters
+    ----------
+    recordings : windows
+    method, band : as for `oma.identify`
+    on_window : called before each window is analysed
+
+    Raises
+    ------
+    IdentificationError
+        If there is no window.
+    ValueError
+        If the band is empty or beyond the rate.
+    """
+    estimates: list[ModalEstimate] = []
+    tones: list[FloatArray] = []
+    problems: list[str] = []
+    faults: list[dict[str, str]] = []
+    spans: list[tuple[int, int, float]] = []
+    for recording in recordings:
+        on_window(recording)
+        faults.append({c.name: "ok" for c in recording.channels} | channel_faults(recording))
+        spans.append((recording.start, recording.end, recording.rate))
+        try:
+            found = identify_all(recording, method, band)
+        except IdentificationError as error:
+            problems.append(str(error))
+            continue
+        estimates.append(found.estimate)
+        tones.append(found.harmonics)
+    if not spans:
+        raise IdentificationError("no window: the recording is too short")
+    return Windows(
+        estimates=tuple(estimates),
+        harmonics=_common_tones(tones),
+        channels=_channel_states(faults),
+        problems=tuple(problems),
+        start=min(start for start, _, _ in spans),
+        end=max(end for _, end, _ in spans),
+        rate=spans[0][2],
+    )
+
+
+def _common_tones(tones: Sequence[FloatArray]) -> FloatArray:
+    """Return the tones that more than half of the windows show."""
+    every = np.sort(np.concatenate([np.unique(t) for t in tones])) if tones else np.empty(0)
+    groups = np.split(every, np.flatnonzero(np.diff(np.log(every)) > _SAME_TONE) + 1) if len(every) else []
+    return np.array([np.median(group) for group in groups if len(group) > len(tones) / 2])
+
+
+def _channel_states(faults: Sequence[dict[str, str]]) -> dict[str, str]:
+    """Sum up what was wrong with each channel."""
+    states = {}
+    for channel in dict.fromkeys(name for window in faults for name in window):
+        said = [window[channel] for window in faults if window.get(channel, "ok") != "ok"]
+        most = Counter(said).most_common(1)[0][0] if said else "ok"
+        part = f" (in {len(said)} of {len(faults)} windows)" if 0 < len(said) < len(faults) else ""
+        states[channel] = most + part
+    return states
+
+
+def choose_tracks(
+    estimates: Sequence[ModalEstimate], least_presence: float = LEAST_PRESENCE
+) -> tuple[ModalEstimate, IndexArray, list[IndexArray]]:
+    """Find the modes that most windows show.
+
+    Parameters
+    ----------
+    estimates : of the windows
+    least_presence : share of windows that must show a mode [-]
+
+    Returns
+    -------
+    seed : the window with the most modes, which names the tracks
+    kept : (n_tracks,) modes of the seed that are seen often enough
+    tracks : for each window (n_tracks,) indices into its modes, or -1
+    """
+    seed = max(estimates, key=lambda e: e.n_modes)
+    assigned = np.array([Tracker(reference=seed).assign(e) for e in estimates])
+    kept = np.flatnonzero((assigned >= 0).mean(0) >= least_presence)
+    return seed, kept, list(assigned[:, kept])
+
+
+def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
+    """Average the modes that most windows show.
+
+    Standard deviations are those of the means; from three windows on they are corrected by how much the windows really
+    scatter over what they state, but never made smaller.
+
+    Raises
+    ------
+    IdentificationError
+        If no mode is seen in `LEAST_PRESENCE` of the windows.
+    """
+    if len(estimates) == 1:
+        return FusedModes(estimate=estimates[0], n=np.ones(estimates[0].n_modes, np.intp), scatter=None)
+    seed, kept, tracks = choose_tracks(estimates) if estimates else (None, np.empty(0), [])
+    if seed is None or not len(kept):
+        raise IdentificationError(f"no mode is seen in {LEAST_PRESENCE:.0%} of the {len(estimates)} windows")
+    stacked = stack_tracks(estimates, tracks)
+    scatter = learn_scatter(stacked) if len(estimates) > 2 else None
+    frequency_factor = max(1.0, scatter.frequency_factor) if scatter else 1.0
+    shape_factor = max(1.0, scatter.shape_factor) if scatter else 1.0
+    mean = mean_modes(stacked, frequency_factor=frequency_factor, shape_factor=shape_factor)
+    frequency = np.exp(mean.log_frequency)
+    estimate = ModalEstimate(
+        channels=mean.channels,
+        frequency=frequency,
+        frequency_std=frequency * mean.log_frequency_std,
+        damping=mean.damping,
+        damping_std=frequency_factor * np.sqrt(_mean(estimates, tracks, "damping_std", 2) / mean.n),
+        shape=_mean_shapes(estimates, tracks, mean.channels),
+        shape_std=mean.shape_std,
+        support=_mean(estimates, tracks, "support"),
+        law_ratio=_mean(estimates, tracks, "law_ratio"),
+        start=min(e.start for e in estimates),
+        end=max(e.end for e in estimates),
+    )
+    return FusedModes(estimate=estimate, n=mean.n, scatter=scatter.frequency_factor if scatter else None)
+
+
+def _mean(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray], name: str, power: int = 1) -> FloatArray:
+    """Return the mean over the windows that show each track (n_tracks,) of a power of one field."""
+    values = [np.where(t >= 0, getattr(e, name)[t] ** power, np.nan) for e, t in zip(estimates, tracks, strict=True)]
+    return np.asarray(np.nanmean(values, axis=0))
+
+
+def _mean_shapes(
+    estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray], channels: tuple[str, ...]
+) -> ComplexArray:
+    """Return the mean complex shapes (n_tracks, n_channels) of the windows that have all channels."""
+    total = np.zeros((len(tracks[0]), len(channels)), np.complex128)
+    for estimate, track in zip(estimates, tracks, strict=True):
+        if estimate.channels == channels:
+            shape = np.where((track >= 0)[:, None], estimate.shape[track], 0)
+            sign = np.where(np.real(np.sum(shape * total.conj(), axis=1)) < 0, -1.0, 1.0)
+            total += sign[:, None] * shape
+    return normalise(total)

@@ -1,0 +1,187 @@
+"""`identify`: the modes of a simulated chain come out of its log, and what cannot be done is said."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_helpers import Commands, assert_refused
+from oma_helpers import chain, simulate
+
+from daq import Channel, Recording, write_recording
+from monitor.fusion import fuse, identify_windows
+from oma import IdentificationError, ModalEstimate, mac
+
+CHAIN = chain(4, first=2.0, damping=0.01)
+RATE = 40.0  # Hz; modes at 2.0, 5.8, 8.8 and 10.8 Hz
+
+
+@pytest.fixture(scope="module")
+def ambient() -> Recording:
+    channels = tuple(Channel(name=name, device="d", axis=i) for i, name in enumerate(CHAIN.channels))
+    return replace(simulate(CHAIN, 600.0, RATE, seed=20), channels=channels)
+
+
+@pytest.fixture(scope="module")
+def log(ambient: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("identify") / "chain.mcap"
+    write_recording(path, ambient)
+    return path
+
+
+def windows_of(recording: Recording, seconds: float) -> list[Recording]:
+    n = round(seconds * recording.rate)
+    starts = range(0, len(recording.data) - n + 1, n)
+    return [
+        replace(recording, data=recording.data[k : k + n], start=recording.start + round(k / recording.rate * 1e9))
+        for k in starts
+    ]
+
+
+def test_identify_writes_what_other_programs_read(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    done = modalwatch("identify", log, "--window", 150, "--json", tmp_path / "modes.json")
+    assert (done.code, done.err) == (0, "")
+    assert "chain.mcap: 4 windows of 150 s" in done.out
+    found = json.loads((tmp_path / "modes.json").read_text())
+    assert set(found) == {"modes", "harmonics", "channels", "window", "method"}
+    assert found["channels"] == dict.fromkeys(CHAIN.channels, "ok")
+    assert (found["window"]["end"] - found["window"]["start"], found["window"]["rate"]) == (600 * 10**9, RATE)
+    assert (found["method"]["name"], found["method"]["windows"]) == ("covariance-ssi", 4)
+    assert [mode["id"] for mode in found["modes"]] == [1, 2, 3, 4]
+    for mode, frequency, shape in zip(found["modes"], CHAIN.frequency, CHAIN.shapes, strict=True):
+        assert set(mode) == {"id", "frequency", "damping", "shape", "shape_std", "quality"}
+        assert abs(mode["frequency"]["value"] - frequency) < 4 * mode["frequency"]["std"]
+        assert abs(mode["damping"]["value"] - 0.01) < 4 * mode["damping"]["std"]
+        assert f"{mode['frequency']['value']:.4f}" in done.out
+        measured = np.array([complex(*mode["shape"][name]) for name in CHAIN.channels])
+        assert mac(measured, shape.astype(complex)) > 0.99  # 5 % noise on each channel leaves about 0.999
+        assert set(mode["shape_std"]) == set(CHAIN.channels)
+
+
+def test_more_windows_make_a_surer_estimate(ambient: Recording) -> None:
+    windows = identify_windows(windows_of(ambient, 100.0))
+    fused = fuse(windows.estimates)
+    assert len(windows.estimates) == 6
+    stated = np.median([e.frequency_std[:4] for e in windows.estimates if e.n_modes == 4], axis=0)
+    factor = max(1.0, fused.scatter or 0.0)
+    # the mean of n windows has 1/sqrt(n) of a window's deviation; windows differ in theirs by some 20 %
+    np.testing.assert_allclose(fused.estimate.frequency_std, factor * stated / np.sqrt(fused.n), rtol=0.4)
+    assert (np.abs(fused.estimate.frequency - CHAIN.frequency) < 4 * fused.estimate.frequency_std).all()
+    np.testing.assert_allclose(np.linalg.norm(fused.estimate.shape, axis=1), 1.0)
+
+
+def constant(value: float, scatter: float, n: int) -> list[ModalEstimate]:
+    """Return estimates of one mode that scatter as told and state a deviation of 0.01 Hz."""
+    steps = np.tile([-1.0, 1.0], n)[:n] * scatter
+    one = np.array([0.01])
+    return [
+        ModalEstimate(
+            channels=("a", "b"),
+            frequency=np.array([value + step]),
+            frequency_std=one,
+            damping=one,
+            damping_std=one,
+            shape=np.array([[0.8 + 0.0j, 0.6j]]) * (-1) ** k,
+            shape_std=np.full((1, 2), 0.01),
+            support=np.ones(1),
+            law_ratio=np.ones(1),
+            start=k,
+            end=k + 1,
+        )
+        for k, step in enumerate(steps)
+    ]
+
+
+@pytest.mark.parametrize(("scatter", "factor"), [(0.0, 1.0), (0.04, 4.0 * np.sqrt(8 / 7))])
+def test_windows_that_scatter_more_than_they_state_are_believed_less(scatter: float, factor: float) -> None:
+    fused = fuse(constant(10.0, scatter, 8))
+    # in terms of log frequency, whose mean is 8e-6 lower
+    assert fused.estimate.frequency[0] == pytest.approx(10.0, abs=1e-3)
+    assert fused.estimate.frequency_std[0] == pytest.approx(factor * 0.01 / np.sqrt(8), rel=0.01)
+    assert (fused.estimate.start, fused.estimate.end, fused.n.tolist()) == (0, 8, [8])
+    assert mac(fused.estimate.shape[0], np.array([0.8, 0.6j])) == pytest.approx(1.0)
+
+
+def test_a_mode_that_few_windows_show_is_none(ambient: Recording) -> None:
+    with pytest.raises(IdentificationError, match="no mode is seen in 70% of the 2 windows"):
+        fuse([*constant(10.0, 0.0, 1), *constant(20.0, 0.0, 1)])
+    with pytest.raises(IdentificationError, match="of the 0 windows"):
+        fuse([])
+
+
+def test_dead_channels_and_tones_are_named(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
+    data = ambient.data.copy()
+    data[:, 3] = 0.5
+    time = np.arange(len(data)) / RATE
+    data[:, :3] += 20 * np.sin(2 * np.pi * 7.0 * time)[:, None] * np.std(ambient.data)
+    data[:6000, 2] = 0.0  # the first of four windows
+    write_recording(tmp_path / "log.mcap", replace(ambient, data=data))
+    done = modalwatch("identify", tmp_path / "log.mcap", "--window", 150, "--json", tmp_path / "modes.json")
+    assert done.code == 0, done.err
+    found = json.loads((tmp_path / "modes.json").read_text())
+    states = {"mass_1": "ok", "mass_2": "ok", "mass_3": "constant (in 1 of 4 windows)", "mass_4": "constant"}
+    assert found["channels"] == states
+    assert "channel mass_4: constant" in done.out
+    assert found["harmonics"] == [pytest.approx(7.0, rel=1e-3)]
+    assert "tones, no modes: 7.00" in done.out
+    assert set(found["modes"][0]["shape"]) == {"mass_1", "mass_2", "mass_3"}
+
+
+def small_log(path: Path, data: np.ndarray[tuple[int, int], np.dtype[np.float64]], names: str = "ab") -> Path:
+    channels = tuple(Channel(name=name, device="d", axis=i) for i, name in enumerate(names))
+    write_recording(path, Recording(channels=channels, data=data, rate=RATE, start=0))
+    return path
+
+
+def test_what_cannot_be_identified_is_said(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    noise = np.random.default_rng(21).standard_normal((8000, 2))
+    short = small_log(tmp_path / "short.mcap", noise[:50])
+    dead = small_log(tmp_path / "dead.mcap", noise * [1, 0])
+    white = small_log(tmp_path / "white.mcap", noise)
+    none = tmp_path / "none.mcap"
+    for arguments, says in (
+        ((short,), (short, "recording of 1.25 s is too short: at least ")),
+        ((dead,), (dead, "1 usable channels, 2 needed (b: constant)")),
+        ((white,), (white, "no resonance stands out")),
+        ((none,), (none, "cannot be read: No such file")),
+        ((log, white), (white, f"expected the channels of {log}; only one of the two has a, b, mass_1")),
+        ((log, "--method", "fdd"), ("--method: expected one of covariance-ssi, found 'fdd'",)),
+        ((log, "--band", 3, 2), ("--band: expected 0 < low < high, found 3 2",)),
+        ((log, "--band", 1, 30), (log, "band: expected 0 < low < high <= 20.0 Hz")),
+        ((log, "--structure", tmp_path / "none.toml"), (tmp_path / "none.toml", "cannot be read")),
+    ):
+        assert_refused(modalwatch("identify", *arguments), *says)
+
+
+def test_modes_are_compared_with_the_structure(modalwatch: Commands, tmp_path: Path) -> None:
+    path = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+    done = modalwatch("identify", path, "--window", 30, "--json", tmp_path / "modes.json")
+    assert done.code == 0, done.err
+    modes = json.loads((tmp_path / "modes.json").read_text())["modes"]
+    assert "model [Hz]" in done.out
+    paired = [m for m in modes if "model" in m["quality"]]
+    assert len(paired) >= 4
+    for mode in paired:  # the rig's frame is softer than the file says, by some per cent, and carries a body
+        assert 0.85 < mode["frequency"]["value"] / mode["quality"]["model"]["frequency"] < 1.0
+        assert mode["quality"]["model"]["mac"] > 0.9
+
+
+REAL = os.environ.get("MODALWATCH_REAL_DATA")
+PUBLISHED = (1.2283, 1.4358, 2.1000, 4.0175, 4.7704, 6.6824, 7.6157, 9.6653, 12.1663, 12.5979, 13.8545)  # Hz
+
+
+@pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
+def test_a_measured_steel_frame_has_its_published_frequencies(modalwatch: Commands, tmp_path: Path) -> None:
+    data = Path(REAL or "") / "weimar-steel-frame" / "measurement_01.npz"
+    assert modalwatch("import", data, "-o", tmp_path / "log.mcap").code == 0
+    done = modalwatch("identify", tmp_path / "log.mcap", "--band", 1, 15, "--json", tmp_path / "modes.json")
+    assert done.code == 0, done.err
+    modes = json.loads((tmp_path / "modes.json").read_text())["modes"]
+    found = np.array([m["frequency"]["value"] for m in modes])
+    std = np.array([m["frequency"]["std"] for m in modes])
+    nearest = np.abs(found[:, None] - np.array(PUBLISHED)).argmin(axis=0)
+    # published: mean over 15 setups, which differ by up to 0.011 Hz
+    assert (np.abs(found[nearest] - PUBLISHED) < 4 * np.hypot(std[nearest], 0.011)).all()
+    assert len(set(nearest)) == len(PUBLISHED)
