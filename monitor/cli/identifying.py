@@ -1,6 +1,5 @@
 """`identify`: the modes of logs."""
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import FloatArray, LogError, Recording, read_attachments
+from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.recordings import log_channels, log_recordings
@@ -59,7 +59,7 @@ def identify_command(logs: Sequence[Path], options: Options, json_path: Path | N
     if json_path:
         about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
         content = as_json(windows, fused, partners) | {"method": about | {"options": asdict(method)}}
-        json_path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        write_json(json_path, content)
     return 0
 
 
@@ -106,7 +106,7 @@ def _partners(estimate: ModalEstimate, structure: Structure | None) -> list[Mode
     """Return the model's mode for each measured one, None where there is none."""
     if structure is None:
         return [None] * estimate.n_modes
-    model = build_model(structure)
+    model = build_model(structure, shear_flexible=True, mass="consistent")
     modes = model.modes(min(estimate.n_modes + 10, model.n_dofs - 1))
     shapes: FloatArray = (channel_rows(model, estimate.channels) @ modes.shape).T
     seen = np.flatnonzero(np.linalg.norm(shapes, axis=1) > 0)

@@ -115,6 +115,19 @@ def identify(
     raise typer.Exit(identify_command(logs, options, json))
 
 
+@app.command()
+def structure(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="structure.toml.")],
+    modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Picture; beside FILE unless given.")] = None,
+) -> None:
+    """Draw a structure, list its modes and what its sensors can see of them."""
+    from monitor.cli.structure import structure_command
+
+    raise typer.Exit(structure_command(file, n_modes=modes, json_path=json, picture=out))
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

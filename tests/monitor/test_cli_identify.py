@@ -150,6 +150,7 @@ def test_what_cannot_be_identified_is_said(modalwatch: Commands, log: Path, tmp_
         ((log, "--method", "fdd"), ("--method: expected one of covariance-ssi, found 'fdd'",)),
         ((log, "--band", 3, 2), ("--band: expected 0 < low < high, found 3 2",)),
         ((log, "--band", 1, 30), (log, "band: expected 0 < low < high <= 20.0 Hz")),
+        ((log, "--json", tmp_path / "none" / "x"), ("--json: ", tmp_path / "none" / "x", "cannot be written")),
         ((log, "--structure", tmp_path / "none.toml"), (tmp_path / "none.toml", "cannot be read")),
     ):
         assert_refused(modalwatch("identify", *arguments), *says)

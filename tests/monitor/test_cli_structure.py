@@ -1,0 +1,120 @@
+"""`structure`: what the sensors see, in figures that are known beforehand, and a picture of it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_helpers import Commands, assert_refused
+from PIL import Image
+
+from monitor.sight import look
+from updater import Structure, parse_structure, t_structure_toml
+
+CANTILEVER = """
+name = "cantilever"
+[material.steel]
+youngs_modulus = 210e9
+shear_modulus = 80e9
+density = 7850
+[section.bar]
+area = 1e-4
+second_moment = [8e-10, 4e-10]
+torsion_constant = 1e-9
+[[member]]
+name = "bar"
+from = [0, 0, 0]
+to = [1, 0, 0]
+material = "steel"
+section = "bar"
+elements = 20
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+"""
+
+
+def cantilever(*sensors: tuple[float, str]) -> str:
+    """Return a cantilever along x with sensors at distances [m] in the directions y or z."""
+    entries = [
+        f'[[sensor]]\nchannel = "s{i}"\nat = [{at}, 0, 0]\ndirection = {[0, int(way == "y"), int(way == "z")]}\n'
+        for i, (at, way) in enumerate(sensors)
+    ]
+    return CANTILEVER + "".join(entries)
+
+
+def parsed(*sensors: tuple[float, str]) -> Structure:
+    return parse_structure(cantilever(*sensors))
+
+
+def test_sensors_along_one_axis_see_one_plane_of_bending() -> None:
+    sight = look(parsed((1.0, "z"), (0.5, "z")), 4)
+    in_z = np.abs(sight.motion[:, -1, 2]) > 0.5  # at the tip, where bending is largest: 1
+    assert in_z.sum() == 2
+    np.testing.assert_allclose(sight.seen, in_z, atol=1e-6)
+    assert [sight.is_seen(k) for k in range(4)] == in_z.tolist()
+
+
+def test_a_sensor_on_a_node_of_a_mode_does_not_see_it() -> None:
+    # the node of a cantilever's second mode is at 0.7834 of its length (Blevins 1979, table 8-1)
+    sight = look(parsed((0.7834, "y")), 6)
+    in_y = [k for k in range(6) if np.abs(sight.motion[k, :, 1]).max() > 0.5]
+    assert sight.seen[in_y[1]] < 0.01
+    # a quarter of the length from the tip the first mode has 0.725 of its largest motion, at 0.7834 0.697
+    assert sight.seen[in_y[0]] == pytest.approx(0.70, abs=0.01)
+
+
+def test_one_sensor_cannot_tell_modes_apart_and_two_can() -> None:
+    one = look(parsed((1.0, "y")), 6)
+    seen = [k for k in range(6) if one.is_seen(k)]
+    assert len(seen) > 1
+    assert all(one.alike(k) == tuple(other for other in seen if other != k) for k in seen)
+    two = look(parsed((1.0, "y"), (0.5, "y")), 4)
+    assert all(two.alike(k) == () for k in range(4))
+
+
+def test_structure_writes_figures_and_a_picture(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "frame.toml"
+    path.write_text(t_structure_toml(), encoding="utf-8")
+    done = modalwatch("structure", path, "--json", tmp_path / "frame.json", "--modes", 8)
+    assert (done.code, done.err) == (0, "")
+    found = json.loads((tmp_path / "frame.json").read_text())
+    model = look(parse_structure(t_structure_toml()), 8)
+    assert found["frequencies"] == model.modes.frequency.tolist()
+    # two tubes of 1.48 and 0.80 m
+    assert found["total_mass"] == pytest.approx(7850 * 4.1934e-4 * 2.28)
+    assert f"{found['total_mass']:.3f} kg; 2 members" in done.out
+    assert np.diag(np.array(found["auto_mac"])) == pytest.approx(1.0)
+    assert min(found["seen"]) > 0.8
+    assert found["alike"] == [[]] * 8
+    assert f"picture: {path.with_suffix('.png')}" in done.out
+    assert all(f"{frequency:.3f}" in done.out for frequency in found["frequencies"])
+    colours = np.asarray(Image.open(path.with_suffix(".png")).convert("RGB")).reshape(-1, 3)
+    for colour in ((0x37, 0x47, 0x4F), (0x15, 0x65, 0xC0), (0x2E, 0x7D, 0x32)):  # members, sensors, support
+        assert (colours == colour).all(axis=1).sum() > 100
+
+
+def test_a_structure_without_sensors(modalwatch: Commands, tmp_path: Path) -> None:
+    (tmp_path / "bar.toml").write_text(cantilever())
+    done = modalwatch("structure", tmp_path / "bar.toml", "--json", tmp_path / "bar.json", "--out", tmp_path / "x.png")
+    assert done.code == 0, done.err
+    found = json.loads((tmp_path / "bar.json").read_text())
+    assert (found["channels"], set(found["seen"])) == ([], {0.0})
+    assert found["auto_mac"][0][0] is None
+    assert (tmp_path / "x.png").stat().st_size > 10_000
+
+
+def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> None:
+    good, free, bad = tmp_path / "good.toml", tmp_path / "free.toml", tmp_path / "bad.toml"
+    good.write_text(cantilever((1.0, "y")))
+    free.write_text(CANTILEVER.split("[[support]]")[0])
+    bad.write_text(cantilever((1.5, "y")))
+    for arguments, says in (
+        ((tmp_path / "none.toml",), (tmp_path / "none.toml", "cannot be read")),
+        ((free,), (free, "the stiffness is singular: a support or a member is missing")),
+        ((bad,), (bad, "sensor s0: [1.5, 0.0, 0.0] lies on no member")),
+        ((good, "--out", tmp_path / "none" / "x.png"), ("--out: ", tmp_path / "none" / "x.png", "cannot be written")),
+        ((good, "--out", tmp_path / "x.sketch"), ("--out: ", tmp_path / "x.sketch", "cannot be written")),
+        ((good, "--json", tmp_path / "none" / "x.json"), ("--json: ", tmp_path / "none" / "x.json", "cannot be wri")),
+    ):
+        assert_refused(modalwatch("structure", *arguments), *says)
