@@ -124,7 +124,7 @@ def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) 
             reader.stop()
         for reader in readers:
             reader.join()
-        log.put(Event(topic=TOPIC_STOPPED, time=clock.now(), payload={}))
+        log.put(Event(topic=TOPIC_STOPPED, time=clock.now(), payload={"dropped": log.dropped}))
         while _report(worker, log, on_result, clock):
             pass
     failure = str(log.failure) if log.failure else None

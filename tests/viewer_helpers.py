@@ -22,6 +22,7 @@ from monitor.results import (
     Vector,
     WindowResult,
 )
+from monitor.story import Story
 from updater import Model, build_model, parse_structure, t_structure_toml
 
 START = 1_767_225_600_000_000_000  # 2026-01-01 00:00 UTC [ns]
@@ -233,7 +234,7 @@ def vector(values: FloatArray) -> Vector:
 
 
 def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: int = 8) -> dict[str, Any]:
-    """Return the arguments of `write_recording` for a run that learns, watches, and finds the mass.
+    """Return the fields of a `Story` for a run that learns, watches, and finds the mass.
 
     Mode 2 is not seen in the second watched window; the last window before the change gives no modes at all.
     """
@@ -262,6 +263,12 @@ def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: in
         ],
         "name": site.model.structure.name,
     }
+
+
+def story(run: dict[str, Any]) -> Story:
+    """Return a run as the drawings take it."""
+    fields: dict[str, Any] = run | {"windows": tuple(run["windows"]), "alarms": tuple(run["alarms"])}
+    return Story(**fields)
 
 
 def without_modes(window: WindowResult, problem: str) -> WindowResult:

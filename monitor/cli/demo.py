@@ -66,7 +66,7 @@ def _clear(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     if (out / "scenario.toml").exists():
         shutil.rmtree(out / "log", ignore_errors=True)
-    for name in ("ports.json", "rig.json", "answer.json", "overview.rrd"):
+    for name in ("ports.json", "rig.json", "answer.json", "overview.rrd", "report.html"):
         (out / name).unlink(missing_ok=True)
 
 

@@ -128,6 +128,20 @@ def structure(
     raise typer.Exit(structure_command(file, n_modes=modes, json_path=json, picture=out))
 
 
+@app.command()
+def report(
+    path: Annotated[Path, typer.Argument(metavar="DIR|LOG.mcap")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page; beside the log unless given.")] = None,
+    diagnosis: Annotated[
+        Path | None, typer.Option(help="What `diagnose --json` wrote, to show instead of the log's own.")
+    ] = None,
+) -> None:
+    """Write what a log says as one HTML page, the verdict first."""
+    from monitor.cli.view import report_command
+
+    raise typer.Exit(report_command(path, out, diagnosis))
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

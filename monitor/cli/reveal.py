@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from monitor.daemon import RunReport
-from monitor.results import AlarmResult, MassAnswer, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, MassAnswer, WindowResult
 from monitor.rig import Scenario
 from monitor.worker import Result
 
@@ -51,7 +51,7 @@ def reveal(
     console.print(_table(summary, answer))
     verdict = "[bold green]found[/]" if right else "[bold red]MISSED[/]" if answer is None else "[bold red]WRONG[/]"
     console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {rig['sent']}\n")
-    _write_viewer_file(out, found)
+    _write_pictures(out, report)
     _say_next(console, out, report)
     return 0 if right else 1
 
@@ -80,19 +80,19 @@ def _table(summary: dict[str, Any], answer: MassAnswer | None) -> Table:
     return table
 
 
-def _write_viewer_file(out: Path, found: list[Result]) -> None:
+def _write_pictures(out: Path, report: RunReport) -> None:
+    """Write the report and the viewer's file, both from the log alone."""
+    from monitor.logged import load_run
+    from monitor.report import run_report
     from monitor.viewer import write_recording
 
-    write_recording(
-        out / "overview.rrd",
-        reference=next((r for r in found if isinstance(r, ReferenceResult)), None),
-        windows=[r for r in found if isinstance(r, WindowResult)],
-        alarms=[r for r in found if isinstance(r, AlarmResult)],
-        name="T-frame",
-    )
+    run = load_run(report.log)
+    run_report(run, out / "report.html")
+    write_recording(out / "overview.rrd", run.story)
 
 
 def _say_next(console: Console, out: Path, report: RunReport) -> None:
+    console.print("Read the report: ", f"{out}/report.html", soft_wrap=True)
     console.print("Look at it:      ", f".venv/bin/rerun {out}/overview.rrd", soft_wrap=True)
     console.print(
         "Run it again:    ",

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from daq import Recording
+from monitor.story import Story
+from monitor.unrolled import has_profile
 from monitor.viewer import views
-from monitor.viewer.change import has_profile, mass_span
+from monitor.viewer.change import mass_span
 from monitor.viewer.draw import TIME
-from monitor.viewer.story import Story
 from monitor.viewer.trends import frequency_span, shift_span
 
 _Part = rrb.View | rrb.Container

@@ -4,8 +4,8 @@ import rerun as rr
 
 from monitor.describe import mass_text
 from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
+from monitor.story import Story, find_mode
 from monitor.viewer.draw import at, clock
-from monitor.viewer.story import Story, find_mode
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"

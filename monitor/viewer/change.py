@@ -1,31 +1,24 @@
 """Where the mass is: the posterior along the members, and how the answer sharpens."""
 
-from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results import MassAnswer, ProfilePoint
-from monitor.viewer.draw import Axes, at, band, line, text, ticks, times
+from monitor.results import MassAnswer
+from monitor.story import Story, thin
+from monitor.unrolled import Unrolled, has_profile, sigmas, ticks
+from monitor.viewer.draw import Axes, at, band, line, text, times
 from monitor.viewer.palette import ALARM, REGION, TEXT, WARN, Colour
-from monitor.viewer.story import Story, thin
 
 BOUNDS = ((-24.0, 208.0), (-16.0, 132.0))  # of the drawing, x and y
 _WIDTH, _TOP, _LOWER = 200.0, 70.0, 34.0
 _BETWEEN = 20.0  # upper and lower panel
-_GAP = 0.06  # of all members' length, between two members
-_SMALLEST = 1e-300
 _MOST_SIGMAS = 30.0  # that are drawn, if there is a place so bad
 _LEAST_SIGMAS = 3.0
 _MARGIN = 0.35  # of the masses that the data allow, above and below them
 _MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
-
-
-def has_profile(answer: MassAnswer) -> bool:
-    """Tell whether there is a posterior to draw: at two places of one member at least."""
-    return len({(p.member, p.position) for p in answer.profile}) > len({p.member for p in answer.profile})
 
 
 def draw_answers(recording: rr.RecordingStream, story: Story) -> None:
@@ -72,48 +65,6 @@ def scaled(answer: MassAnswer, scale: float) -> MassAnswer:
     """Return the answer with its masses in another unit."""
     profile = [p.model_copy(update={"mass": scale * p.mass}) for p in answer.profile]
     return answer.model_copy(update={"mass": scale * answer.mass, "profile": profile})
-
-
-def sigmas(points: list[ProfilePoint]) -> FloatArray:
-    """Return sqrt(-2 ln(density / largest)) at each point (n,): for a Gaussian posterior the distance in its sigmas.
-
-    A density that is too small to be a number is as far away as the smallest number.
-    """
-    density = np.array([p.density for p in points], float)
-    share = density / max(density.max(), _SMALLEST)
-    return np.asarray(np.sqrt(-2 * np.log(np.maximum(share, _SMALLEST))))
-
-
-class Unrolled:
-    """The members laid one after another on a line.
-
-    Parameters
-    ----------
-    answer : with a profile along all members
-    """
-
-    def __init__(self, answer: MassAnswer) -> None:
-        self.start: dict[str, FloatArray] = {}
-        self.length: dict[str, float] = {}
-        for point in answer.profile:
-            place = np.array(point.position)
-            start = self.start.setdefault(point.member, place)
-            self.length[point.member] = float(np.linalg.norm(place - start))
-        gap = _GAP * sum(self.length.values())
-        steps = [length + gap for length in self.length.values()]
-        self.offset = dict(zip(self.length, np.concatenate([[0.0], np.cumsum(steps)[:-1]]).tolist(), strict=True))
-        self.total = float(sum(steps) - gap)
-
-    def along(self, member: str, position: FloatArray) -> FloatArray:
-        """Return where positions (..., 3) on a member are on the line (...) [m]."""
-        return np.asarray(self.offset[member] + np.linalg.norm(position - self.start[member], axis=-1))
-
-    def ticks(self) -> Iterator[tuple[float, str]]:
-        """Return places on the line and the distance from the member's start there."""
-        step = self.total / 10
-        for member, length in self.length.items():
-            for value in ticks(0.0, length, max(2, int(length / step))) if length else [0.0]:
-                yield self.offset[member] + float(value), f"{value:g}"
 
 
 def _panels(unrolled: Unrolled, answers: list[MassAnswer], scale: float) -> tuple[Axes, Axes]:

@@ -17,7 +17,6 @@ from monitor.viewer.palette import FAINT, GREY, Colour
 
 APPLICATION = "modalwatch"
 TIME, PHASE = "time", "phase"
-_TICK_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
 
 
 @contextmanager
@@ -104,15 +103,6 @@ def band(
         widths=[1.6] * n,
     )
     recording.send_columns(path, [column], columns)
-
-
-def ticks(low: float, high: float, most: int) -> FloatArray:
-    """Return round values between two limits, at most `most` of them."""
-    rough = (high - low) / most
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = power * _TICK_STEPS[np.searchsorted(_TICK_STEPS, rough / power - 1e-9)]
-    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
-    return np.asarray(np.arange(first, last + 1) * step + 0.0)  # no negative zero
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

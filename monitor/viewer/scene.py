@@ -8,11 +8,11 @@ import numpy.typing as npt
 import rerun as rr
 
 from daq import FloatArray
+from monitor.geometry import Geometry, screen
 from monitor.results import MassAnswer, ReferenceResult
+from monitor.story import Story, thin
 from monitor.viewer.draw import at
-from monitor.viewer.geometry import Geometry, screen
 from monitor.viewer.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
-from monitor.viewer.story import Story, thin
 
 TUBE = 0.0095  # of the structure's size, radius of its members
 SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer

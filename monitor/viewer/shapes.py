@@ -6,12 +6,12 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
+from monitor.geometry import Geometry, screen
 from monitor.results import ReferenceMode
+from monitor.story import Story
 from monitor.viewer.draw import PHASE, at
-from monitor.viewer.geometry import Geometry, screen
 from monitor.viewer.palette import DIM, GREY, TEXT, mode_colour
 from monitor.viewer.scene import TUBE
-from monitor.viewer.story import Story
 
 SIDE = (38.0, 24.0)  # degrees: azimuth and elevation of the viewer
 _SWING = 0.17  # of the structure's size, largest displacement

@@ -5,9 +5,10 @@ import rerun as rr
 
 from daq import FloatArray
 from monitor.results import Spectrum, WindowResult
-from monitor.viewer.draw import Axes, at, text, ticks
+from monitor.story import Story
+from monitor.unrolled import ticks
+from monitor.viewer.draw import Axes, at, text
 from monitor.viewer.palette import GREY, OK, Colour, mode_colour
-from monitor.viewer.story import Story
 
 BOUNDS = ((-24.0, 218.0), (-20.0, 120.0))  # of the drawing, x and y
 _WIDTH, _HEIGHT = 200.0, 108.0

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import rerun as rr
 
+from monitor.story import Story
 from monitor.viewer.draw import at, clock
 from monitor.viewer.palette import ALARM, GREY, LEARN, OK, WARN, Colour
-from monitor.viewer.story import Story
 
 _LINE = 78  # characters that the view of events holds
 _Lane = dict[str, tuple[str, Colour]]

@@ -3,9 +3,9 @@
 import numpy as np
 import rerun as rr
 
+from monitor.story import Story, find_mode
 from monitor.viewer.draw import band, ends, line, rule
 from monitor.viewer.palette import ALARM, GREY, TEXT, mode_colour
-from monitor.viewer.story import Story, find_mode
 
 SIGMAS = 3.0  # of the control band
 _NAN = float("nan")

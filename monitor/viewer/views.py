@@ -8,13 +8,13 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
 
 from daq import FloatArray, Recording
+from monitor.geometry import Geometry, flat_aspect
 from monitor.results import MassAnswer, ReferenceResult
+from monitor.story import Story
 from monitor.viewer import change, scene, shapes, spectrum
 from monitor.viewer.draw import TIME
-from monitor.viewer.geometry import Geometry, flat_aspect
 from monitor.viewer.palette import BACKGROUND
 from monitor.viewer.signals import SECONDS, signal_path
-from monitor.viewer.story import Story
 
 _LEGEND_ROOM = 0.2  # of the time axis, left free of data for the legend
 _MARGIN = 0.01  # of the time axis, after the last window

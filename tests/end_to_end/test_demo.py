@@ -25,6 +25,7 @@ def test_short_demo_finds_the_body_and_replay_repeats_it_to_the_last_digit(tmp_p
     assert answer["dropped"] == 0
     assert answer["answer"]["mass_std"] > 0
     assert (tmp_path / "overview.rrd").stat().st_size > 100_000
+    assert "The structure has changed" in (tmp_path / "report.html").read_text(encoding="utf-8")
     report = replay(next((tmp_path / "log").glob("*.mcap")), None, lambda _: None)
     assert len(report.logged) > 15
     assert report.same

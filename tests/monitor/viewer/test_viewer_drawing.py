@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq import FloatArray
+from monitor.geometry import FIELD_OF_VIEW, Geometry, screen
 from monitor.results import ProfilePoint, ReferenceResult
-from monitor.viewer.change import Unrolled, sigmas
-from monitor.viewer.draw import Axes, ticks
-from monitor.viewer.geometry import FIELD_OF_VIEW, Geometry, screen
+from monitor.story import Story, thin
+from monitor.unrolled import Unrolled, sigmas, ticks
+from monitor.viewer.draw import Axes
 from monitor.viewer.palette import heat, mode_colour
 from monitor.viewer.scene import common_name
 from monitor.viewer.spectrum import side_by_side, spectrum_axes
-from monitor.viewer.story import Story, thin
 from monitor.viewer.views import best_grid
 
 SITE = made.Site()

@@ -21,7 +21,7 @@ class Story:
     reference: ReferenceResult | None
     windows: tuple[WindowResult, ...]
     alarms: tuple[AlarmResult, ...]
-    signals: Recording | None
+    signals: Recording | None = None
 
     def __post_init__(self) -> None:
         """Refuse a run of which nothing can be drawn."""

@@ -1,0 +1,185 @@
+"""A run as its log tells it: the results, the end of the signals, and how whole the data are."""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import resample_poly
+
+from daq import Assembler, Block, Channel, Event, Flag, Recording, read_attachments, read_log
+from monitor.daemon import event_result
+from monitor.errors import ResultsError, SettingsError
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.settings import Settings, parse_settings
+from monitor.story import Story
+from monitor.worker import TOPIC_STOPPED, Result
+from updater import StructureError, parse_structure
+
+_TAIL_SECONDS = 14.0  # of blocks kept: ten to draw, the rest for the clocks to settle and for filters
+_SIGNAL_SECONDS = 11.0
+_TAPS = 10  # of the low-pass on each side, at the lower rate: that much is cut off at both ends
+_VIEW_RATE = 500.0  # Hz: signals that are faster are drawn at this rate at the most
+
+
+@dataclass(kw_only=True)
+class DeviceQuality:
+    """What one device delivered."""
+
+    device: str
+    rate: float = 0.0  #: nominal [Hz]
+    scans: int = 0
+    gaps: int = 0
+    missing: int = 0  #: scans in those gaps
+    exact: bool = True  #: False where the host's clock had to tell how many are missing
+    damaged: int = 0  #: blocks while which damaged frames were dropped
+    lost: int = 0  #: times the device was lost
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run:
+    """A log, read whole."""
+
+    log: Path
+    story: Story
+    devices: list[DeviceQuality]
+    dropped: int | None  #: items that found the log's queue full; None if the log does not say
+    ended: bool  #: False if the log was cut: it does not say that it stopped
+    site_text: str  #: settings attached to the log, empty if there are none
+
+
+def find_log(path: Path) -> Path:
+    """Return the log that a path means: itself, or the newest one in a folder or in its `log` folder.
+
+    Raises
+    ------
+    ResultsError
+        If there is none.
+    """
+    if not path.exists():
+        raise ResultsError(path, "there is no such file or folder")
+    if not path.is_dir():
+        return path
+    logs = [*path.glob("*.mcap"), *path.glob("log/*.mcap")]
+    if not logs:
+        raise ResultsError(path, "holds no log: expected *.mcap in it or in its folder log/")
+    return max(logs, key=lambda log: (log.stat().st_mtime_ns, log.name))
+
+
+def load_run(path: Path) -> Run:
+    """Read a run from a log, or from the newest log of a folder.
+
+    Raises
+    ------
+    ResultsError, LogError
+        Naming the file, if it cannot be read or holds no results.
+    """
+    log = find_log(path)
+    attached = read_attachments(log)
+    found = _Reading()
+    for item in read_log(log):
+        found.take(item)
+    windows = tuple(r for r in found.results if isinstance(r, WindowResult))
+    if not windows:
+        raise ResultsError(log, "holds no results: it was never watched, or stopped before its first window ended")
+    site_text = attached.get("site.toml", "")
+    story = Story(
+        name=_name(attached.get("structure.toml", ""), log),
+        reference=next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None),
+        windows=windows,
+        alarms=tuple(r for r in found.results if isinstance(r, AlarmResult)),
+        signals=last_signals(found.tail, site_text),
+    )
+    return Run(
+        log=log,
+        story=story,
+        devices=sorted(found.devices.values(), key=lambda d: d.device),
+        dropped=found.dropped,
+        ended=found.ended,
+        site_text=site_text,
+    )
+
+
+@dataclass
+class _Reading:
+    """What is gathered while a log is read once."""
+
+    results: list[Result] = field(default_factory=list)
+    devices: dict[str, DeviceQuality] = field(default_factory=dict)
+    tail: deque[Block] = field(default_factory=deque)
+    dropped: int | None = None
+    ended: bool = False
+
+    def take(self, item: Block | Event) -> None:
+        if isinstance(item, Block):
+            self._block(item)
+            return
+        result = event_result(item)
+        if result is not None:
+            self.results.append(result)
+        elif item.topic == TOPIC_STOPPED:
+            self.dropped, self.ended = item.payload.get("dropped"), True
+        elif "device" in item.payload:
+            self._event(item, self._quality(item.payload["device"]))
+
+    def _quality(self, device: str) -> DeviceQuality:
+        return self.devices.setdefault(device, DeviceQuality(device=device))
+
+    def _block(self, block: Block) -> None:
+        quality = self._quality(block.device)
+        quality.rate = block.rate
+        quality.scans += block.n_scans
+        quality.damaged += bool(block.flags & Flag.BAD_FRAMES)
+        self.tail.append(block)
+        while self.tail[0].pair_time < block.pair_time - _TAIL_SECONDS * 1e9:
+            self.tail.popleft()
+
+    def _event(self, event: Event, quality: DeviceQuality) -> None:
+        if event.topic == "/event/gap":
+            quality.gaps += 1
+            quality.missing += int(event.payload["missing"])
+            quality.exact &= bool(event.payload["exact"])
+        elif event.topic == "/event/device_lost":
+            quality.lost += 1
+
+
+def _name(structure: str, log: Path) -> str:
+    try:
+        return parse_structure(structure).name if structure else log.stem
+    except StructureError:
+        return log.stem
+
+
+def last_signals(blocks: Iterable[Block], site_text: str) -> Recording | None:
+    """Return the last seconds of all channels on one grid; None without settings, or if too little was measured.
+
+    Faster signals are low-passed and drawn at 500 Hz at the most. A device that is silent at the end is left out.
+    """
+    try:
+        settings = parse_settings(site_text)
+    except SettingsError:
+        return None
+    blocks = list(blocks)
+    channels = _alive(settings, {block.device for block in blocks})
+    if not channels:
+        return None
+    rates = {d.name: d.rate for d in settings.device if d.name in {c.device for c in channels}}
+    assembler = Assembler(channels, rates, window_seconds=_SIGNAL_SECONDS, step_seconds=1.0)
+    recordings = [r for b in blocks if b.device in rates for r in assembler.push(b)]
+    return slower(recordings[-1]) if recordings else None
+
+
+def _alive(settings: Settings, devices: set[str]) -> tuple[Channel, ...]:
+    return tuple(channel for channel in settings.channels if channel.device in devices)
+
+
+def slower(recording: Recording, most: float = _VIEW_RATE) -> Recording:
+    """Return a recording at `most` [Hz] or a little less, low-passed before (a gap grows by the filter's length)."""
+    factor = int(np.ceil(recording.rate / most - 1e-9))
+    if factor == 1:
+        return recording
+    data = resample_poly(recording.data, 1, factor, axis=0)[_TAPS:-_TAPS]
+    rate = recording.rate / factor
+    start = recording.start + round(_TAPS / rate * 1e9)
+    return Recording(channels=recording.channels, data=data, rate=rate, start=start)

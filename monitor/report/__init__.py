@@ -1,0 +1,83 @@
+"""The report: one HTML page that needs no network, the verdict first, the evidence below it."""
+
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from pydantic import ValidationError
+
+from monitor.errors import ResultsError
+from monitor.logged import Run
+from monitor.report.content import diagnosis_content, run_content, versions
+from monitor.report.svg import styled
+from updater import Diagnosis
+
+__all__ = ["diagnosis_report", "load_diagnosis", "run_report"]
+
+
+def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
+    """Write the report of a run.
+
+    Parameters
+    ----------
+    run : as its log tells it
+    path : of the page; one that stands there is replaced
+    diagnosis : to show instead of the one that stands in the log
+
+    Raises
+    ------
+    ResultsError
+        If the page cannot be written.
+    """
+    with styled():
+        _write(path, "run.html", run_content(run, diagnosis))
+
+
+def diagnosis_report(diagnosis: Diagnosis, path: Path, *, title: str) -> None:
+    """Write the report of a diagnosis that stands alone; errors as for `run_report`.
+
+    Parameters
+    ----------
+    diagnosis : the answer of `modalwatch diagnose`
+    path : of the page
+    title : what was diagnosed: the structure's name
+    """
+    content = diagnosis_content(diagnosis)
+    state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
+    values = {"title": title, "state": state, "headline": content["text"], "diagnosis": content}
+    _write(path, "diagnosis.html", values | {"versions": versions()})
+
+
+def load_diagnosis(path: Path) -> Diagnosis:
+    """Read what `modalwatch diagnose --json` wrote.
+
+    Raises
+    ------
+    ResultsError
+        Naming file and field.
+    """
+    try:
+        return Diagnosis.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise ResultsError(path, f"cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise ResultsError(path, f"is no diagnosis: {place + ': ' if place else ''}{first['msg']}") from error
+
+
+def _write(path: Path, template: str, values: dict[str, Any]) -> None:
+    environment = Environment(
+        loader=PackageLoader("monitor", "report"),
+        autoescape=select_autoescape(["html"]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template(template).render(values)
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise ResultsError(path, f"cannot be written: {error.strerror}") from error

@@ -1,0 +1,245 @@
+"""What the report says, section by section: plain values for the template, pictures among them."""
+
+import platform
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from monitor.describe import mass_text
+from monitor.logged import Run
+from monitor.report import places, trends
+from monitor.report.svg import data_uri
+from monitor.results import MassAnswer, MassIncrements, WindowResult
+from monitor.story import Story, find_mode
+from monitor.words import (
+    cause_text,
+    diagnosis_text,
+    headline,
+    last_state,
+    number_text,
+    plain,
+    quantity_text,
+    share_text,
+    utc,
+    where_text,
+)
+from oma import mac_matrix
+from updater import Diagnosis, ModeFit
+
+_VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure of the page."""
+
+    address: str  #: inlined
+    text: str  #: what it shows, for who cannot see it
+
+
+def picture(figure: Figure | None, text: str) -> Picture | None:
+    """Return a figure as a picture of the page, None for none."""
+    return None if figure is None else Picture(data_uri(figure), text)
+
+
+def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
+    """Return the template's values for a run."""
+    story = run.story
+    diagnosis = diagnosis or last_diagnosis(story)
+    return {
+        "title": story.name,
+        "state": last_state(story),
+        "headline": headline(story, diagnosis),
+        "facts": _facts(story),
+        "pictures": _pictures(story),
+        "increments": _increments(story),
+        "modes": _modes(story),
+        "diagnosis": diagnosis_content(diagnosis) if diagnosis else None,
+        "quality": _quality(run),
+        "settings": run.site_text,
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what made the page."""
+    return {"python": platform.python_version()} | {name: version(name) for name in _VERSIONS}
+
+
+def last_diagnosis(story: Story) -> Diagnosis | None:
+    """Return the diagnosis of the last window that has one, if the alarm still stands."""
+    found = [w.diagnosis for w in story.windows if w.diagnosis]
+    return found[-1] if found and last_state(story) == "alarm" else None
+
+
+def last_answer(story: Story) -> MassAnswer | None:
+    """Return the newest located mass while the alarm stands."""
+    return story.answers[-1][1] if story.answers and last_state(story) == "alarm" else None
+
+
+def _facts(story: Story) -> list[tuple[str, str]]:
+    facts = [("Watched", f"{utc(story.start)} to {utc(story.end)}")]
+    facts.append(("Windows", f"{len(story.learning)} to learn the baseline, {len(story.watched)} watched"))
+    answer = last_answer(story)
+    if answer:
+        facts.append(("Where and how much", mass_text(answer)))
+        sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
+        windows = f"{answer.n_windows} window{'s' * (answer.n_windows > 1)}"
+        facts.append(("How sure", f"{sure}; fit p = {answer.p_value:.2g} from {windows}"))
+    judged = [w.novelty for w in story.watched if w.novelty]
+    if judged:
+        facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
+    alarms = [a for a in story.alarms if a.state == "alarm"]
+    facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
+    return facts
+
+
+def _pictures(story: Story) -> dict[str, Picture | None]:
+    answer = last_answer(story)
+    spectra = story.spectra
+    return {
+        "structure": picture(
+            places.structure_figure(story.reference, answer) if story.reference else None,
+            "The structure with its sensors" + (f": {mass_text(answer)}" if answer else ""),
+        ),
+        "profile": picture(
+            places.profile_figure(answer, story.mass_unit) if answer else None,
+            "How much worse every other place explains the data, in standard deviations",
+        ),
+        "shifts": picture(trends.shifts_figure(story), "Frequency shift of every mode over time, ± 1σ"),
+        "novelty": picture(trends.novelty_figure(story), "Novelty over its limit, window by window"),
+        "spectrum": picture(
+            trends.spectrum_figure(*spectra[-1]) if spectra else None,
+            "Singular values of the spectral matrix and the stabilisation diagram",
+        ),
+    }
+
+
+def _increments(story: Story) -> dict[str, Any] | None:
+    found = [w.increments for w in story.windows if w.increments]
+    if not found or story.reference is None:
+        return None
+    increments = found[-1]
+    figure = places.increments_figure(story.reference, increments)
+    return {
+        "picture": picture(figure, "Nodal mass increments of the one-step update by direction"),
+        "n_windows": increments.n_windows,
+        "z_limit": f"{increments.z_limit:.1f}",
+        "flagged": _flagged(story, increments),
+    }
+
+
+def _flagged(story: Story, increments: MassIncrements) -> list[tuple[str, str, str, str]]:
+    nodes = story.reference.nodes if story.reference else []
+    surest = sorted(increments.flagged, key=lambda f: -abs(f.z))[:8]
+    places_of = [", ".join(f"{v:.3f}" for v in nodes[f.node]) for f in surest]
+    return [(str(f.node), f.direction, place, f"{f.z:+.1f}") for f, place in zip(surest, places_of, strict=True)]
+
+
+def _modes(story: Story) -> list[dict[str, str]]:
+    if story.reference is None or not story.watched:
+        return []
+    last = next((w for w in reversed(story.watched) if w.modes), None)
+    first = next((w for w in story.watched if w.modes), None)
+    return [_mode(m.id, m.frequency, m.frequency_std, m.mac, first, last) for m in story.reference.modes]
+
+
+def _mode(
+    number: int, frequency: float, std: float, model_mac: float, first: WindowResult | None, last: WindowResult | None
+) -> dict[str, str]:
+    row = {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
+    mode = find_mode(last, number) if last else None
+    if mode is None or last is None:
+        return row | {"now": "not seen"}
+    row |= {"now": number_text(mode.frequency, mode.frequency_std)}
+    row |= {"damping": number_text(100 * mode.damping, 100 * mode.damping_std)}
+    if mode.shift_percent is not None and mode.shift_std_percent is not None:
+        row["shift"] = number_text(mode.shift_percent, mode.shift_std_percent)
+        row["sigmas"] = f"{mode.shift_percent / mode.shift_std_percent:+.1f}" if mode.shift_std_percent else ""
+    earlier = find_mode(first, number) if first else None
+    if earlier and first and first.channels == last.channels:
+        row["mac"] = f"{float(mac_matrix(np.array([earlier.shape]), np.array([mode.shape]))[0, 0]):.4f}"
+    return row
+
+
+def _quality(run: Run) -> dict[str, Any]:
+    story = run.story
+    devices = [
+        {
+            "device": d.device,
+            "rate": f"{d.rate:g}",
+            "scans": f"{d.scans:,}".replace(",", " "),
+            "gaps": str(d.gaps),
+            "missing": f"{'' if d.exact else 'about '}{d.missing}",
+            "damaged": str(d.damaged),
+            "lost": str(d.lost),
+        }
+        for d in run.devices
+    ]
+    return {
+        "log": run.log.name,
+        "size": f"{run.log.stat().st_size / 1e6:.1f} MB",
+        "ended": run.ended,
+        "dropped": run.dropped,
+        "devices": devices,
+        "problems": [(w.index + 1, utc(w.end), w.problem) for w in story.windows if w.problem],
+    }
+
+
+def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return the template's values for a diagnosis."""
+    return {
+        "verdict": diagnosis.verdict,
+        "text": diagnosis_text(diagnosis),
+        "causes": [
+            {
+                "text": cause_text(c),
+                "name": plain(c.cause),
+                "probability": share_text(c.probability),
+                "where": where_text(c.where) or "nowhere in particular",
+                "parameters": [(plain(name), quantity_text(q)) for name, q in c.parameters.items()],
+                "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
+            }
+            for c in diagnosis.causes
+        ],
+        "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
+        "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
+        "gain": _gain(diagnosis),
+        "extended_model": diagnosis.extended_model,
+        "next_measurement": diagnosis.next_measurement,
+    }
+
+
+def _fit(number: int, mode: ModeFit) -> dict[str, str]:
+    frequency, mac_pair = mode.frequency, mode.mac
+    measured = "" if frequency.measured is None else number_text(frequency.measured, frequency.std or 0.0)
+    return {
+        "number": str(number),
+        "measured": measured or "not seen",
+        "before": _optional(frequency.before, ".3f"),
+        "after": _optional(frequency.after, ".3f"),
+        "mac_before": _optional(mac_pair.before, ".4f"),
+        "mac_after": _optional(mac_pair.after, ".4f"),
+    }
+
+
+def _gain(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    gain = diagnosis.gain
+    if gain is None:
+        return None
+    rows = (
+        ("frequency error, root mean square [%]", gain.frequency_error_percent, ".3f"),
+        ("1 - MAC, mean", gain.one_minus_mac, ".5f"),
+        ("log likelihood", gain.log_likelihood, ".1f"),
+    )
+    return {
+        "heldout": gain.heldout,
+        "rows": [(name, _optional(pair.before, form), _optional(pair.after, form)) for name, pair, form in rows],
+    }
+
+
+def _optional(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)

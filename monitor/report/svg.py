@@ -1,0 +1,65 @@
+"""Figures as SVG for a page that needs no network: matplotlib without a display and without global state."""
+
+import base64
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
+OK, WARN, ALARM, REGION = "#2f9e62", "#d08a00", "#cc3340", "#e3b341"
+ADDED, REMOVED, SENSOR = "#cc3340", "#2f6fcc", "#1b86b8"
+_MODES = ("#2f6fcc", "#dd7a1c", "#239a68", "#8a55d6", "#d8457b", "#1f9fb4", "#a08d12", "#5e6875", "#d1492e", "#6a9a1f")
+_STYLE: Any = {
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.6,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "legend.frameon": False,
+    "svg.hashsalt": "modalwatch",  # the same figure gives the same bytes
+    "svg.fonttype": "path",
+}
+
+
+def mode_colour(number: int) -> str:
+    """Return the colour of a mode, counted from 1."""
+    return _MODES[(number - 1) % len(_MODES)]
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure [inches] whose parts are laid out by themselves."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw and save figures in the page's style; what was set before is set again after it."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def data_uri(figure: Figure) -> str:
+    """Return a figure as the address of an inlined SVG picture."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def bare(axes: Axes) -> None:
+    """Leave only what is drawn: no axis, no grid, one scale in both directions."""
+    axes.set_axis_off()
+    axes.set_aspect("equal")

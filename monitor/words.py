@@ -1,0 +1,142 @@
+"""Findings in sentences: shared by the report, the viewer and the terminal."""
+
+import math
+
+import numpy as np
+
+from monitor.describe import mass_text
+from monitor.results import WindowResult
+from monitor.story import Story
+from updater import Cause, Diagnosis, Quantity, Where
+
+_DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
+_CERTAIN = 0.999
+_LARGE = 10.0  # kg: smaller masses are told in grams
+
+VERDICTS = {
+    "nothing_to_explain": "Nothing to explain: the data agree with the model.",
+    "explained": "Explained",
+    "ambiguous": "Explained, but the data cannot tell some causes apart",
+    "unexplained": "Something has changed that no cause known here explains.",
+}
+
+
+def plain(name: str) -> str:
+    """Return a name of a cause or parameter as words."""
+    return name.replace("_", " ")
+
+
+def number_text(value: float, std: float) -> str:
+    """Return a value and its standard deviation, rounded to its first digit, or its second if the first is 1 or 2."""
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:.4g}"
+    power = math.floor(math.log10(std))
+    digits = max(0, -power + (std < 2.95 * 10.0**power))
+    return f"{value:.{digits}f} ± {std:.{digits}f}"
+
+
+def share_text(probability: float) -> str:
+    """Return a probability in per cent, never rounded to certainty."""
+    if probability > _CERTAIN:
+        return f"over {100 * _CERTAIN:g} %"
+    return f"{100 * probability:.1f} %"
+
+
+def quantity_text(quantity: Quantity) -> str:
+    """Return a parameter with its standard deviation and unit; masses in grams unless large."""
+    scale, unit = (1.0, quantity.unit) if quantity.unit != "-" else (1.0, "")
+    if unit == "kg" and abs(quantity.value) < _LARGE:
+        scale, unit = 1000.0, "g"
+    return f"{number_text(scale * quantity.value, scale * quantity.std)} {unit}".rstrip()
+
+
+def where_text(where: Where | None) -> str:
+    """Return the place of a cause; empty for one that has none."""
+    if where is None:
+        return ""
+    parts = [f"on the {where.member}"] if where.member else []
+    if where.position:
+        x, y, z = where.position
+        parts.append(f"at ({x:.3f}, {y:.3f}, {z:.3f}) m")
+    if where.position_std is not None:
+        parts.append(f"± {1000 * where.position_std:.0f} mm")
+    if where.channels:
+        parts.append(f"in {', '.join(where.channels)}")
+    return " ".join(parts)
+
+
+def cause_text(cause: Cause) -> str:
+    """Return one accepted cause in one line."""
+    mass = cause.parameters.get("mass")
+    if cause.cause == "added_mass" and mass:
+        size = mass.model_copy(update={"value": abs(mass.value)})
+        return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
+    values = ", ".join(f"{plain(name)} {quantity_text(q)}" for name, q in cause.parameters.items())
+    return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
+        f": {values}" if values else ""
+    )
+
+
+def diagnosis_text(diagnosis: Diagnosis) -> str:
+    """Return the diagnosis in one sentence."""
+    if not diagnosis.causes:
+        return VERDICTS[diagnosis.verdict]
+    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
+
+
+def utc(time: int, *, date: bool = True) -> str:
+    """Return a time [ns UTC] to the second."""
+    text = str(np.datetime64(time, "ns"))[:19].replace("T", " ")
+    return f"{text} UTC" if date else text[11:]
+
+
+def changed_between(story: Story) -> tuple[int, int] | None:
+    """Return start and end [ns UTC] of the window that first showed the last alarm's change."""
+    first: WindowResult | None = None
+    before: WindowResult | None = None
+    for window in story.watched:
+        over = window.novelty is not None and window.novelty.t2 > window.novelty.limit
+        if over and (before is None or before.novelty is None or before.novelty.t2 <= before.novelty.limit):
+            first = window
+        before = window if window.novelty else before
+    return (first.start, first.end) if first else None
+
+
+def last_state(story: Story) -> str:
+    """Return the alarm's state at the end: learning, normal, watch or alarm."""
+    if not story.watched and not story.reference:
+        return "learning"
+    return story.alarms[-1].state if story.alarms else "normal"
+
+
+def headline(story: Story, diagnosis: Diagnosis | None) -> str:
+    """Return the verdict of a run in one sentence."""
+    state, n = last_state(story), len(story.watched)
+    if state == "learning":
+        return f"Still learning: {len(story.windows)} windows so far, nothing is judged yet."
+    if state == "alarm":
+        return f"The structure has changed: {_what(story, diagnosis)}.{_when(story)}"
+    if state == "watch":
+        return "One window is over the limit; the next ones will tell whether the structure has changed."
+    if any(alarm.state == "alarm" for alarm in story.alarms):
+        return f"Back to normal after an alarm, {n} windows watched."
+    return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
+
+
+def _what(story: Story, diagnosis: Diagnosis | None) -> str:
+    if diagnosis and diagnosis.causes:
+        return "; ".join(cause_text(c) for c in diagnosis.causes)
+    if diagnosis and diagnosis.verdict == "unexplained":
+        return "no cause known here explains how"
+    if not story.answers:
+        return "where is not known yet"
+    answer = story.answers[-1][1]
+    doubt = " (a mass alone explains it badly)" if answer.p_value < _DOUBTFUL else ""
+    return mass_text(answer) + doubt
+
+
+def _when(story: Story) -> str:
+    between = changed_between(story)
+    if between is None:
+        return ""
+    return f" First seen between {utc(between[0])[:-4]} and {utc(between[1], date=False)} UTC."

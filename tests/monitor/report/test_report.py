@@ -1,0 +1,184 @@
+"""The page as a reader gets it: parsed as HTML, its words and its pictures."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import answers_helpers as answers
+import numpy as np
+import pytest
+import viewer_helpers as made
+
+from monitor.errors import ResultsError
+from monitor.logged import DeviceQuality, Run, load_run
+from monitor.report import diagnosis_report, load_diagnosis, run_report
+from monitor.story import Story
+
+ROOT = Path(__file__).parents[3]
+LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"
+SITE = made.Site()
+WHOLE = made.whole_run(SITE)
+FOUND = answers.with_findings(SITE, WHOLE)
+_SVG = "data:image/svg+xml;base64,"
+
+
+class Page(HTMLParser):
+    """Headline, words and pictures of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.text = path.read_text(encoding="utf-8")
+        self.words, self.pictures, self.tags, self.links = "", dict[str, str](), list[str](), list[str]()
+        self.feed(self.text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = {name: value or "" for name, value in attrs}
+        self.tags.append(tag)
+        self.links += [values[name] for name in ("href", "src") if name in values]
+        if tag == "img":
+            self.pictures[values["alt"]] = values["src"]
+
+    def handle_data(self, data: str) -> None:
+        self.words += " " + data
+
+
+def run_of(story: Story, path: Path) -> Run:
+    path.write_bytes(b"log")
+    device = DeviceQuality(device="beam", rate=100.0, scans=12345, gaps=1, missing=7, exact=False)
+    return Run(log=path, story=story, devices=[device], dropped=3, ended=False, site_text="a = '<b>'")
+
+
+def page_of(run: dict[str, object], folder: Path) -> Page:
+    run_report(run_of(made.story(run), folder / "run.mcap"), folder / "page.html")
+    return Page(folder / "page.html")
+
+
+def headline(page: Page) -> str:
+    found = re.search(r"<h1>(.*?)</h1>", page.text, re.DOTALL)
+    assert found
+    return found.group(1)
+
+
+def test_page_of_the_recorded_log_says_what_its_last_window_says(tmp_path: Path) -> None:
+    run = load_run(LOG)
+    run_report(run, tmp_path / "page.html")
+    page = Page(tmp_path / "page.html")
+    answer = run.story.answers[-1][1]
+    assert headline(page).startswith(
+        f"The structure has changed: {1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g added on the crossbeam"
+    )
+    first = next(w for w in run.story.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
+    clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
+    assert f"and {clock} UTC." in headline(page)
+    assert len(page.pictures) == 5
+    assert all(device in page.words for device in ("col_037", "beam_right"))
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return page_of(FOUND, tmp_path_factory.mktemp("report"))
+
+
+def test_page_needs_no_network_and_its_pictures_are_whole(page: Page) -> None:
+    assert len(page.pictures) == 6
+    assert page.links
+    for source in page.links:
+        assert source.startswith(_SVG)
+        root = ElementTree.fromstring(base64.b64decode(source.removeprefix(_SVG)))
+        assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) > 5
+    assert "script" not in page.tags
+
+
+def test_increments_and_diagnosis_are_told(page: Page) -> None:
+    assert "302 ± 5 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 4 mm" in headline(page)
+    assert "sensor gain in col_037_x: gain 1.0312 ± 0.0021" in headline(page)
+    increments = answers.increments(SITE)
+    surest = max(increments.flagged, key=lambda f: abs(f.z))
+    assert re.search(rf"<td>{surest.node}</td><td>{surest.direction}</td>.*<td>\+{surest.z:.1f}</td>", page.text)
+    for words in ("that were not used", "1.920", "0.040", "-812.0", "not seen", "extended/t_structure.toml", "-41.3"):
+        assert words in page.words, words
+
+
+def test_foreign_texts_are_escaped(page: Page) -> None:
+    assert "shifts all modes alike <unlike these>" in page.words
+    assert "a = '<b>'" in page.words
+    assert {"unlike", "indeed"}.isdisjoint(page.tags)
+
+
+def test_lost_data_are_told(page: Page) -> None:
+    assert "3 items found the log's queue full and are lost" in page.words
+    assert "it was cut, or is still being written" in page.words
+    assert "about 7" in page.words
+    assert "channel mid is flat" in page.words
+
+
+CASES = {
+    "learning": (made.learning_run(SITE), "Still learning: 5 windows so far, nothing is judged yet."),
+    "learnt": (
+        WHOLE | {"windows": WHOLE["windows"][:8], "alarms": WHOLE["alarms"][:1]},
+        "A baseline is learnt; no window has been judged yet.",
+    ),
+    "normal": (
+        WHOLE | {"windows": WHOLE["windows"][:12], "alarms": WHOLE["alarms"][:1]},
+        "Nothing has changed in 4 windows.",
+    ),
+    "watch": (
+        WHOLE | {"windows": WHOLE["windows"][:13], "alarms": WHOLE["alarms"][:2]},
+        "One window is over the limit; the next ones will tell whether the structure has changed.",
+    ),
+    "no answer": (
+        WHOLE | {"windows": [w.model_copy(update={"answer": None}) for w in WHOLE["windows"]]},
+        "The structure has changed: where is not known yet.",
+    ),
+    "back": (
+        WHOLE | {"alarms": [*WHOLE["alarms"], made.alarm(WHOLE["windows"][-1], "normal", "back to normal")]},
+        "Back to normal after an alarm, 12 windows watched.",
+    ),
+    "nothing identified": (
+        made.learning_run(SITE) | {"windows": [made.without_modes(w, "flat") for w in WHOLE["windows"][:3]]},
+        "Still learning: 3 windows so far, nothing is judged yet.",
+    ),
+    "footbridge": (
+        made.whole_run(made.Site(text=made.BRIDGE, n_modes=14, place=(6.0, 2.0, 3.0), mass=-60.0)),
+        "removed on the deck",
+    ),
+    "one mode": (made.whole_run(made.Site(n_modes=1)), "The structure has changed:"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_state_of_a_run_has_its_verdict(name: str, tmp_path: Path) -> None:
+    run, words = CASES[name]
+    page = page_of(run, tmp_path)
+    assert words in headline(page)
+    assert "None" not in page.words.replace("None of", "")
+
+
+def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
+    assert page_of(FOUND, tmp_path).text == page.text
+
+
+def test_diagnosis_stands_alone(tmp_path: Path) -> None:
+    diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>")
+    page = Page(tmp_path / "page.html")
+    assert headline(page).startswith("Explained: 302 ± 5 g added on the crossbeam")
+    assert "T <frame>" in page.words
+    nothing = answers.diagnosis().model_copy(update={"verdict": "unexplained", "causes": (), "gain": None, "modes": ()})
+    diagnosis_report(nothing, tmp_path / "page.html", title="T")
+    assert headline(Page(tmp_path / "page.html")) == "Something has changed that no cause known here explains."
+
+
+def test_diagnosis_is_read_back_and_a_bad_one_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "diagnosis.json"
+    path.write_text(answers.diagnosis().model_dump_json(), encoding="utf-8")
+    assert load_diagnosis(path) == answers.diagnosis()
+    path.write_text(path.read_text(encoding="utf-8").replace('"explained"', '"certain"'), encoding="utf-8")
+    with pytest.raises(ResultsError, match=r"diagnosis\.json: is no diagnosis: verdict: "):
+        load_diagnosis(path)
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match=r"missing/page\.html: cannot be written: No such file"):
+        diagnosis_report(answers.diagnosis(), tmp_path / "missing" / "page.html", title="T")
