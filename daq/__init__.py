@@ -2,6 +2,7 @@
 
 from daq.assembly import Assembler
 from daq.channelmap import CHANNELS, ChannelMap
+from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import read_data, with_channels, write_recording
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.epson import EmulatedEpson, SampleSource, serve_all, unplugging
@@ -12,6 +13,7 @@ from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import load_recordings, read_channel_map
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import driver_names, make_driver
+from daq.repair import LogState, inspect_log, repair_log
 from daq.timebase import ClockFit
 
 __all__ = [
@@ -24,6 +26,7 @@ __all__ = [
     "ClockFit",
     "DaqError",
     "DataError",
+    "DeviceInfo",
     "DeviceLost",
     "DeviceReader",
     "Driver",
@@ -38,6 +41,8 @@ __all__ = [
     "IntArray",
     "Item",
     "LogError",
+    "LogInfo",
+    "LogState",
     "LogThread",
     "LogWriter",
     "Recording",
@@ -46,12 +51,15 @@ __all__ = [
     "Scans",
     "SystemClock",
     "driver_names",
+    "inspect_log",
     "load_recordings",
+    "log_info",
     "make_driver",
     "read_attachments",
     "read_channel_map",
     "read_data",
     "read_log",
+    "repair_log",
     "serve_all",
     "unplugging",
     "with_channels",

@@ -32,7 +32,7 @@ from daq.recording import Block, Flag
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
 _BUFFER = 1 << 20
-_MAGIC = b"\x89MCAP0\r\n"
+MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -247,7 +247,7 @@ def read_attachments(path: Path) -> dict[str, str]:
     return found
 
 
-class _Whole:
+class WholeReads:
     """A file that ends where less is left than asked for: the stock reader takes half a record for a whole one."""
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -264,7 +264,7 @@ class _Whole:
 def _records(path: Path) -> Iterator[object]:
     try:
         with path.open("rb") as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
+            if file.read(len(MAGIC)) != MAGIC:
                 raise LogError(path, "is not an MCAP log")
             file.seek(0)
             yield from _until_cut(path, file)
@@ -274,7 +274,7 @@ def _records(path: Path) -> Iterator[object]:
 
 def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
     """Yield records until the file's end, planned or not."""
-    records = StreamReader(cast(IO[bytes], _Whole(file)), validate_crcs=True).records
+    records = StreamReader(cast(IO[bytes], WholeReads(file)), validate_crcs=True).records
     while True:
         try:
             record = next(records)

@@ -142,6 +142,29 @@ def report(
     raise typer.Exit(report_command(path, out, diagnosis))
 
 
+@app.command()
+def repair(log: Annotated[Path, typer.Argument(metavar="LOG.mcap")]) -> None:
+    """Mend a log that was cut or damaged, in place: every whole chunk is kept."""
+    from monitor.cli.logs import repair_command
+
+    raise typer.Exit(repair_command(log))
+
+
+log_app = typer.Typer(no_args_is_help=True, help="Look into logs.")
+app.add_typer(log_app, name="log")
+
+
+@log_app.command("info")
+def log_info(
+    log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
+) -> None:
+    """Say what is in a log: devices, scans, gaps, events, attachments, cut or whole."""
+    from monitor.cli.logs import info_command
+
+    raise typer.Exit(info_command(log, json))
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

@@ -1,0 +1,193 @@
+"""What can be saved of a log, and a log mended with it."""
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, cast
+
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
+
+from daq.errors import LogError
+from daq.log import MAGIC, PROFILE, WholeReads
+
+_DAMAGE = (McapError, ZstdError, struct.error, ValueError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogState:
+    """What a log is worth."""
+
+    n_messages: int  #: in whole chunks
+    lost_chunks: int  #: damaged, so that what is in them is lost
+    lost_bytes: int  #: after the last whole record: half a chunk where a log was cut
+    finished: bool  #: it ends with its summary, as stock readers ask for
+
+    @property
+    def whole(self) -> bool:
+        """Tell whether nothing needs to be mended."""
+        return self.finished and not self.lost_chunks
+
+    def __str__(self) -> str:
+        """Say it in a few words."""
+        if self.whole:
+            return "whole"
+        chunks = f"{self.lost_chunks} chunks damaged" if self.lost_chunks else ""
+        cut = "" if self.finished else f"cut, {self.lost_bytes} bytes of an unfinished chunk"
+        return ", ".join(part for part in (cut, chunks) if part)
+
+
+@dataclass
+class _Survey:
+    """What is seen on the way through a log."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    n_messages: int = 0
+    lost_chunks: int = 0
+    good: int = 0  # bytes up to the end of the last whole record
+    finished: bool = False
+
+    def note(self, record: object) -> None:
+        if isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self.channels[record.id] = record
+        elif isinstance(record, Message):
+            self.n_messages += 1
+
+
+def inspect_log(path: Path) -> LogState:
+    """Read a whole log and tell what it is worth.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read or is not a log.
+    """
+    return _state(path, _survey(path))
+
+
+def repair_log(path: Path) -> LogState:
+    """Mend a log in place: every whole chunk kept, the summary rebuilt, so that stock readers open it.
+
+    A log that is whole is not touched. The new file is written beside the old one and takes its place at the end;
+    nobody may be writing the log meanwhile.
+
+    Returns
+    -------
+    LogState
+        What the log was worth before.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read, is not a log, or the new one cannot be written.
+    """
+    survey = _survey(path)
+    state = _state(path, survey)
+    if state.whole:
+        return state
+    temporary = path.with_name(f".{path.name}.repairing")
+    try:
+        with temporary.open("wb") as file:
+            _copy(path, survey, file)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+    return state
+
+
+def _survey(path: Path) -> _Survey:
+    survey = _Survey()
+    for record in _salvage(path, survey):
+        survey.note(record)
+    return survey
+
+
+def _state(path: Path, survey: _Survey) -> LogState:
+    return LogState(
+        n_messages=survey.n_messages,
+        lost_chunks=survey.lost_chunks,
+        lost_bytes=path.stat().st_size - survey.good,
+        finished=survey.finished,
+    )
+
+
+def _salvage(path: Path, survey: _Survey) -> Iterator[object]:
+    """Yield all records that can be read, those of chunks too; note in the survey what cannot."""
+    try:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise LogError(path, "is not an MCAP log")
+            file.seek(0)
+            records = _records(file, survey)
+            _check_header(path, next(records, None))
+            for record in records:
+                yield from _opened(record, survey) if isinstance(record, Chunk) else (record,)
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _check_header(path: Path, record: object) -> None:
+    """Refuse what another program wrote."""
+    if not isinstance(record, Header):
+        raise LogError(path, "is not an MCAP log: it has no header")
+    if record.profile != PROFILE:
+        raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r}")
+
+
+def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
+    """Yield records as they stand in the file, until its end or the first one whose frame is damaged."""
+    records = StreamReader(cast(IO[bytes], WholeReads(file)), emit_chunks=True).records
+    while True:
+        try:
+            record = next(records)
+        except StopIteration:
+            survey.finished, survey.good = True, file.tell()
+            return
+        except (EndOfFile, *_DAMAGE):
+            return
+        survey.good = file.tell()
+        yield record
+
+
+def _opened(chunk: Chunk, survey: _Survey) -> list[object]:
+    """Return the records of a chunk; none if it is damaged."""
+    try:
+        return list(breakup_chunk(chunk, validate_crc=True))
+    except _DAMAGE:
+        survey.lost_chunks += 1
+        return []
+
+
+def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:
+    """Write what can be saved of a log to a new one."""
+    writer = Writer(file, compression=CompressionType.ZSTD)
+    writer.start(profile=PROFILE, library="modalwatch")
+    schemas: dict[int, int] = {0: 0}  # number in the old file -> in the new one; 0 is none
+    channels: dict[int, int] = {}
+    for record in _salvage(path, _Survey()):
+        if isinstance(record, Attachment):
+            writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, record.metadata)
+        elif isinstance(record, Message) and record.channel_id in survey.channels:
+            channel = survey.channels[record.channel_id]
+            if channel.schema_id not in schemas:
+                schema = survey.schemas[channel.schema_id]
+                schemas[channel.schema_id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+            if channel.id not in channels:
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schemas[channel.schema_id], channel.metadata
+                )
+            writer.add_message(channels[channel.id], record.log_time, record.data, record.publish_time, record.sequence)
+    writer.finish()  # type: ignore[no-untyped-call]

@@ -1,0 +1,144 @@
+"""Mending logs: whatever was cut or damaged, every whole chunk is kept and stock readers open what is left."""
+
+from pathlib import Path
+
+import hypothesis.strategies as st
+import pytest
+from daq_helpers import START, contents, some_items
+from hypothesis import given
+from mcap.reader import make_reader
+
+from daq import Item, LogError, LogWriter, inspect_log, read_attachments, read_log, repair_log
+
+ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a finished log of `some_items`, a chunk every five."""
+    path = tmp_path_factory.mktemp("log") / "whole.mcap"
+    writer = LogWriter(path, ATTACHED)
+    for k, item in enumerate(some_items()):
+        writer.write(item)
+        if k % 5 == 0:
+            writer.flush()
+    writer.close()
+    return path
+
+
+def stock_count(path: Path) -> int:
+    """Return the messages a stock reader's summary names, once it has read them all."""
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        messages = list(reader.iter_messages(log_time_order=False))
+        assert len(messages) == summary.statistics.message_count
+        names = [a.name for a in reader.iter_attachments()]
+        assert names == list(ATTACHED)[: len(names)]
+    return len(messages)
+
+
+def before(path: Path) -> list[Item]:
+    """Return what the ordinary reader gives before it meets damage."""
+    found: list[Item] = []
+    try:
+        found.extend(read_log(path))
+    except LogError:
+        items = read_log(path)
+        found = []
+        while True:
+            try:
+                found.append(next(items))
+            except LogError:
+                break
+    return found
+
+
+@given(st.data())
+def test_a_cut_log_keeps_what_could_be_read_of_it(whole: Path, data: st.DataObject) -> None:
+    content = whole.read_bytes()
+    at = data.draw(st.integers(300, len(content) - 1))
+    path = whole.with_name("cut.mcap")
+    path.write_bytes(content[:at])
+    readable, attached = contents(read_log(path)), read_attachments(path)
+    state = repair_log(path)
+    assert not state.whole
+    assert state.n_messages == len(readable) == stock_count(path)
+    assert contents(read_log(path)) == readable
+    assert read_attachments(path) == attached
+    assert inspect_log(path).whole
+    assert list(path.parent.glob(".*")) == []
+
+
+@given(st.data())
+def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataObject) -> None:
+    content = bytearray(whole.read_bytes())
+    at = data.draw(st.integers(300, len(content) - 1))
+    content[at] ^= 1 << data.draw(st.integers(0, 7))
+    path = whole.with_name("damaged.mcap")
+    path.write_bytes(content)
+    readable, every = contents(before(path)), contents(some_items())
+    state = repair_log(path)
+    mended = contents(read_log(path))
+    assert mended[: len(readable)] == readable
+    assert [item for item in every if item in mended] == mended  # none altered, none out of order
+    assert len(mended) == stock_count(path)
+    if state.lost_chunks:  # five items a chunk at most, and the frames of all others are sound
+        assert len(mended) >= len(every) - 5
+    assert inspect_log(path).whole
+
+
+def test_a_whole_log_is_not_touched(whole: Path) -> None:
+    was = whole.stat()
+    state = repair_log(whole)
+    assert state.whole
+    assert str(state) == "whole"
+    assert state.n_messages == len(some_items())
+    assert whole.stat() == was
+
+
+def test_a_log_cut_by_a_kill_is_described(whole: Path) -> None:
+    path = whole.with_name("killed.mcap")
+    path.write_bytes(whole.read_bytes()[:-3000])
+    state = inspect_log(path)
+    assert not state.finished
+    assert str(state) == f"cut, {state.lost_bytes} bytes of an unfinished chunk"
+
+
+@pytest.mark.parametrize("content", [b"", b"t,a\n0,1\n", b"\x89MCAP0\r\n" + b"x" * 50])
+def test_what_is_no_log(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=r"log\.mcap: is not an MCAP log"):
+        repair_log(path)
+    assert path.read_bytes() == content
+    with pytest.raises(LogError, match=r"none\.mcap: cannot be read: No such file"):
+        repair_log(tmp_path / "none.mcap")
+
+
+def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = whole.with_name("full.mcap")
+    content = whole.read_bytes()[:-3000]
+    path.write_bytes(content)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(LogError, match=r"full\.mcap: cannot be mended: No space left on device"):
+        repair_log(path)
+    assert path.read_bytes() == content
+    assert list(path.parent.glob(".*")) == []
+
+
+def test_times_of_messages_are_kept(whole: Path) -> None:
+    path = whole.with_name("times.mcap")
+    path.write_bytes(whole.read_bytes()[:-3000])
+    repair_log(path)
+    with whole.open("rb") as one, path.open("rb") as other:
+        first = [(m.log_time, m.publish_time, m.sequence) for *_, m in make_reader(one).iter_messages()]
+        second = [(m.log_time, m.publish_time, m.sequence) for *_, m in make_reader(other).iter_messages()]
+    assert set(second) <= set(first)
+    assert min(time for time, _, _ in second) >= START - 8

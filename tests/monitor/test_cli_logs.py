@@ -1,0 +1,94 @@
+"""`repair` and `log info`."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_helpers import Commands, assert_refused
+from daq_helpers import START, make_block
+
+from daq import Block, Event, Flag, LogWriter
+
+
+def block(first: int, *, flags: Flag = Flag.NONE, device: str = "beam") -> Block:
+    made = make_block(device, first)
+    return Block(**{**vars(made), "flags": flags})
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Return a log: a gap of 500 scans, a restart after 2000 more; one event; cut."""
+    path = tmp_path / "log.mcap"
+    writer = LogWriter(path, {"site.toml": "x = 1\n"})
+    for item in (
+        block(0),
+        block(250),
+        Event(topic="/event/gap", time=START, payload={"device": "beam"}),
+        block(1000),
+        block(3250, flags=Flag.RESTARTED),
+        block(0, device="other"),
+    ):
+        writer.write(item)
+    writer.flush()
+    whole = path.read_bytes()
+    writer.write(block(3500))
+    writer.close()
+    path.write_bytes(path.read_bytes()[: len(whole) + 100])  # amid the second chunk
+    return path
+
+
+def test_info_counts(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    done = modalwatch("log", "info", log, "--json", tmp_path / "info.json")
+    assert (done.code, done.err) == (0, "")
+    found = json.loads((tmp_path / "info.json").read_text())
+    beam = found["devices"]["beam"]
+    assert (beam["scans"], beam["gaps"], beam["missing"], beam["restarts"]) == (1000, 2, 500 + 2000, 1)
+    assert (beam["rate"], beam["axes"], beam["temperature"]) == (1000.0, 3, 21.5)
+    assert (beam["start"], beam["end"]) == (START, START + 3500 * 10**6)
+    assert found["devices"]["other"]["scans"] == 250
+    assert (found["events"], found["attachments"]) == ({"/event/gap": 1}, {"site.toml": 6})
+    assert (found["whole"], found["messages"], found["state"]) == (False, 6, "cut, 100 bytes of an unfinished chunk")
+    for text in ("beam", "2026-01-01 00:00:00 UTC", "3.50 s", "cut, 100 bytes", f"modalwatch repair {log}"):
+        assert text in done.out
+
+
+def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> None:
+    done = modalwatch("repair", log)
+    assert done.code == 0, done.err
+    assert f"{log}: mended, 6 messages kept; it was cut, 100 bytes of an unfinished chunk" in done.out
+    content = log.read_bytes()
+    assert f"{log}: whole, 6 messages; not touched" in modalwatch("repair", log).out
+    assert log.read_bytes() == content
+    done = modalwatch("log", "info", log)
+    assert "state: whole" in done.out
+    assert "modalwatch repair" not in done.out
+
+
+def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "damaged.mcap"
+    writer = LogWriter(path, {})
+    writer.write(block(0))
+    writer.flush()
+    first = path.stat().st_size
+    writer.write(block(250))
+    writer.close()
+    content = bytearray(path.read_bytes())
+    content[first + 500] ^= 1
+    path.write_bytes(content)
+    done = modalwatch("log", "info", path, "--json", tmp_path / "info.json")
+    assert done.code == 0, done.err
+    found = json.loads((tmp_path / "info.json").read_text())
+    assert (found["state"], found["devices"]["beam"]["scans"]) == ("1 chunks damaged", 250)
+
+
+@pytest.mark.parametrize("command", [("repair",), ("log", "info"), ("replay",), ("identify",)])
+@pytest.mark.parametrize(
+    ("content", "says"), [(None, "cannot be read: No such file"), (b"", "is not an MCAP log"), (b"t,a\n", "is not an")]
+)
+def test_what_is_no_log(
+    modalwatch: Commands, tmp_path: Path, command: tuple[str, ...], content: bytes | None, says: str
+) -> None:
+    path = tmp_path / "log.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    assert_refused(modalwatch(*command, path), f"{path}: {says}")
