@@ -1,11 +1,11 @@
 """The posterior along the members, laid one after another on a line: what every picture of it shares."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from daq import FloatArray
-from monitor.results import MassAnswer, ProfilePoint
+from monitor.results import MassAnswer, ProfilePoint, Vector
 
 _GAP = 0.06  # of all members' length, between two members
 _SMALLEST = 1e-300
@@ -15,6 +15,11 @@ _TICK_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
 def has_profile(answer: MassAnswer) -> bool:
     """Tell whether there is a posterior to draw: at two places of one member at least."""
     return len({(p.member, p.position) for p in answer.profile}) > len({p.member for p in answer.profile})
+
+
+def places(answer: MassAnswer) -> Iterator[tuple[str, Vector]]:
+    """Yield member and position of the profile's points."""
+    return ((p.member, p.position) for p in answer.profile)
 
 
 def sigmas(points: list[ProfilePoint]) -> FloatArray:
@@ -32,16 +37,16 @@ class Unrolled:
 
     Parameters
     ----------
-    answer : with a profile along all members
+    places : member and position [m] of each point, in order along each member
     """
 
-    def __init__(self, answer: MassAnswer) -> None:
+    def __init__(self, places: Iterable[tuple[str, Vector]]) -> None:
         self.start: dict[str, FloatArray] = {}
         self.length: dict[str, float] = {}
-        for point in answer.profile:
-            place = np.array(point.position)
-            start = self.start.setdefault(point.member, place)
-            self.length[point.member] = float(np.linalg.norm(place - start))
+        for member, position in places:
+            place = np.array(position)
+            start = self.start.setdefault(member, place)
+            self.length[member] = float(np.linalg.norm(place - start))
         gap = _GAP * sum(self.length.values())
         steps = [length + gap for length in self.length.values()]
         self.offset = dict(zip(self.length, np.concatenate([[0.0], np.cumsum(steps)[:-1]]).tolist(), strict=True))

@@ -8,7 +8,7 @@ from daq import FloatArray
 from monitor.report.frame import Frame
 from monitor.report.svg import ADDED, REGION, SOFT, mode_colour, new_figure
 from monitor.results import MassAnswer, MassIncrements, ReferenceResult
-from monitor.unrolled import Unrolled, has_profile, sigmas
+from monitor.unrolled import Unrolled, has_profile, places, sigmas
 
 _DIRECTIONS = ("x", "y", "z")
 _MOST_SIGMAS = 12.0
@@ -32,7 +32,7 @@ def profile_figure(answer: MassAnswer, unit: tuple[float, str]) -> Figure | None
         return None
     figure = new_figure(5.2, 4.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.7, 1.0])
-    unrolled, far = Unrolled(answer), sigmas(answer.profile)
+    unrolled, far = Unrolled(places(answer)), sigmas(answer.profile)
     worst = min(_MOST_SIGMAS, max(3.0, float(far.max())))
     for number, member in enumerate(unrolled.length):
         mine = [i for i, p in enumerate(answer.profile) if p.member == member]

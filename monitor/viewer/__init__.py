@@ -7,6 +7,7 @@ from monitor.viewer.blueprint import layout
 from monitor.viewer.cards import write_cards
 from monitor.viewer.change import draw_answers
 from monitor.viewer.draw import recording_file
+from monitor.viewer.increments import draw_increments
 from monitor.viewer.scene import draw_structure
 from monitor.viewer.shapes import draw_mode_shapes
 from monitor.viewer.signals import draw_signals
@@ -41,6 +42,7 @@ def write_recording(path: Path, story: Story) -> None:
         draw_states(recording, story)
         write_events(recording, story)
         draw_answers(recording, story)
+        draw_increments(recording, story)
         write_cards(recording, story)
         if story.signals:
             draw_signals(recording, story.signals)

@@ -24,7 +24,7 @@ def layout(story: Story) -> rrb.Blueprint:
         tabs.append(views.mode_shapes(story.reference))
     if story.spectra or story.reference:
         tabs.append(_identification(story))
-    if story.answers:
+    if story.answers or _has_increments(story) or _has_diagnosis(story):
         tabs.append(_change(story))
     if story.signals:
         tabs.append(_signals(story.signals))
@@ -104,14 +104,38 @@ def _frequencies(story: Story) -> rrb.Grid:
     return _grid(plots, name="Natural frequencies")
 
 
-def _change(story: Story) -> rrb.Horizontal:
+def _has_increments(story: Story) -> bool:
+    return story.reference is not None and any(w.increments for w in story.windows)
+
+
+def _has_diagnosis(story: Story) -> bool:
+    return any(w.diagnosis for w in story.windows)
+
+
+def _change(story: Story) -> rrb.Container:
+    """Return the likelihood's pictures; beside them the one-step update's, and the diagnosis, where there are any."""
+    evidence = _posterior(story)
+    if not _has_increments(story) or story.reference is None:
+        card = [(views.card("Diagnosis", "/diagnosis"), 2.4)] if _has_diagnosis(story) else []
+        return _beside("Change", *_structure(story, 3.0, aspect=0.82), *evidence, *card)
+    scenes = [(view, 2.0) for view in views.increments(story.reference)]
+    above = _beside("Where", *_structure(story, 2.6, aspect=1.0), *scenes)
+    card = [(views.card("Diagnosis", "/diagnosis"), 2.6)] if _has_diagnosis(story) else []
+    below = _beside("Evidence", *evidence, (views.increment_curves(), 4.0), *card)
+    return rrb.Vertical(above, below, row_shares=[1.0, 1.05], name="Change")
+
+
+def _posterior(story: Story) -> list[tuple[_Part, float]]:
+    """Return the profile of the likelihood with the answer's sharpening under it; nothing without an answer."""
+    if not story.answers:
+        return []
     trends = views.Trends(story)
     mass = trends.series(f"Mass, ± 2σ [{story.mass_unit[1]}]", "/answer/mass", values=mass_span(story))
     place = trends.series("Place, standard deviation [mm]", "/answer/place")
-    right: list[tuple[_Part, float]] = [(_beside("Sharpening", (mass, 1.0), (place, 1.0)), 3.4)]
+    parts: list[tuple[_Part, float]] = [(_beside("Sharpening", (mass, 1.0), (place, 1.0)), 3.4)]
     if any(has_profile(answer) for _, answer in story.answers):
-        right.insert(0, (views.posterior(), 5.6))
-    return _beside("Change", *_structure(story, 3.0, aspect=0.82), (_stack(*right), 4.2))
+        parts.insert(0, (views.posterior(), 5.6))
+    return [(_stack(*parts), 4.2)]
 
 
 def _signals(signals: Recording) -> rrb.Grid:

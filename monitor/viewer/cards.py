@@ -6,6 +6,8 @@ from monitor.describe import mass_text
 from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
 from monitor.viewer.draw import at, clock
+from monitor.words import cause_text, diagnosis_text, plain, share_text
+from updater import Diagnosis
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
@@ -16,6 +18,8 @@ def write_cards(recording: rr.RecordingStream, story: Story) -> None:
     for window in story.windows:
         at(recording, window.end)
         recording.log("/now", rr.TextDocument(window_card(window, story), media_type=_MARKDOWN))
+        if window.diagnosis:
+            recording.log("/diagnosis", rr.TextDocument(diagnosis_card(window.diagnosis), media_type=_MARKDOWN))
     if story.reference:
         for path, words in (
             ("/reference/modes", modes_card(story.reference)),
@@ -33,6 +37,8 @@ def window_card(window: WindowResult, story: Story) -> str:
         parts.append(_answer(window.answer))
     elif window.phase == "alarm":
         parts.append("**The structure has changed.** Where, the next windows will tell.")
+    if window.diagnosis:
+        parts.append(diagnosis_text(window.diagnosis))
     if window.problem:
         parts.append(f"**No modes in this window**: {window.problem}.")
     if window.novelty:
@@ -55,7 +61,7 @@ def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
 
 
 def _answer(answer: MassAnswer) -> str:
-    share = f"{100 * answer.member_probability:.0f} % sure of the {answer.member}"
+    share = f"{share_text(answer.member_probability)} sure of the {answer.member}"
     fit = f"from {answer.n_windows} window{'s' * (answer.n_windows > 1)}, fit p = {answer.p_value:.2g}"
     doubt = ". **A mass alone explains it badly.**" if answer.p_value < _DOUBTFUL else ""
     return f"**{mass_text(answer)}**\n\n{share}, {fit}{doubt}"
@@ -84,6 +90,25 @@ def _shift(mode: ModeResult) -> str:
         return " | | "
     sigmas = f"{mode.shift_percent / mode.shift_std_percent:+.1f}" if mode.shift_std_percent else ""
     return f"{mode.shift_percent:+.2f} | {mode.shift_std_percent:.2f} | {sigmas}"
+
+
+def diagnosis_card(diagnosis: Diagnosis) -> str:
+    """Return the verdict, the causes, why others were refused, and what the explanation gains."""
+    parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
+    for cause in diagnosis.causes:
+        aliases = ", ".join(plain(name) for name in cause.cannot_be_told_from)
+        doubt = f" Cannot be told from {aliases}." if aliases else ""
+        parts.append(f"**{cause_text(cause)}** (probability {share_text(cause.probability)}).{doubt}")
+    if diagnosis.gain:
+        error = diagnosis.gain.frequency_error_percent
+        where = "data not used" if diagnosis.gain.heldout else "the same data"
+        if error.before is not None and error.after is not None:
+            parts.append(f"Error of frequencies on {where}: {error.before:.3f} % without, {error.after:.3f} % with.")
+    if diagnosis.rejected:
+        parts.append("\n".join(["Refused:", "", *(f"- {plain(r.cause)}: {r.why}" for r in diagnosis.rejected)]))
+    if diagnosis.next_measurement:
+        parts.append(f"*Next: {diagnosis.next_measurement}*")
+    return "\n\n".join(parts)
 
 
 def modes_card(reference: ReferenceResult) -> str:

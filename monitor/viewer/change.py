@@ -8,7 +8,7 @@ import rerun as rr
 from daq import FloatArray
 from monitor.results import MassAnswer
 from monitor.story import Story, thin
-from monitor.unrolled import Unrolled, has_profile, sigmas, ticks
+from monitor.unrolled import Unrolled, has_profile, places, sigmas, ticks
 from monitor.viewer.draw import Axes, at, band, line, text, times
 from monitor.viewer.palette import ALARM, REGION, TEXT, WARN, Colour
 
@@ -53,7 +53,7 @@ def draw_posteriors(
     answers : with their times [ns UTC]
     unit : of mass: how many are a kilogram, and its name
     """
-    unrolled = Unrolled(answers[-1][1])
+    unrolled = Unrolled(places(answers[-1][1]))
     top, low = _panels(unrolled, [a for _, a in answers], unit[0])
     _frames(recording, unrolled, top, low, unit[1])
     for time, answer in answers:
@@ -96,7 +96,7 @@ def _colour(unrolled: Unrolled, member: str) -> Colour:
 
 
 def _posterior(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low: Axes, answer: MassAnswer) -> None:
-    places: list[FloatArray] = []
+    curves: list[FloatArray] = []
     masses: list[FloatArray] = []
     colours: tuple[list[Colour], list[Colour]] = ([], [])
     far = sigmas(answer.profile)
@@ -106,11 +106,11 @@ def _posterior(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low
         x = unrolled.along(member, np.array([p.position for p in points]).reshape(-1, 3))
         mass = low.runs(x, np.array([p.mass for p in points]))
         found = top.runs(x, far[mine]), [run for run in mass if len(run) > 2]  # no upright line where it leaves at once
-        places += found[0]
+        curves += found[0]
         masses += found[1]
         for runs, colour in zip(found, colours, strict=True):
             colour += [_colour(unrolled, member)] * len(runs)
-    for name, strips, colour in zip(("place", "mass"), (places, masses), colours, strict=True):
+    for name, strips, colour in zip(("place", "mass"), (curves, masses), colours, strict=True):
         drawn = rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(1.3), draw_order=10.0)
         recording.log(f"/posterior/{name}/curves", drawn)
     _region(recording, unrolled, top, low, answer)

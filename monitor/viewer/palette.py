@@ -36,6 +36,7 @@ _MODES: tuple[Colour, ...] = (
     (158, 224, 92),
 )
 _GOLDEN = 0.618034  # of a turn: neighbours in number are far apart in hue
+_COLD = np.array([[110, 118, 132], [96, 132, 190], [70, 140, 255]], float)
 _HEAT = np.array([[110, 118, 132], [138, 148, 164], [222, 182, 74], [244, 124, 50], [236, 48, 60]], float)
 
 
@@ -52,3 +53,12 @@ def heat(level: FloatArray) -> npt.NDArray[np.uint8]:
     x = np.clip(level, 0, 1) * (len(_HEAT) - 1)
     i = np.minimum(x.astype(np.intp), len(_HEAT) - 2)
     return np.asarray(_HEAT[i] + (_HEAT[i + 1] - _HEAT[i]) * (x - i)[:, None], np.uint8)
+
+
+def signed_heat(level: FloatArray) -> npt.NDArray[np.uint8]:
+    """Return colours (n, 3) from blue (-1) over steel (0) to red (1); steel where the level is not a number."""
+    known = np.nan_to_num(level)
+    x = np.clip(-known, 0, 1) * (len(_COLD) - 1)
+    i = np.minimum(x.astype(np.intp), len(_COLD) - 2)
+    cold = np.asarray(_COLD[i] + (_COLD[i + 1] - _COLD[i]) * (x - i)[:, None], np.uint8)
+    return np.where((known < 0)[:, None], cold, heat(known))

@@ -27,7 +27,7 @@ def draw_structure(recording: rr.RecordingStream, story: Story) -> None:
         return
     geometry = Geometry(story.reference)
     recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _supports(recording, geometry)
+    supports(recording, "/structure", geometry)
     _sensors(recording, story.reference, geometry)
     at(recording, story.start)
     _bare(recording, geometry)
@@ -56,15 +56,16 @@ def _bare(recording: rr.RecordingStream, geometry: Geometry) -> None:
     recording.log("/structure/mass", rr.Clear(recursive=True))
 
 
-def _supports(recording: rr.RecordingStream, geometry: Geometry) -> None:
+def supports(recording: rr.RecordingStream, base: str, geometry: Geometry) -> None:
+    """Draw a plate and a name at each support."""
     half = geometry.size * np.array([0.06, 0.06, 0.01])
     feet = geometry.nodes[geometry.held] - [0, 0, half[2]]
     plates = rr.Boxes3D(centers=feet, half_sizes=np.tile(half, (len(feet), 1)), colors=[DIM], fill_mode="solid")
-    recording.log("/structure/supports", plates, static=True)
+    recording.log(f"{base}/supports", plates, static=True)
     name = "foot" if len(feet) == 1 else "support"
     below = feet - [0, 0, 2 * half[2]]
     labels = rr.Points3D(below, radii=0.0, colors=[GREY], labels=[name] * len(feet), show_labels=True)
-    recording.log("/structure/supports/names", labels, static=True)
+    recording.log(f"{base}/supports/names", labels, static=True)
 
 
 def _sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:

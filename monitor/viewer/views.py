@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
@@ -12,6 +13,7 @@ from monitor.geometry import Geometry, flat_aspect
 from monitor.results import MassAnswer, ReferenceResult
 from monitor.story import Story
 from monitor.viewer import change, scene, shapes, spectrum
+from monitor.viewer import increments as steps
 from monitor.viewer.draw import TIME
 from monitor.viewer.palette import BACKGROUND
 from monitor.viewer.signals import SECONDS, signal_path
@@ -73,6 +75,23 @@ def posterior() -> rrb.Spatial2DView:
     """Return the view of the posterior along the members."""
     name = "Where: how much worse than the best place [σ], and the mass that would fit there, along each member [m]"
     return _drawing(name, "/posterior", change.BOUNDS)
+
+
+def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
+    """Return one view a direction of the one-step update's increments, seen from where the structure is seen."""
+    geometry = Geometry(reference)
+    side, points = geometry.side(*scene.SIDE), scene.seen(geometry, [])
+    points = np.concatenate([points, geometry.nodes + np.array([0, 0, 1.3 * steps.LABEL * geometry.size])])
+    return [
+        _scene(f"One-step update, {d}: added mass (normalised)", f"/increments/{d}", geometry, side, points, 0.8)
+        for d in steps.DIRECTIONS
+    ]
+
+
+def increment_curves() -> rrb.Spatial2DView:
+    """Return the view of the increments along the members."""
+    name = "One-step update: normalised (blue) and raw (grey) increments a node, limits, flagged nodes"
+    return _drawing(name, "/increment_curves", steps.BOUNDS)
 
 
 def _drawing(name: str, origin: str, bounds: tuple[tuple[float, float], tuple[float, float]]) -> rrb.Spatial2DView:

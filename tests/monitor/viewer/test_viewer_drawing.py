@@ -14,7 +14,7 @@ from daq import FloatArray
 from monitor.geometry import FIELD_OF_VIEW, Geometry, screen
 from monitor.results import ProfilePoint, ReferenceResult
 from monitor.story import Story, thin
-from monitor.unrolled import Unrolled, sigmas, ticks
+from monitor.unrolled import Unrolled, places, sigmas, ticks
 from monitor.viewer.draw import Axes
 from monitor.viewer.palette import heat, mode_colour
 from monitor.viewer.scene import common_name
@@ -89,7 +89,7 @@ def test_sigmas_of_a_gaussian_posterior_are_the_distance_in_its_standard_deviati
 
 def test_members_are_unrolled_one_after_another() -> None:
     answer = SITE.answer(SITE.mass * SITE.sensitivity()[:, SITE.node(SITE.place)], 4)
-    unrolled = Unrolled(answer)
+    unrolled = Unrolled(places(answer))
     assert unrolled.length == pytest.approx({"column": 1.48, "crossbeam": 0.8}, abs=1e-9)
     assert unrolled.offset["column"] == 0
     assert unrolled.offset["crossbeam"] > 1.48

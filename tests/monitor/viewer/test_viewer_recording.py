@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import answers_helpers as answers
 import numpy as np
 import pytest
 import rerun as rr
@@ -72,6 +73,7 @@ CASES = {
     "one window": shortened(windows=WINDOWS[-1:]),
     "one mode": made.whole_run(made.Site(n_modes=1)),
     "footbridge": footbridge(),
+    "increments and diagnosis": answers.with_findings(SITE, RUN),
     "signals": RUN | {"signals": made.signals(SITE, ENDS[-1])},
 }
 
