@@ -10,6 +10,7 @@ from pathlib import Path
 
 from daq import (
     DeviceReader,
+    Driver,
     DriverError,
     Event,
     HostClock,
@@ -28,7 +29,7 @@ from monitor.results import (
     ReferenceResult,
     WindowResult,
 )
-from monitor.settings import Settings, load_settings
+from monitor.settings import DeviceSettings, Settings, load_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
 from updater import load_structure
 
@@ -138,13 +139,17 @@ def _clock(settings: Settings) -> HostClock:
     return ScaledClock(speed=scale.speed, origin_wall=scale.origin_wall, origin=scale.origin)
 
 
+def device_driver(device: DeviceSettings) -> Driver:
+    """Return the unopened driver of a device; ValueError if there is none of that name, or it has no such rate."""
+    return make_driver(device.driver, device.port, device.rate)
+
+
 def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list[DeviceReader]:
     """Open all devices, then start their threads; one that does not answer stops the start."""
     readers: list[DeviceReader] = []
     try:
         for device in settings.device:
-            driver = make_driver(device.driver, device.port, device.rate)
-            reader = DeviceReader(device.name, driver, device.rate, clock, log.put)
+            reader = DeviceReader(device.name, device_driver(device), device.rate, clock, log.put)
             reader.connect()
             readers.append(reader)
             reader.start()

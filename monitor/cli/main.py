@@ -74,6 +74,14 @@ def replay(
     raise typer.Exit(replay_command(log, site, json))
 
 
+@app.command()
+def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
+    """Validate settings, ask each device who it is and how fast it sends, say what would run."""
+    from monitor.cli.check import check_command
+
+    raise typer.Exit(check_command(site))
+
+
 @app.command("import")
 def import_(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="A table (CSV), .npz or .mat.")],

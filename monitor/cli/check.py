@@ -1,0 +1,92 @@
+"""`check`: what `run` would do, and whether the devices are there."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from monitor.daemon import Site, load_site
+from monitor.errors import StartError
+from monitor.probe import Probe, probe_devices
+from monitor.settings import AXES, DeviceSettings
+
+_DONE, _NEEDS_A_PERSON = 0, 1
+
+console = Console(highlight=False)
+
+
+def check_command(path: Path) -> int:
+    """Say what would run; 1 if a device is there but not as it should be.
+
+    Raises
+    ------
+    SettingsError, StructureError
+        If the settings cannot be used.
+    StartError
+        If a device does not answer.
+    """
+    site = load_site(path)
+    _say_plan(site)
+    with console.status(f"asking {len(site.settings.device)} devices ..."):
+        found = probe_devices(site.settings)
+    console.print(_table(site, found))
+    silent = [f"device {name}: {what}" for name, what in found.items() if isinstance(what, str)]
+    if silent:
+        raise StartError("; ".join(silent))
+    problems = [problem for device in site.settings.device for problem in _problems(device, found[device.name])]
+    for problem in problems:
+        console.print(f"[yellow]{escape(problem)}[/]")
+    console.print("all devices answer" if not problems else "the devices answer, but see above")
+    return _NEEDS_A_PERSON if problems else _DONE
+
+
+def _say_plan(site: Site) -> None:
+    settings, analysis = site.settings, site.settings.analysis
+    step = analysis.window_seconds * (1 - analysis.overlap)
+    learning = (analysis.window_seconds + (analysis.baseline_windows - 1) * step) / 3600
+    folder = site.folder / settings.recorder.folder
+    free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
+    console.print(f"structure: {site.folder / settings.structure}", soft_wrap=True)
+    console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
+    console.print(f"windows:   {analysis.window_seconds:g} s, one every {step:g} s")
+    console.print(f"baseline:  {analysis.baseline_windows} windows, {learning:.2g} h")
+    console.print(
+        f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
+        f"after {settings.alarm.hold_windows} windows over the limit"
+    )
+    console.print(f"log:       {folder}, {free / 1e9:.1f} GB free", soft_wrap=True)
+
+
+def _table(site: Site, found: dict[str, Probe | str]) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    for name in ("device", "who", "Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"):
+        table.add_column(name, justify="left" if name in {"device", "who"} else "right")
+    for device in site.settings.device:
+        what = found[device.name]
+        if isinstance(what, str):
+            table.add_row(escape(device.name), "[red]no answer[/]")
+            continue
+        who = " ".join(str(value) for value in what.identity.values())
+        temperature = f"{what.temperature:.1f}" if np.isfinite(what.temperature) else "-"
+        axes = [AXES.index(axis) for axis in device.channels]
+        mean, rms = (" ".join(f"{values[axis]:.3g}" for axis in axes) for values in (what.mean, what.rms))
+        table.add_row(escape(device.name), escape(who), f"{what.rate:.0f}", str(what.lost), temperature, mean, rms)
+    return table
+
+
+def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
+    """Say what is not as it should be with a device that answers."""
+    if isinstance(found, str):
+        return []
+    problems = []
+    if not found.rate_is(device.rate):
+        problems.append(f"device {device.name}: expected {device.rate:g} scans a second, found {found.rate:.0f}")
+    if found.lost or found.bad_bytes:
+        problems.append(f"device {device.name}: {found.lost} scans lost, {found.bad_bytes} damaged bytes in a second")
+    still = [name for axis, name in device.channels.items() if found.rms[AXES.index(axis)] == 0]
+    problems += [f"device {device.name}: channel {name} does not move at all" for name in still]
+    return problems
