@@ -72,13 +72,20 @@ def _header(path: Path, line: Line | None) -> tuple[tuple[str, ...], str]:
         raise DataError(path, "is empty: expected a line with the columns' names, then numbers")
     number, text = line
     delimiter = next((d for d in _DELIMITERS if d in text), ",")
-    names = tuple(name.strip() for name in next(csv.reader([text], delimiter=delimiter, skipinitialspace=True)))
+    names = tuple(name.strip() for name in _cells(path, line, delimiter))
     if any(_is_number(name) for name in names):
         raise DataError(path, f"line {number}: expected the columns' names, found numbers: {text:.60}")
     for name in names:
         if not name or names.count(name) > 1:
             raise DataError(path, f"line {number}: the column name {name!r} is {'given twice' if name else 'empty'}")
     return names, delimiter
+
+
+def _cells(path: Path, line: Line, delimiter: str) -> list[str]:
+    try:
+        return next(csv.reader([line[1]], delimiter=delimiter, skipinitialspace=True))
+    except csv.Error as error:
+        raise DataError(path, f"line {line[0]}: {error}") from error
 
 
 def _is_number(text: str) -> bool:
@@ -101,8 +108,8 @@ def _values(path: Path, piece: list[Line], names: tuple[str, ...], delimiter: st
 
 
 def _row(path: Path, line: Line, names: tuple[str, ...], delimiter: str) -> list[float]:
-    number, text = line
-    cells = next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+    number, _ = line
+    cells = _cells(path, line, delimiter)
     if len(cells) != len(names):
         raise DataError(path, f"line {number}: expected {len(names)} cells, found {len(cells)}")
     return [_cell(path, number, name, cell.strip()) for name, cell in zip(names, cells, strict=True)]

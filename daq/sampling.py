@@ -11,6 +11,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 TOLERANCE = 0.1  #: of a sample's time from the even grid, as a share of the period: a quarter radian at 0.4 of the rate
 _NICE, _NICE_SHARE = 0.02, 1e-5  # a rounder rate may be off: periods at the end of the record, and relative
+_LATEST, _LEAST_STEP = 1e12, 1e-9  # s
+_LARGEST_SHARE = 10_000  # periods a row: a table with more missing than that holds a wrong time
 
 
 class UnevenError(ValueError):
@@ -48,14 +50,18 @@ def even_grid(t: FloatArray) -> Grid:
     """
     if len(t) < 2:
         raise UnevenError(0, "at least two times are needed to know the rate")
-    if not np.isfinite(t).all():
-        raise UnevenError(int(np.argmin(np.isfinite(t))), "the time is missing")
+    good = np.abs(t) < _LATEST
+    if not good.all():
+        raise UnevenError(int(np.argmin(good)), "the time is missing, or no number of seconds")
     step = np.diff(t)
-    if step.min() <= 0:
-        raise UnevenError(int(np.argmax(step <= 0)) + 1, "the time does not increase")
+    if step.min() < _LEAST_STEP:
+        raise UnevenError(int(np.argmax(step < _LEAST_STEP)) + 1, "the time does not increase")
     single = np.rint(step / np.median(step)) == 1
     steps = np.rint(step / step[single].mean()).astype(np.intp)
     index = np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
+    if index[-1] > _LARGEST_SHARE * len(t):
+        row = int(np.argmax(steps)) + 1
+        raise UnevenError(row, f"t = {t[row]:.9g} s is {steps[row - 1]} periods after the one before")
     rate, off = _fit(t, index)
     rate, off = _fit(t, index, np.abs(off) <= max(TOLERANCE / 2, 4 * float(np.median(np.abs(off)))))
     worst = np.flatnonzero(np.abs(off) > TOLERANCE)

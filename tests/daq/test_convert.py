@@ -1,6 +1,7 @@
 """Files of measurements: what they hold comes out of the log again, and every mistake names its line."""
 
 import io
+from contextlib import suppress
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -136,7 +137,11 @@ TABLES = {
     "long row": ("t,a\n0,1\n1,2,3\n", "line 3: expected 2 cells, found 3"),
     "backwards": ("t,a\n0,1\n1,1\n0.5,1\n", "line 4: the time does not increase"),
     "no such time": ("t,a\n0,1\n,1\n2,1\n", "line 3: the time is missing"),
+    "endless time": ("t,a\n0,1\n1e308,1\n", "line 3: the time is missing, or no number of seconds"),
+    "tiny steps": ("t,a\n0,1\n1e-300,1\n2e-300,1\n", "line 3: the time does not increase"),
     "one row": ("t,a\n0,1\n", "line 2: at least two times are needed"),
+    "years later": ("t,a\n0,1\n0.01,1\n0.02,1\n1e9,1\n", "line 5: t = 1e\\+09 s is 99999999998 periods after"),
+    "long cell": ("t,a\n0,1\n1," + "1" * 140_000 + "x\n", "line 3: field larger than field limit"),
     "jitter": (
         "t,a\n" + "".join(f"{k / 100 + 0.003 * (k == 7):.4f},1\n" for k in range(20)),
         "line 9: t = 0.073 s is 0.3 periods off an even grid of 100 Hz",
@@ -151,6 +156,19 @@ def test_a_table_that_is_wrong(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(DataError, match=rf"data\.csv: {says}") as found:
         read_data(path)
     assert found.value.path == path
+
+
+PIECES = ["t", "a", "0", "1", "1e9", "-2", "nan", ",", ",", ";", "\t", "\n", "\n", '"', "#", " "]
+
+
+@given(st.one_of(st.text(max_size=200), st.lists(st.sampled_from(PIECES)).map("".join)), st.sampled_from([None, 10.0]))
+def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str, rate: float | None) -> None:
+    path = tmp_path_factory.mktemp("any") / "data.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    with suppress(DataError):  # and nothing else
+        found = read_data(path, rate=rate)
+        assert found.rate > 0
+        assert not np.isinf(found.data).any()
 
 
 def test_a_file_that_is_no_table(tmp_path: Path) -> None:
