@@ -3,7 +3,7 @@
 from daq.assembly import Assembler
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
-from daq.convert import read_data, with_channels, write_recording
+from daq.convert import export_recording, read_data, with_channels, write_recording
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.epson import EmulatedEpson, SampleSource, serve_all, unplugging
 from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
@@ -51,6 +51,7 @@ __all__ = [
     "Scans",
     "SystemClock",
     "driver_names",
+    "export_recording",
     "inspect_log",
     "load_recordings",
     "log_info",

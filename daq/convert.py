@@ -1,10 +1,14 @@
 """Files of measurements to recordings, and recordings to logs."""
 
+import csv
+import io
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import IO
 
 import numpy as np
+from scipy.io import savemat
 
 from daq.arrayfile import read_arrays
 from daq.channelmap import CHANNELS, ChannelMap
@@ -170,6 +174,40 @@ def _blocks(recording: Recording, device: str) -> Iterator[Block]:
                 pair_time=recording.start + round(first / recording.rate * 1e9),
                 temperature=recording.temperature,
             )
+
+
+def export_recording(path: Path, recording: Recording) -> None:
+    """Write a recording to a new file that `read_data` reads: .npz, .mat, anything else as a table of text.
+
+    Times count from the recording's start; a missing sample is NaN.
+
+    Raises
+    ------
+    DataError
+        If the file exists or cannot be written.
+    """
+    names = [channel.name for channel in recording.channels]
+    arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
+    try:
+        with path.open("xb") as file:
+            if path.suffix.lower() == ".npz":
+                np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+            elif path.suffix.lower() == ".mat":
+                # the stubs know no open files
+                savemat(file, arrays | {"channels": np.array(names, object)}, do_compression=True)  # type: ignore[arg-type]
+            else:
+                _write_csv(file, recording, names)
+    except OSError as error:
+        raise DataError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _write_csv(file: IO[bytes], recording: Recording, names: list[str]) -> None:
+    """Write times [s] to the nanosecond and values [m/s2] to nine digits."""
+    row = io.StringIO(newline="")
+    csv.writer(row, lineterminator="\n").writerow(["t", *names])
+    file.write(row.getvalue().encode())
+    t = np.arange(len(recording.data)) / recording.rate
+    np.savetxt(file, np.column_stack([t, recording.data]), delimiter=",", fmt=["%.9f", *["%.9g"] * len(names)])
 
 
 def with_channels(recording: Recording, channels: tuple[Channel, ...]) -> Recording:

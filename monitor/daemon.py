@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daq import (
+    CHANNELS,
+    ChannelMap,
     DeviceReader,
     Driver,
     DriverError,
@@ -113,7 +115,12 @@ def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) 
     folder = site.folder / settings.recorder.folder
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(clock.now() // 10**9))}.mcap"
-    attachments = {"site.toml": site.site_text, "structure.toml": site.structure_text}
+    channel_map = ChannelMap(channels=settings.channels, on_grid=False)
+    attachments = {
+        "site.toml": site.site_text,
+        "structure.toml": site.structure_text,
+        CHANNELS: channel_map.to_json(),
+    }
     writer = LogWriter(path, attachments)
     with ExitStack() as stack:
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))

@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from oma import (
 from updater import learn_scatter, mean_modes, stack_tracks
 
 LEAST_PRESENCE = 0.7  #: share of windows that must show a mode for it to be tracked [-]
+_MODAL = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are the same one
 
 
@@ -148,8 +150,8 @@ def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
     """
     if len(estimates) == 1:
         return FusedModes(estimate=estimates[0], n=np.ones(estimates[0].n_modes, np.intp), scatter=None)
-    seed, kept, tracks = choose_tracks(estimates) if estimates else (None, np.empty(0), [])
-    if seed is None or not len(kept):
+    tracks = _all_tracks(estimates) if estimates else [np.empty(0, np.intp)]
+    if not len(tracks[0]):
         raise IdentificationError(f"no mode is seen in {LEAST_PRESENCE:.0%} of the {len(estimates)} windows")
     stacked = stack_tracks(estimates, tracks)
     scatter = learn_scatter(stacked) if len(estimates) > 2 else None
@@ -171,6 +173,26 @@ def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
         end=max(e.end for e in estimates),
     )
     return FusedModes(estimate=estimate, n=mean.n, scatter=scatter.frequency_factor if scatter else None)
+
+
+def _all_tracks(estimates: Sequence[ModalEstimate]) -> list[IndexArray]:
+    """Return the tracks of `choose_tracks`, and of modes that its seed lacks but most windows show, by frequency."""
+    everything = max(estimates, key=lambda e: e.n_modes)
+    for estimate in estimates:
+        if estimate.channels == everything.channels:
+            known = Tracker(reference=everything).assign(estimate)
+            everything = _joined(everything, estimate, np.setdiff1d(np.arange(estimate.n_modes), known))
+    assigned = np.array([Tracker(reference=everything).assign(e) for e in estimates])
+    kept = np.flatnonzero((assigned >= 0).mean(0) >= LEAST_PRESENCE)
+    return list(assigned[:, kept[np.argsort(everything.frequency[kept])]])
+
+
+def _joined(estimate: ModalEstimate, other: ModalEstimate, modes: IndexArray) -> ModalEstimate:
+    """Return an estimate with some modes of another one appended."""
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(estimate, name), getattr(other, name)[modes]]) for name in _MODAL
+    }
+    return replace(estimate, **joined)
 
 
 def _mean(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray], name: str, power: int = 1) -> FloatArray:

@@ -17,7 +17,17 @@ from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
 from oma import CovarianceSSI, IdentificationError, ModalEstimate, mac_matrix, mpc, mpd
-from updater import Structure, build_model, channel_rows, load_structure, pair_modes, parse_structure, real_shape
+from updater import (
+    Structure,
+    StructureError,
+    UpdaterError,
+    build_model,
+    channel_rows,
+    load_structure,
+    pair_modes,
+    parse_structure,
+    real_shape,
+)
 
 METHODS = {"covariance-ssi": CovarianceSSI}
 
@@ -53,8 +63,7 @@ def identify_command(logs: Sequence[Path], options: Options, json_path: Path | N
     band = options.band or (settings.analysis.band if settings else None)
     method = METHODS[options.method]()
     windows, fused = _identify(logs, window, method, band)
-    structure = load_structure(options.structure) if options.structure else _attached_structure(logs[0])
-    partners = _partners(fused.estimate, structure)
+    partners = _partners(fused.estimate, logs[0], options.structure)
     _say(logs, windows, fused, partners)
     if json_path:
         about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
@@ -102,10 +111,18 @@ def _recordings(logs: Sequence[Path], window: float | None) -> Iterator[Recordin
         yield from log_recordings(log, window)
 
 
-def _partners(estimate: ModalEstimate, structure: Structure | None) -> list[ModelPartner | None]:
-    """Return the model's mode for each measured one, None where there is none."""
+def _partners(estimate: ModalEstimate, log: Path, path: Path | None) -> list[ModelPartner | None]:
+    """Return the mode of the given or attached structure for each measured one, None where there is none."""
+    structure = load_structure(path) if path else _attached_structure(log)
     if structure is None:
         return [None] * estimate.n_modes
+    try:
+        return _model_partners(estimate, structure)
+    except UpdaterError as error:
+        raise StructureError(path or f"{log}: structure.toml", str(error)) from error
+
+
+def _model_partners(estimate: ModalEstimate, structure: Structure) -> list[ModelPartner | None]:
     model = build_model(structure, shear_flexible=True, mass="consistent")
     modes = model.modes(min(estimate.n_modes + 10, model.n_dofs - 1))
     shapes: FloatArray = (channel_rows(model, estimate.channels) @ modes.shape).T

@@ -1,4 +1,4 @@
-"""`repair` and `log info`."""
+"""`repair`, `log info` and `log export`."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,8 +9,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from daq import DeviceInfo, LogInfo, log_info, repair_log
+from daq import DeviceInfo, LogError, LogInfo, export_recording, log_info, repair_log
 from monitor.cli.files import write_json
+from monitor.recordings import log_recordings
 
 console = Console(highlight=False)
 
@@ -31,6 +32,21 @@ def info_command(path: Path, json_path: Path | None) -> int:
     _say(path, info)
     if json_path:
         write_json(json_path, as_json(path, info))
+    return 0
+
+
+def export_command(path: Path, out: Path) -> int:
+    """Write the signals of a log to a file of measurements."""
+    recordings = list(log_recordings(path))
+    if not recordings:
+        raise LogError(path, "holds less than the two seconds that the clocks need")
+    export_recording(out, recordings[0])
+    found = recordings[0]
+    console.print(
+        f"{escape(str(out))}: {len(found.channels)} channels, {found.duration:.6g} s at {found.rate:g} Hz, "
+        f"{len(found.gaps)} gaps; it starts at {found.start} ns UTC",
+        soft_wrap=True,
+    )
     return 0
 
 

@@ -173,6 +173,17 @@ def log_info(
     raise typer.Exit(info_command(log, json))
 
 
+@log_app.command("export")
+def log_export(
+    log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz or .mat.")],
+) -> None:
+    """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""
+    from monitor.cli.logs import export_command
+
+    raise typer.Exit(export_command(log, out))
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

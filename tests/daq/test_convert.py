@@ -11,7 +11,18 @@ from hypothesis import given
 from hypothesis.extra import numpy as hnp
 from scipy.io import savemat
 
-from daq import Channel, DataError, FloatArray, Gap, LogError, Recording, load_recordings, read_data, write_recording
+from daq import (
+    Channel,
+    DataError,
+    FloatArray,
+    Gap,
+    LogError,
+    Recording,
+    export_recording,
+    load_recordings,
+    read_data,
+    write_recording,
+)
 
 START = 1_767_225_600_000_000_000
 
@@ -113,6 +124,23 @@ def test_arrays(tmp_path: Path, ending: str) -> None:
     )
     np.testing.assert_array_equal(found.data, data)
     assert found.rate == 25.0
+
+
+@pytest.mark.parametrize("ending", ["csv", "npz", "mat"])
+def test_what_is_exported_is_imported_again(tmp_path: Path, ending: str) -> None:
+    data = np.random.default_rng(7).standard_normal((500, 3))
+    data[100:120, 1] = np.nan
+    devices = ("import", "import-2", "import")
+    names = zip(("a, b", "é", "c"), devices, (0, 0, 1), strict=True)
+    channels = tuple(Channel(name=name, device=device, axis=axis) for name, device, axis in names)
+    path = tmp_path / f"data.{ending}"
+    export_recording(path, Recording(channels=channels, data=data, rate=51.2, start=START))
+    found = read_data(path, start=START)
+    assert (found.channels, found.rate) == (channels, 51.2)
+    assert found.gaps == (Gap(device="import-2", start=100, stop=120),)
+    np.testing.assert_allclose(found.data, data, rtol=1e-8 if ending == "csv" else 0)
+    with pytest.raises(DataError, match=rf"data\.{ending}: cannot be written: File exists"):
+        export_recording(path, found)
 
 
 def test_arrays_one_a_channel_with_times(tmp_path: Path) -> None:

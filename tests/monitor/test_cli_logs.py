@@ -3,11 +3,13 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_helpers import Commands, assert_refused
 from daq_helpers import START, make_block
 
-from daq import Block, Event, Flag, LogWriter
+from daq import Block, Event, Flag, LogWriter, read_data
+from monitor.recordings import log_recordings
 
 
 def block(first: int, *, flags: Flag = Flag.NONE, device: str = "beam") -> Block:
@@ -79,6 +81,20 @@ def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tm
     assert done.code == 0, done.err
     found = json.loads((tmp_path / "info.json").read_text())
     assert (found["state"], found["devices"]["beam"]["scans"]) == ("1 chunks damaged", 250)
+
+
+def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
+    path = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+    done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
+    assert done.code == 0, done.err
+    (expected,) = log_recordings(path)
+    found = read_data(tmp_path / "data.npz", start=expected.start)
+    np.testing.assert_array_equal(found.data, expected.data)
+    assert [c.name for c in found.channels] == [c.name for c in expected.channels]
+    assert f"12 channels, {found.duration:.6g} s at 500 Hz, " in done.out
+    assert f"it starts at {expected.start} ns UTC" in done.out
+    done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
+    assert_refused(done, tmp_path / "data.npz", "cannot be written: File exists")
 
 
 @pytest.mark.parametrize("command", [("repair",), ("log", "info"), ("replay",), ("identify",)])
