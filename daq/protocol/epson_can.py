@@ -1,0 +1,87 @@
+"""Epson M-A552AC1x accelerometer (CANopen): objects, and scans in two process data frames, both ways side by side.
+
+TPDO1 (0x180 + node) carries Ax Ay, TPDO2 (0x280 + node) Az and the sample counter; little-endian, 2^-24 g a count.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from daq.protocol.frames import CanFrames, concatenate
+from daq.recording import IntArray
+
+SCALE = 9.80665 / 2**24  #: m/s2 a count
+MODULUS = 1 << 16  #: of the sample counter
+TPDO1, TPDO2 = 0x180, 0x280  #: plus the node's id
+TPDO1_SIZE, TPDO2_SIZE = 8, 6
+
+HEARTBEAT = 0x1017, 0  #: ms, 0 = none
+DEVICE_NAME, HARDWARE, SOFTWARE = (0x1008, 0), (0x1009, 0), (0x100A, 0)
+SERIAL = 0x1018, 4
+TPDO1_COB, TPDO2_COB = (0x1800, 1), (0x1801, 1)  #: id of the frame, with the bits below
+COB_OFF, COB_NO_RTR = 1 << 31, 1 << 30
+TRANSMISSION = 0x1800, 2  #: of TPDO1; the others follow it
+BY_TIMER = 0xFE
+PERIOD = 0x2001, 0  #: ms
+APPLY = 0x2005, 0
+APPLY_NOW, APPLIED = 0x11, 0x10
+FILTER = 0x61A1, 1
+#: scans a second -> (ms, filter of 512 taps that fits it)
+RATES = {1000: (1, 10), 500: (2, 9), 200: (5, 8), 100: (10, 7), 50: (20, 6)}
+_KEPT = 4096  # frames remembered while no TPDO2 comes
+
+
+def encode_scans(node: int, counts: IntArray, first_count: int) -> CanFrames:
+    """Return the frames of scans (n, 3) numbered from `first_count` on: TPDO1, TPDO2, TPDO1, ..."""
+    n = len(counts)
+    words = np.zeros((n, 2, 2), "<i4")
+    words[:, 0], words[:, 1, 0] = counts[:, :2], counts[:, 2]
+    data = words.view(np.uint8).reshape(n, 2, 8)
+    data[:, 1, 4:6] = ((first_count + np.arange(n)) % MODULUS).astype("<u2").view(np.uint8).reshape(n, 2)
+    return CanFrames(
+        np.tile(np.array([TPDO1 + node, TPDO2 + node], np.uint32), n),
+        np.tile(np.array([TPDO1_SIZE, TPDO2_SIZE], np.uint8), n),
+        data.reshape(2 * n, 8),
+    )
+
+
+class ScanDecoder:
+    """Scans out of one node's frames, of which any may be lost.
+
+    Only TPDO2 is numbered. A TPDO1 right before it is of the same scan for certain only if, since the last TPDO2, as
+    many TPDO1 have come as the counter has gone on: then none is missing, and the last one is this scan's. So one
+    lost frame costs its own scan; a scan lost whole costs the one after it too; halves of two scans never meet.
+
+    Parameters
+    ----------
+    node : its id
+    """
+
+    def __init__(self, node: int) -> None:
+        self._ids = TPDO1 + node, TPDO2 + node
+        self._rest = CanFrames(np.zeros(0, np.uint32), np.zeros(0, np.uint8), np.zeros((0, 8), np.uint8))
+        self.bad_frames = 0  #: that became part of no scan, so far
+
+    def feed(self, frames: CanFrames) -> tuple[IntArray, IntArray]:
+        """Take the next frames; return counts (n, 3) and counter (n,) of the scans that are complete.
+
+        The first scan is never among them: nothing tells that its halves belong together.
+        """
+        first = (frames.ids == self._ids[0]) & (frames.dlc == TPDO1_SIZE)
+        second = (frames.ids == self._ids[1]) & (frames.dlc == TPDO2_SIZE)
+        joined = concatenate([self._rest, frames[first | second]])
+        ends = np.flatnonzero(joined.ids == self._ids[1])
+        if not len(ends):
+            self._rest = joined[-_KEPT:]
+            return np.empty((0, 3), np.int32), np.empty(0, np.int32)
+        self._rest = joined[int(ends[-1]) :]
+        counter = joined.data[ends, 4:6].copy().view("<u2")[:, 0].astype(np.int32)
+        halves = np.diff(ends) - 1
+        whole = np.flatnonzero((halves > 0) & (halves == np.diff(counter) % MODULUS)) + 1
+        self.bad_frames += int(ends[-1] - ends[0]) - 2 * len(whole)
+        return _counts(joined.data, ends[whole]), counter[whole]
+
+
+def _counts(data: npt.NDArray[np.uint8], ends: npt.NDArray[np.intp]) -> IntArray:
+    """Return counts (n, 3) of scans whose TPDO2 are at `ends`."""
+    pairs = np.concatenate([data[ends - 1], data[ends, :4]], axis=1)
+    return np.ascontiguousarray(pairs).view("<i4").astype(np.int32)
