@@ -16,6 +16,7 @@ from daq import (
     DriverError,
     Event,
     HostClock,
+    Item,
     LogThread,
     LogWriter,
     ScaledClock,
@@ -23,6 +24,7 @@ from daq import (
     make_driver,
 )
 from monitor.errors import SettingsError, StartError
+from monitor.live import LiveView
 from monitor.results import (
     TOPIC_ALARM,
     TOPIC_REFERENCE,
@@ -97,7 +99,9 @@ def stop_on_signals() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) -> RunReport:
+def run(
+    site: Site, stop: threading.Event, on_result: Callable[[Result], None], live: LiveView | None = None
+) -> RunReport:
     """Watch until `stop` is set: readers and writer in threads, analysis in a process.
 
     Parameters
@@ -105,6 +109,7 @@ def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) 
     site : what is connected and how it is watched
     stop : ends it; what has arrived by then is logged and analysed
     on_result : called in this thread with everything that is found
+    live : shows what is logged, if given
 
     Raises
     ------
@@ -124,7 +129,9 @@ def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) 
     writer = LogWriter(path, attachments)
     with ExitStack() as stack:
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
-        log = stack.enter_context(LogThread(writer, worker.feed, chunk_seconds=settings.recorder.chunk_seconds))
+        log = stack.enter_context(LogThread(writer, _both(worker, live), chunk_seconds=settings.recorder.chunk_seconds))
+        if live and live.problem:
+            log.put(Event(topic="/event/no_viewer", time=clock.now(), payload={"why": live.problem}))
         readers = _start_readers(settings, clock, log)
         while not stop.is_set():
             _report(worker, log, on_result, clock)
@@ -137,6 +144,18 @@ def run(site: Site, stop: threading.Event, on_result: Callable[[Result], None]) 
             pass
     failure = str(log.failure) if log.failure else None
     return RunReport(log=path, dropped=log.dropped, disk_failure=failure)
+
+
+def _both(worker: Worker, live: LiveView | None) -> Callable[[Item], None]:
+    """Return what takes each item once it is logged."""
+    if live is None:
+        return worker.feed
+
+    def take(item: Item) -> None:
+        worker.feed(item)
+        live.show(item)
+
+    return take
 
 
 def _clock(settings: Settings) -> HostClock:

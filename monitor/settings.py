@@ -51,6 +51,13 @@ class AlarmSettings(_Section):
     hold_windows: Annotated[int, Field(ge=1)] = 2  #: windows in a row over the limit
 
 
+class ViewerSettings(_Section):
+    """The live view, served on 127.0.0.1; leave the section out for none."""
+
+    port: Annotated[int, Field(ge=1, le=65534)] = 9876  #: of the results; the signals are served on the next one
+    memory_mb: Annotated[int, Field(ge=16)] = 256  #: of results kept for viewers that come late; the oldest go first
+
+
 class ClockSettings(_Section):
     """The time scale shared with an emulated rig; leave it out for real devices."""
 
@@ -68,6 +75,7 @@ class Settings(_Section):
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     alarm: AlarmSettings = AlarmSettings()
+    viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None
 
     @property
@@ -120,7 +128,15 @@ def _explain(error: ValidationError) -> str:
     place = ".".join(str(part) for part in first["loc"])
     if first["type"] != "extra_forbidden":
         return f"{place}: {first['msg']}, found {first['input']!r:.80}"
-    sections = (Settings, DeviceSettings, RecorderSettings, AnalysisSettings, AlarmSettings, ClockSettings)
+    sections = (
+        Settings,
+        DeviceSettings,
+        RecorderSettings,
+        AnalysisSettings,
+        AlarmSettings,
+        ViewerSettings,
+        ClockSettings,
+    )
     known = sorted({name for section in sections for name in section.model_fields})
     near = difflib.get_close_matches(str(first["loc"][-1]), known, 1)
     return f"{place}: no such setting" + (f", did you mean {near[0]!r}?" if near else "")

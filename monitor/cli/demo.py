@@ -11,7 +11,9 @@ from rich.console import Console
 from monitor.cli.display import Display
 from monitor.cli.reveal import reveal
 from monitor.cli.rig_process import RigProcess
+from monitor.cli.watch import tell_live
 from monitor.daemon import load_site, run, stop_on_signals
+from monitor.live import live_view
 from monitor.rig import T_DEVICES, draw_t_frame, dump_scenario
 from updater import t_structure_toml
 
@@ -52,8 +54,10 @@ def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> in
         (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), plan), encoding="utf-8")
         rig.stop_at_its_end(stop)
         display = Display(console, plan.windows, stop)
-        with display:
-            report = run(load_site(out / "site.toml"), stop, display.show)
+        site = load_site(out / "site.toml")
+        with live_view(site.settings, site.structure_text, site.site_text) as live, display:
+            tell_live(console, live)
+            report = run(site, stop, display.show, live)
         done = rig.finish()
     if display.n_windows < plan.windows:
         console.print(f"\nstopped after {display.n_windows} windows; the log is whole: {report.log}", soft_wrap=True)
@@ -78,6 +82,8 @@ def _site(ready: dict[str, Any], plan: Plan) -> str:
         "[analysis]",
         f"window_seconds = {plan.window}",
         f"baseline_windows = {plan.baseline_windows}",
+        "",
+        "[viewer]",
         "",
         "[clock]",
         *(f"{key} = {value}" for key, value in ready["clock"].items()),

@@ -184,6 +184,18 @@ def log_export(
     raise typer.Exit(export_command(log, out))
 
 
+@app.command()
+def view(
+    target: Annotated[str, typer.Argument(metavar="DIR|LOG.mcap|URL")],
+    out: Annotated[Path | None, typer.Option(help="File that gets the recording; a cache unless given.")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the rerun viewer on it.")] = True,
+) -> None:
+    """Open the rerun viewer on what a log says, or on a monitor that runs."""
+    from monitor.cli.view import view_command
+
+    raise typer.Exit(view_command(target, out, show=show))
+
+
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):

@@ -1,13 +1,21 @@
-"""`report` and `view`: pictures of what stands in a log."""
+"""`report` and `view`: pictures of what stands in a log, and of what a running monitor sees."""
 
+import os
+import shutil
+import socket
+import subprocess
+import sys
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from rich.console import Console
 
+from monitor.errors import ArgumentError, ResultsError
 from monitor.logged import load_run
 from monitor.report import load_diagnosis, run_report
 
 console = Console(highlight=False)
+_CONNECT_SECONDS = 2.0
 
 
 def report_command(path: Path, out: Path | None, diagnosis: Path | None) -> int:
@@ -18,3 +26,75 @@ def report_command(path: Path, out: Path | None, diagnosis: Path | None) -> int:
     run_report(run, page, found)
     console.print(f"report: {page}", soft_wrap=True, markup=False)
     return 0
+
+
+def view_command(target: str, out: Path | None, *, show: bool) -> int:
+    """Open the viewer on a log's recording, made anew, or on a live server; say how where it cannot be opened here."""
+    if "://" in target:
+        sources = _live_sources(target)
+    else:
+        file = out or _cache(Path(target))
+        _write(Path(target), file)
+        console.print(f"recording: {file}", soft_wrap=True, markup=False)
+        sources = [str(file)]
+    if show:
+        _open(sources)
+    return 0
+
+
+def _write(path: Path, file: Path) -> None:
+    run = load_run(path)
+    from monitor.viewer import write_recording  # loads rerun: not before the log is known to be good
+
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_recording(file, run.story)
+    except OSError as error:
+        raise ResultsError(file, f"cannot be written: {error.strerror}") from error
+
+
+def _cache(path: Path) -> Path:
+    """Return where the recording of a log is kept."""
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return root / "modalwatch" / f"{path.resolve().name.removesuffix('.mcap')}.rrd"
+
+
+def _live_sources(url: str) -> list[str]:
+    """Return the address of a live server, and the one of its signals if that answers too."""
+    parts = urlsplit(url)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise ArgumentError(url, str(error)) from error
+    if host is None or port is None:
+        raise ArgumentError(url, "expected an address like rerun+http://127.0.0.1:9876/proxy")
+    if not _answers(host, port):
+        raise ArgumentError(url, "nothing answers there: is the monitor running, with [viewer] in its settings?")
+    second = url.replace(f":{port}", f":{port + 1}")
+    return [url, second] if _answers(host, port + 1) else [url]
+
+
+def _answers(host: str, port: int) -> bool:
+    try:
+        socket.create_connection((host, port), _CONNECT_SECONDS).close()
+    except OSError:
+        return False
+    return True
+
+
+def _open(sources: list[str]) -> None:
+    """Open the viewer and leave it open; without a display say how to see it elsewhere."""
+    viewer = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    command = [viewer or "rerun", *sources]
+    if viewer is None or not _has_display():
+        why = "rerun is not installed" if viewer is None else "there is no display here"
+        hint = f"{why}; in a browser: rerun --serve-web --bind 127.0.0.1 {' '.join(sources)}"
+        console.print(hint, soft_wrap=True, markup=False)
+        return
+    quiet = subprocess.DEVNULL
+    subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
+    console.print(f"viewer: {' '.join(command)}", soft_wrap=True, markup=False)
+
+
+def _has_display() -> bool:
+    return sys.platform in ("win32", "darwin") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

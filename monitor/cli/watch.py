@@ -8,6 +8,7 @@ from rich.markup import escape
 
 from monitor.daemon import load_site, run, stop_on_signals
 from monitor.describe import mass_text
+from monitor.live import LiveView, live_view
 from monitor.replay import replay
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from monitor.worker import Result
@@ -42,12 +43,28 @@ def _window_line(window: WindowResult) -> str:
 def run_command(path: Path) -> int:
     """Watch a site until told to stop."""
     site = load_site(path)
-    with stop_on_signals() as stop:
-        report = run(site, stop, say)
+    with stop_on_signals() as stop, live_view(site.settings, site.structure_text, site.site_text) as live:
+        tell_live(console, live)
+        report = run(site, stop, say, live)
+    tell_live_end(console, live)
     console.print(f"log: {report.log}", soft_wrap=True)
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
     return 0
+
+
+def tell_live(console: Console, live: LiveView) -> None:
+    """Say where to look, or why one cannot."""
+    if live.text:
+        console.print(live.text, soft_wrap=True, markup=False)
+
+
+def tell_live_end(console: Console, live: LiveView) -> None:
+    """Say what the live view missed."""
+    if live.dropped or live.problem:
+        console.print(
+            f"live view: {live.dropped} items not shown; {live.problem or 'ok'}", soft_wrap=True, markup=False
+        )
 
 
 def replay_command(log: Path, site: Path | None, json_path: Path | None) -> int:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from monitor.story import Story
 from monitor.viewer.blueprint import layout
-from monitor.viewer.cards import write_cards
+from monitor.viewer.cards import write_cards, write_reference
 from monitor.viewer.change import draw_answers
 from monitor.viewer.draw import recording_file
 from monitor.viewer.increments import draw_increments
@@ -44,5 +44,7 @@ def write_recording(path: Path, story: Story) -> None:
         draw_answers(recording, story)
         draw_increments(recording, story)
         write_cards(recording, story)
+        if story.reference:
+            write_reference(recording, story.reference)
         if story.signals:
             draw_signals(recording, story.signals)

@@ -2,32 +2,51 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+import rerun as rr
 import rerun.blueprint as rrb
 
-from daq import Recording
 from monitor.story import Story
 from monitor.unrolled import has_profile
 from monitor.viewer import views
 from monitor.viewer.change import mass_span
 from monitor.viewer.draw import TIME
+from monitor.viewer.signals import SECONDS
 from monitor.viewer.trends import frequency_span, shift_span
 
 _Part = rrb.View | rrb.Container
 _PLOTS_A_COLUMN = 6
 
 
-def layout(story: Story) -> rrb.Blueprint:
-    """Return the blueprint: the overview in front, then one tab a subject."""
-    tabs: list[rrb.Container] = [_overview(story)]
+@dataclass(frozen=True, kw_only=True)
+class Live:
+    """How a running monitor is followed."""
+
+    seconds: float  #: of the past that the trends show [s]
+    channels: tuple[str, ...]  #: whose signals are streamed
+
+
+def layout(story: Story, live: Live | None = None) -> rrb.Blueprint:
+    """Return the blueprint: the overview in front, then one tab a subject.
+
+    Parameters
+    ----------
+    story : what there is to show
+    live : how a running monitor is followed; None for a run that has ended
+    """
+    trends = views.Trends(story, live.seconds if live else None)
+    tabs: list[rrb.Container] = [_overview(story, trends)]
     if story.reference:
         tabs.append(views.mode_shapes(story.reference))
     if story.spectra or story.reference:
-        tabs.append(_identification(story))
+        tabs.append(_identification(story, trends))
     if story.answers or _has_increments(story) or _has_diagnosis(story):
-        tabs.append(_change(story))
-    if story.signals:
-        tabs.append(_signals(story.signals))
+        tabs.append(_change(story, trends))
+    if live:
+        tabs.append(_signals(live.channels, views.following(SECONDS)))
+    elif story.signals:
+        tabs.append(_signals([c.name for c in story.signals.channels], views.last_seconds(story.signals)))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.TopPanel(state="expanded"),
@@ -47,12 +66,12 @@ def _beside(name: str, *parts: tuple[_Part, float]) -> rrb.Horizontal:
     return rrb.Horizontal(*[part for part, _ in parts], column_shares=[share for _, share in parts], name=name)
 
 
-def _overview(story: Story) -> rrb.Horizontal:
+def _overview(story: Story, trends: views.Trends) -> rrb.Horizontal:
     left = _structure(story, 4.4, aspect=1.25)
     left.append((views.card("Now", "/now"), 5.0))
     right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if story.spectra else []
     right.append((views.events(), 4.0))
-    return _beside("Overview", (_stack(*left), 3.3), (_trends(story), 4.0), (_stack(*right), 4.2))
+    return _beside("Overview", (_stack(*left), 3.3), (_trends(story, trends), 4.0), (_stack(*right), 4.2))
 
 
 def _structure(story: Story, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
@@ -62,8 +81,7 @@ def _structure(story: Story, share: float, *, aspect: float) -> list[tuple[_Part
     return [(views.structure(story.reference, [answer for _, answer in story.answers], aspect), share)]
 
 
-def _trends(story: Story) -> rrb.Vertical:
-    trends = views.Trends(story)
+def _trends(story: Story, trends: views.Trends) -> rrb.Vertical:
     parts: list[tuple[_Part, float]] = []
     if any(m.shift_percent is not None for w in story.watched for m in w.modes):
         parts.append(
@@ -81,7 +99,7 @@ def _trends(story: Story) -> rrb.Vertical:
     return _stack(*parts, (trends.lanes(), 1.7))
 
 
-def _identification(story: Story) -> rrb.Horizontal:
+def _identification(story: Story, trends: views.Trends) -> rrb.Horizontal:
     left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if story.spectra else []
     if story.reference:
         modes, model = (
@@ -89,12 +107,11 @@ def _identification(story: Story) -> rrb.Horizontal:
             views.card("Calibration", "/reference/model"),
         )
         left.append((_beside("Reference", (modes, 5.0), (model, 4.0)), 3.7))
-    return _beside("Identification", (_stack(*left), 5.0), (_frequencies(story), 4.0))
+    return _beside("Identification", (_stack(*left), 5.0), (_frequencies(story, trends), 4.0))
 
 
-def _frequencies(story: Story) -> rrb.Grid:
+def _frequencies(story: Story, trends: views.Trends) -> rrb.Grid:
     """One small plot a mode, each with an axis of its own, so that a shift far smaller than the whole band is seen."""
-    trends = views.Trends(story)
     plots = [
         trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(story, n))
         for n in story.tracks
@@ -112,9 +129,9 @@ def _has_diagnosis(story: Story) -> bool:
     return any(w.diagnosis for w in story.windows)
 
 
-def _change(story: Story) -> rrb.Container:
+def _change(story: Story, trends: views.Trends) -> rrb.Container:
     """Return the likelihood's pictures; beside them the one-step update's, and the diagnosis, where there are any."""
-    evidence = _posterior(story)
+    evidence = _posterior(story, trends)
     if not _has_increments(story) or story.reference is None:
         card = [(views.card("Diagnosis", "/diagnosis"), 2.4)] if _has_diagnosis(story) else []
         return _beside("Change", *_structure(story, 3.0, aspect=0.82), *evidence, *card)
@@ -125,11 +142,10 @@ def _change(story: Story) -> rrb.Container:
     return rrb.Vertical(above, below, row_shares=[1.0, 1.05], name="Change")
 
 
-def _posterior(story: Story) -> list[tuple[_Part, float]]:
+def _posterior(story: Story, trends: views.Trends) -> list[tuple[_Part, float]]:
     """Return the profile of the likelihood with the answer's sharpening under it; nothing without an answer."""
     if not story.answers:
         return []
-    trends = views.Trends(story)
     mass = trends.series(f"Mass, ± 2σ [{story.mass_unit[1]}]", "/answer/mass", values=mass_span(story))
     place = trends.series("Place, standard deviation [mm]", "/answer/place")
     parts: list[tuple[_Part, float]] = [(_beside("Sharpening", (mass, 1.0), (place, 1.0)), 3.4)]
@@ -138,8 +154,8 @@ def _posterior(story: Story) -> list[tuple[_Part, float]]:
     return [(_stack(*parts), 4.2)]
 
 
-def _signals(signals: Recording) -> rrb.Grid:
-    return _grid([views.signal(signals, channel.name) for channel in signals.channels], name="Signals")
+def _signals(channels: Sequence[str], span: rr.TimeRange) -> rrb.Grid:
+    return _grid([views.signal(channel, span) for channel in channels], name="Signals")
 
 
 def _grid(plots: Sequence[rrb.View], name: str) -> rrb.Grid:

@@ -14,18 +14,18 @@ _MARKDOWN = "text/markdown"
 
 
 def write_cards(recording: rr.RecordingStream, story: Story) -> None:
-    """Write the card of each window, and the reference's two tables."""
+    """Write the card of each window."""
     for window in story.windows:
         at(recording, window.end)
         recording.log("/now", rr.TextDocument(window_card(window, story), media_type=_MARKDOWN))
         if window.diagnosis:
             recording.log("/diagnosis", rr.TextDocument(diagnosis_card(window.diagnosis), media_type=_MARKDOWN))
-    if story.reference:
-        for path, words in (
-            ("/reference/modes", modes_card(story.reference)),
-            ("/reference/model", model_card(story.reference)),
-        ):
-            recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
+
+
+def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -> None:
+    """Write the reference's two tables."""
+    for path, words in (("/reference/modes", modes_card(reference)), ("/reference/model", model_card(reference))):
+        recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
 
 
 def window_card(window: WindowResult, story: Story) -> str:

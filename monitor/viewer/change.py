@@ -21,8 +21,8 @@ _MARGIN = 0.35  # of the masses that the data allow, above and below them
 _MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
 
 
-def draw_answers(recording: rr.RecordingStream, story: Story) -> None:
-    """Draw mass and place over time, and the posterior window by window."""
+def draw_answers(recording: rr.RecordingStream, story: Story, *, static: bool = True) -> None:
+    """Draw mass and place over time, and the posterior window by window; axes for ever, or for now if not `static`."""
     if not story.answers:
         return
     column = times([w.end for w, _ in story.answers])
@@ -34,7 +34,7 @@ def draw_answers(recording: rr.RecordingStream, story: Story) -> None:
     line(recording, "/answer/place", "place, standard deviation [mm]", WARN, column, place)
     drawn = [(w, a) for w, a in thin(story.answers) if has_profile(a)]
     if drawn:
-        draw_posteriors(recording, [(w.end, a) for w, a in drawn], story.mass_unit)
+        draw_posteriors(recording, [(w.end, a) for w, a in drawn], story.mass_unit, static=static)
 
 
 def mass_span(story: Story) -> tuple[float, float]:
@@ -44,7 +44,7 @@ def mass_span(story: Story) -> tuple[float, float]:
 
 
 def draw_posteriors(
-    recording: rr.RecordingStream, answers: list[tuple[int, MassAnswer]], unit: tuple[float, str]
+    recording: rr.RecordingStream, answers: list[tuple[int, MassAnswer]], unit: tuple[float, str], *, static: bool
 ) -> None:
     """Draw how many standard deviations worse each place is, and under it the mass that would fit best there.
 
@@ -52,10 +52,11 @@ def draw_posteriors(
     ----------
     answers : with their times [ns UTC]
     unit : of mass: how many are a kilogram, and its name
+    static : whether the axes stand for ever
     """
     unrolled = Unrolled(places(answers[-1][1]))
     top, low = _panels(unrolled, [a for _, a in answers], unit[0])
-    _frames(recording, unrolled, top, low, unit[1])
+    _frames(recording, unrolled, (top, low), unit[1], static=static)
     for time, answer in answers:
         at(recording, time)
         _posterior(recording, unrolled, top, low, scaled(answer, unit[0]))
@@ -81,14 +82,24 @@ def _panels(unrolled: Unrolled, answers: list[MassAnswer], scale: float) -> tupl
     )
 
 
-def _frames(recording: rr.RecordingStream, unrolled: Unrolled, top: Axes, low: Axes, unit: str) -> None:
+def _frames(
+    recording: rr.RecordingStream, unrolled: Unrolled, panels: tuple[Axes, Axes], unit: str, *, static: bool
+) -> None:
+    top, low = panels
     x = dict(unrolled.ticks())
-    top.grid(recording, "/posterior/place", x, {float(v): f"{v:g} σ" for v in ticks(0.0, top.y_range[0], 6)}, room=9.0)
+    top.grid(
+        recording,
+        "/posterior/place",
+        x,
+        {float(v): f"{v:g} σ" for v in ticks(0.0, top.y_range[0], 6)},
+        room=9.0,
+        static=static,
+    )
     masses = {float(v): f"{v:g} {unit}" for v in ticks(*low.y_range, 3)}
-    low.grid(recording, "/posterior/mass", dict.fromkeys(x, ""), masses, room=10.0)
+    low.grid(recording, "/posterior/mass", dict.fromkeys(x, ""), masses, room=10.0, static=static)
     middle = [float(top.x(unrolled.offset[m] + length / 2)) for m, length in unrolled.length.items()]
     colours = [_colour(unrolled, m) for m in unrolled.length]
-    text(recording, "/posterior/members", [[x, -11.0] for x in middle], [*unrolled.length], colours)
+    text(recording, "/posterior/members", [[x, -11.0] for x in middle], [*unrolled.length], colours, static=static)
 
 
 def _colour(unrolled: Unrolled, member: str) -> Colour:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from monitor.results import WindowResult
 from monitor.viewer.palette import FAINT, GREY, Colour
 
 APPLICATION = "modalwatch"
+_styled: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
 TIME, PHASE = "time", "phase"
 
 
@@ -66,12 +68,20 @@ def times(values: Sequence[int] | npt.NDArray[np.int64]) -> rr.TimeColumn:
     return rr.TimeColumn(TIME, timestamp=np.asarray(values, np.int64).astype("datetime64[ns]"))
 
 
+def style(recording: rr.RecordingStream, path: str, archetype: rr.SeriesLines | rr.SeriesPoints) -> None:
+    """Say how a series looks, once a recording: a server never forgets what stands for ever."""
+    said = _styled.setdefault(recording, set())
+    if (path, type(archetype)) not in said:
+        said.add((path, type(archetype)))
+        recording.log(path, archetype, static=True)
+
+
 def line(
     recording: rr.RecordingStream, path: str, name: str, colour: Colour, column: rr.TimeColumn, values: Sequence[float]
 ) -> None:
     """Draw a line with its points over time; it breaks where a value is not a number."""
-    recording.log(path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.6]), static=True)
-    recording.log(path, rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[2.5]), static=True)
+    style(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.6]))
+    style(recording, path, rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[2.5]))
     recording.send_columns(path, [column], rr.Scalars.columns(scalars=values))
 
 
@@ -79,7 +89,7 @@ def rule(
     recording: rr.RecordingStream, path: str, name: str, colour: Colour, span: tuple[int, int], value: float
 ) -> None:
     """Draw a level line over a stretch of time [ns UTC]."""
-    recording.log(path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.0]), static=True)
+    style(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.0]))
     recording.send_columns(path, [times(span)], rr.Scalars.columns(scalars=[value, value]))
 
 
@@ -144,7 +154,14 @@ class Axes:
         return [self.curve(x[s], y[s]) for s in stretches if len(s) > 1 and inside[s[0]]]
 
     def grid(
-        self, recording: rr.RecordingStream, path: str, x: dict[float, str], y: dict[float, str], room: float
+        self,
+        recording: rr.RecordingStream,
+        path: str,
+        x: dict[float, str],
+        y: dict[float, str],
+        room: float,
+        *,
+        static: bool = True,
     ) -> None:
         """Draw the frame, grid lines at the keys of x and y, and their texts below and `room` to the left."""
         right, bottom = self.left + self.width, self.top + self.height
@@ -155,10 +172,10 @@ class Axes:
         ]
         thin = rr.Radius.ui_points(0.5)
         lines = rr.LineStrips2D([*across, *level, *frame], colors=[FAINT], radii=thin, draw_order=0.0)
-        recording.log(f"{path}/grid", lines, static=True)
+        recording.log(f"{path}/grid", lines, static=static)
         below = [[a[0][0], bottom + 1] for a in across]
         beside = [[self.left - room, b[0][1] - 4] for b in level]
-        text(recording, f"{path}/ticks", [*below, *beside], [*x.values(), *y.values()], [GREY])
+        text(recording, f"{path}/ticks", [*below, *beside], [*x.values(), *y.values()], [GREY], static=static)
 
 
 def text(

@@ -23,8 +23,8 @@ _ROOM = 1.15  # of the largest increment: half the height of a panel
 Row = tuple[float | None, float | None, float | None]
 
 
-def draw_increments(recording: rr.RecordingStream, story: Story) -> None:
-    """Draw, window by window, what the one-step update detects in x, y and z."""
+def draw_increments(recording: rr.RecordingStream, story: Story, *, static: bool = True) -> None:
+    """Draw, window by window, what the one-step update detects; axes for ever, or for now if not `static`."""
     found = thin([(w.end, w.increments) for w in story.windows if w.increments])
     if story.reference is None or not found:
         return
@@ -33,7 +33,7 @@ def draw_increments(recording: rr.RecordingStream, story: Story) -> None:
     scale, unit = story.mass_unit
     largest = scale * max(float(np.nanmax(np.abs(numbers(i.normalised)), initial=0.0)) for _, i in found) or 1.0
     panels = [_panel(unrolled, row, largest) for row in range(len(DIRECTIONS))]
-    _frames(recording, unrolled, panels, unit)
+    _frames(recording, unrolled, panels, unit, static=static)
     for direction in DIRECTIONS:
         recording.log(f"/increments/{direction}", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         supports(recording, f"/increments/{direction}", geometry)
@@ -80,12 +80,12 @@ def _panel(unrolled: Unrolled, row: int, largest: float) -> Axes:
     return Axes(left=0.0, top=top, width=_WIDTH, height=_HEIGHT, x_range=(0.0, unrolled.total), y_range=span)
 
 
-def _frames(recording: rr.RecordingStream, unrolled: Unrolled, panels: list[Axes], unit: str) -> None:
+def _frames(recording: rr.RecordingStream, unrolled: Unrolled, panels: list[Axes], unit: str, *, static: bool) -> None:
     x = dict(unrolled.ticks())
     for direction, panel in zip(DIRECTIONS, panels, strict=True):
         below = x if direction == DIRECTIONS[-1] else dict.fromkeys(x, "")
         levels = {float(v): f"{v:g} {unit}" for v in ticks(*panel.y_range, 4)}
-        panel.grid(recording, f"/increment_curves/{direction}", below, levels, room=11.0)
+        panel.grid(recording, f"/increment_curves/{direction}", below, levels, room=11.0, static=static)
         text(recording, f"/increment_curves/{direction}/name", [[6.0, panel.top + 1.0]], [direction], [TEXT])
     middle = [float(panels[0].x(unrolled.offset[m] + length / 2)) for m, length in unrolled.length.items()]
     text(recording, "/increment_curves/members", [[x, -9.0] for x in middle], [*unrolled.length], [GREY])

@@ -9,7 +9,7 @@ import rerun as rr
 
 from daq import FloatArray
 from monitor.geometry import Geometry, screen
-from monitor.results import MassAnswer, ReferenceResult
+from monitor.results import MassAnswer, ReferenceResult, WindowResult
 from monitor.story import Story, thin
 from monitor.viewer.draw import at
 from monitor.viewer.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
@@ -26,19 +26,32 @@ def draw_structure(recording: rr.RecordingStream, story: Story) -> None:
     if story.reference is None:
         return
     geometry = Geometry(story.reference)
-    recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    supports(recording, "/structure", geometry)
-    _sensors(recording, story.reference, geometry)
-    at(recording, story.start)
-    _bare(recording, geometry)
+    draw_bare_structure(recording, story.reference, story.start)
     answered = False
     for window in thin(story.windows):
-        at(recording, window.end)
-        if window.answer:
-            _mass(recording, geometry, window.answer, story.mass_unit)
-        elif answered:
-            _bare(recording, geometry)
+        draw_place(recording, geometry, window, story.mass_unit, answered=answered)
         answered = window.answer is not None
+
+
+def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
+    """Draw what a reference tells: members from a time on [ns UTC], supports and sensors for ever."""
+    geometry = Geometry(reference)
+    recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    supports(recording, "/structure", geometry)
+    _sensors(recording, reference, geometry)
+    at(recording, time)
+    _bare(recording, geometry)
+
+
+def draw_place(
+    recording: rr.RecordingStream, geometry: Geometry, window: WindowResult, unit: tuple[float, str], *, answered: bool
+) -> None:
+    """Draw where the mass is by a window; `answered`: whether the window before told a place, to be wiped now."""
+    at(recording, window.end)
+    if window.answer:
+        _mass(recording, geometry, window.answer, unit)
+    elif answered:
+        _bare(recording, geometry)
 
 
 def seen(geometry: Geometry, answers: Sequence[MassAnswer]) -> FloatArray:

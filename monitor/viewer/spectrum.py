@@ -17,17 +17,17 @@ _ROOM_ABOVE = 1.12  # of the highest mode's frequency
 _CURVES: tuple[tuple[Colour, float], ...] = (((226, 231, 240), 1.2), ((132, 140, 156), 0.8), ((92, 99, 114), 0.7))
 
 
-def draw_spectra(recording: rr.RecordingStream, story: Story) -> None:
-    """Draw singular values, poles and identified modes, window by window."""
+def draw_spectra(recording: rr.RecordingStream, story: Story, *, static: bool = True) -> None:
+    """Draw singular values, poles and identified modes, window by window; axes for ever, or for now if not `static`."""
     if not story.spectra:
         return
     axes = spectrum_axes(story)
     x = {float(f): f"{f:g}" for f in ticks(*axes.x_range, 9)}
     x[list(x)[-1]] += " Hz"
     y = {float(v): f"{v:g} dB" for v in ticks(*axes.y_range, 6)}
-    axes.grid(recording, "/spectrum", x, y, room=11.0)
+    axes.grid(recording, "/spectrum", x, y, room=11.0, static=static)
     highest = max((max(s.pole_order, default=1) for _, s in story.spectra), default=1)
-    _orders(recording, highest)
+    _orders(recording, highest, static=static)
     for window, spectrum in story.spectra:
         at(recording, window.end)
         _curves(recording, axes, spectrum)
@@ -61,12 +61,12 @@ def _low(spectrum: Spectrum, highest: float) -> float:
     return float(np.quantile(np.array(spectrum.singular_values)[:, inside], 0.01))
 
 
-def _orders(recording: rr.RecordingStream, highest: int) -> None:
+def _orders(recording: rr.RecordingStream, highest: int, *, static: bool) -> None:
     """Write the model orders of the poles at the right edge."""
     values = [v for v in ticks(0, highest, 4) if v > 0]
     places = [[_WIDTH + 8, _HEIGHT * (1 - v / highest) - 4] for v in values]
     labels = [f"{v:g}" for v in values]
-    text(recording, "/spectrum/orders", [*places, [_WIDTH + 8, -9.0]], [*labels, "order"], [GREY])
+    text(recording, "/spectrum/orders", [*places, [_WIDTH + 8, -9.0]], [*labels, "order"], [GREY], static=static)
 
 
 def _curves(recording: rr.RecordingStream, axes: Axes, spectrum: Spectrum) -> None:

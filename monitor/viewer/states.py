@@ -21,17 +21,34 @@ _STRUCTURE: _Lane = {
 _LEVEL = {"normal": "INFO", "watch": "WARN", "alarm": "ERROR"}
 
 
+_LANES = {"/state/daemon": _DAEMON, "/state/structure": _STRUCTURE}
+
+
 def draw_states(recording: rr.RecordingStream, story: Story) -> None:
     """Draw the lanes: what the daemon does, what the structure is."""
-    for path, lane, changes in (
-        ("/state/daemon", _DAEMON, daemon_states(story)),
-        ("/state/structure", _STRUCTURE, structure_states(story)),
-    ):
+    name_states(recording)
+    for change in state_changes(story):
+        log_state(recording, *change)
+
+
+def name_states(recording: rr.RecordingStream) -> None:
+    """Give the lanes the words and colours of their states."""
+    for path, lane in _LANES.items():
         labels, colours = [text for text, _ in lane.values()], [colour for _, colour in lane.values()]
         recording.log(path, rr.StateConfiguration(values=list(lane), labels=labels, colors=colours), static=True)
+
+
+def state_changes(story: Story) -> Iterator[tuple[str, int, str]]:
+    """Return lane, time [ns UTC] and state of each change."""
+    for path, changes in (("/state/daemon", daemon_states(story)), ("/state/structure", structure_states(story))):
         for time, state in changes:
-            at(recording, time)
-            recording.log(path, rr.StateChange(state=state))
+            yield path, time, state
+
+
+def log_state(recording: rr.RecordingStream, path: str, time: int, state: str) -> None:
+    """Log one change."""
+    at(recording, time)
+    recording.log(path, rr.StateChange(state=state))
 
 
 def daemon_states(story: Story) -> Iterator[tuple[int, str]]:
@@ -59,11 +76,16 @@ def structure_states(story: Story) -> Iterator[tuple[int, str]]:
 
 def write_events(recording: rr.RecordingStream, story: Story) -> None:
     """Write what happened in the order of time; a long event goes on in further entries, as the view wraps nothing."""
-    for time, level, words in sorted(events(story), key=lambda event: event[0]):
-        at(recording, time)
-        tied = words.replace(" ± ", "\u00a0±\u00a0")  # stays together
-        for body in textwrap.wrap(f"{clock(time)}  {tied}", _LINE, subsequent_indent=" " * 6):
-            recording.log("/events", rr.TextLog(body, level=level))
+    for event in sorted(events(story), key=lambda event: event[0]):
+        write_event(recording, *event)
+
+
+def write_event(recording: rr.RecordingStream, time: int, level: str, words: str) -> None:
+    """Write one event at its time [ns UTC]."""
+    at(recording, time)
+    tied = words.replace(" ± ", "\u00a0±\u00a0")  # stays together
+    for body in textwrap.wrap(f"{clock(time)}  {tied}", _LINE, subsequent_indent=" " * 6):
+        recording.log("/events", rr.TextLog(body, level=level))
 
 
 def events(story: Story) -> Iterator[tuple[int, str, str]]:

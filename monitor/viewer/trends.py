@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from monitor.story import Story, find_mode
-from monitor.viewer.draw import band, ends, line, rule
+from monitor.viewer.draw import band, ends, line, rule, style
 from monitor.viewer.palette import ALARM, GREY, TEXT, mode_colour
 
 SIGMAS = 3.0  # of the control band
@@ -48,8 +48,8 @@ def _learning(recording: rr.RecordingStream, story: Story) -> None:
     pairs = [(w, m.frequency) for w in story.learning for m in w.modes]
     if not pairs:
         return
-    style = rr.SeriesPoints(colors=[GREY], names=["found while learning"], marker_sizes=[2.5])
-    recording.log("/trend/found", style, static=True)
+    look = rr.SeriesPoints(colors=[GREY], names=["found while learning"], marker_sizes=[2.5])
+    style(recording, "/trend/found", look)
     columns = rr.Scalars.columns(scalars=[f for _, f in pairs])
     recording.send_columns("/trend/found", [ends([w for w, _ in pairs])], columns)
 
@@ -62,8 +62,8 @@ def _frequency(recording: rr.RecordingStream, story: Story, number: int) -> None
         spread = np.array([2 * m.frequency_std if m else _NAN for m in seen])
         column = ends(story.watched)
         band(recording, f"{path}/measured", f"mode {number} ± 2σ", mode_colour(number), column, values, spread)
-        style = rr.SeriesPoints(colors=[mode_colour(number)], names=[f"mode {number}"], marker_sizes=[2.5])
-        recording.log(f"{path}/seen", style, static=True)  # a window alone between two gaps makes no line
+        look = rr.SeriesPoints(colors=[mode_colour(number)], names=[f"mode {number}"], marker_sizes=[2.5])
+        style(recording, f"{path}/seen", look)  # a window alone between two gaps makes no line
         recording.send_columns(f"{path}/seen", [column], rr.Scalars.columns(scalars=values))
     for mode in story.reference.modes if story.reference else []:
         if mode.id == number:

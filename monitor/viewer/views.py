@@ -115,10 +115,20 @@ def card(name: str, origin: str) -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name=name, origin=origin)
 
 
-def signal(signals: Recording, channel: str) -> rrb.TimeSeriesView:
-    """Return the view of a channel's last ten seconds."""
-    start = max(signals.start, signals.end - round(SECONDS * 1e9))
-    return _series(f"{channel} [m/s²]", signal_path(channel), _span(start, signals.end))
+def signal(channel: str, span: rr.TimeRange) -> rrb.TimeSeriesView:
+    """Return the view of a channel."""
+    return _series(f"{channel} [m/s²]", signal_path(channel), span)
+
+
+def last_seconds(signals: Recording) -> rr.TimeRange:
+    """Return the last ten seconds of signals."""
+    return _span(max(signals.start, signals.end - round(SECONDS * 1e9)), signals.end)
+
+
+def following(seconds: float) -> rr.TimeRange:
+    """Return the seconds up to the cursor, which follows a live stream."""
+    boundary = rrb.TimeRangeBoundary.cursor_relative
+    return rr.TimeRange(start=boundary(seconds=-seconds), end=boundary(seconds=0))
 
 
 class Trends:
@@ -127,9 +137,14 @@ class Trends:
     Parameters
     ----------
     story : gives the axis, with room for a legend where no mode is watched yet
+    follow : seconds up to now that a live view shows; None for all of a run that has ended
     """
 
-    def __init__(self, story: Story) -> None:
+    def __init__(self, story: Story, follow: float | None = None) -> None:
+        self._live = follow is not None
+        if follow is not None:
+            self._span = following(follow)
+            return
         length = story.end - story.start
         watched = story.watched[0].start if story.watched else story.end
         room = max(0.0, _LEGEND_ROOM * length - (watched - story.start))
@@ -139,7 +154,7 @@ class Trends:
         self, name: str, origin: str, *, values: tuple[float, float] | None = None, legend: bool = False
     ) -> rrb.TimeSeriesView:
         """Return a plot of all that is under an entity, from the lowest to the highest of `values` if given."""
-        return _series(name, origin, self._span, values=values, legend=legend)
+        return _series(name, origin, self._span, values=None if self._live else values, legend=legend)
 
     def lanes(self) -> rrb.StateTimelineView:
         """Return the lanes of states."""

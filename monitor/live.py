@@ -1,0 +1,134 @@
+"""The live view of a running monitor, served from a process of its own: nothing a viewer does can touch the watch.
+
+The daemon serves and viewers come and go: nothing here waits for a viewer, and what the view cannot take is dropped and
+counted. Only the serving process loads rerun.
+"""
+
+import multiprocessing
+import queue
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.queues import Queue
+
+from daq import Block, Item
+from monitor.settings import Settings
+
+_HOST = "127.0.0.1"
+_WAITING = 2000  # items that may wait for the view
+_END_SECONDS = 3.0
+
+
+def live_urls(port: int) -> tuple[str, str]:
+    """Return the addresses of results and of signals: two servers, so that signals never push results out."""
+    first, second = (f"rerun+http://{_HOST}:{p}/proxy" for p in (port, port + 1))
+    return first, second
+
+
+class LiveView:
+    """What a running monitor shows.
+
+    Parameters
+    ----------
+    settings : of the site; without a [viewer] section nothing is served
+    structure, site : texts of the structure's and the site's TOML
+    """
+
+    def __init__(self, settings: Settings, structure: str, site: str) -> None:
+        self._settings, self._arguments = settings, (structure, site)
+        self._process: multiprocessing.context.SpawnProcess | None = None
+        self.problem: str | None = None  #: why nothing is served any more, or never was
+        self.dropped = 0  #: items the view could not take
+
+    def start(self) -> None:
+        """Start serving; a port in use is told in `problem`, as the server itself would only log it."""
+        viewer = self._settings.viewer
+        if viewer is None:
+            return
+        taken = [port for port in (viewer.port, viewer.port + 1) if not _free(port)]
+        if taken:
+            self.problem = f"port {taken[0]} of {_HOST} is in use"
+            return
+        context = multiprocessing.get_context("spawn")
+        self._inbox: Queue[Item | None] = context.Queue(_WAITING)
+        self._process = context.Process(target=_serve, args=(*self._arguments, self._inbox), name="viewer", daemon=True)
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's business
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+    def show(self, item: Item) -> None:
+        """Hand on what was logged; never waits and never fails."""
+        if self._process is None:
+            return
+        if not isinstance(item, Block) and not self._process.is_alive():
+            self.problem = f"its process ended with code {self._process.exitcode}"
+            self._process = None
+            return
+        try:
+            self._inbox.put_nowait(item)
+        except queue.Full:
+            self.dropped += 1
+
+    def stop(self) -> None:
+        """Let what waits be shown for a moment, then end."""
+        if self._process is None:
+            return
+        self.show_last()
+        self._process.join(_END_SECONDS)
+        self._inbox.cancel_join_thread()
+        self._process.terminate()
+        self._process.join()
+        self._process = None
+
+    def show_last(self) -> None:
+        """Say that nothing comes any more."""
+        try:
+            self._inbox.put_nowait(None)
+        except queue.Full:
+            self.dropped += 1
+
+    @property
+    def pid(self) -> int:
+        """Number of the serving process; 0 if there is none."""
+        return (self._process.pid or 0) if self._process else 0
+
+    @property
+    def text(self) -> str:
+        """Say in one line where to look, or why there is nothing; empty if nothing was asked for."""
+        viewer = self._settings.viewer
+        if viewer is None:
+            return ""
+        if self.problem:
+            return f"no live view: {self.problem}"
+        return f"live view: modalwatch view {live_urls(viewer.port)[0]}"
+
+
+@contextmanager
+def live_view(settings: Settings, structure: str, site: str) -> Iterator[LiveView]:
+    """Serve for as long as the context lasts."""
+    live = LiveView(settings, structure, site)
+    live.start()
+    try:
+        yield live
+    finally:
+        live.stop()
+
+
+def _free(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server will: a closed one may linger
+        try:
+            probe.bind((_HOST, port))
+        except OSError:
+            return False
+    return True
+
+
+def _serve(structure: str, site: str, inbox: "Queue[Item | None]") -> None:
+    """Serve until the last item."""
+    from monitor.viewer.live import serve  # loads rerun, in this process only
+
+    serve(structure, site, iter(inbox.get, None))

@@ -1,0 +1,159 @@
+"""Results and signals as they come, served to any viewer that asks."""
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import rerun as rr
+
+from daq import Block, Item
+from monitor.daemon import event_result
+from monitor.geometry import Geometry
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.settings import Settings, parse_settings
+from monitor.story import Story
+from monitor.viewer.blueprint import Live, layout
+from monitor.viewer.cards import write_cards, write_reference
+from monitor.viewer.change import draw_answers
+from monitor.viewer.draw import APPLICATION
+from monitor.viewer.increments import draw_increments
+from monitor.viewer.scene import draw_bare_structure, draw_place
+from monitor.viewer.shapes import draw_mode_shapes
+from monitor.viewer.signals import SignalStream
+from monitor.viewer.spectrum import draw_spectra
+from monitor.viewer.states import events, log_state, name_states, state_changes, write_event
+from monitor.viewer.trends import draw_trends
+from updater import parse_structure
+
+_HOST = "127.0.0.1"
+_SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
+_BASELINES, _LEAST_WINDOWS = 2.0, 12  # that a live view's trends reach back
+_KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
+
+
+def serve(structure: str, site: str, items: Iterable[Item]) -> None:
+    """Serve what comes until there is no more; to be called in a process of its own.
+
+    Parameters
+    ----------
+    structure, site : texts of the structure's and the site's TOML
+    items : blocks and events as they are logged
+    """
+    os.nice(10)  # acquisition and analysis come first
+    os.environ.setdefault("RERUN_ANALYTICS", "0")
+    settings = parse_settings(site)
+    if settings.viewer is None:
+        raise ValueError("site: expected a [viewer] section, found none")
+    name, identity = parse_structure(structure).name, f"live-{os.getpid()}"
+    port, limit = settings.viewer.port, settings.viewer.memory_mb
+    with _server(identity, port, limit) as trend, _server(identity, port + 1, _SIGNALS_MB) as raw:
+        trend.send_recording_name(name)
+        results, signals = LiveResults(trend, name, settings), SignalStream(raw, settings.channels)
+        for item in items:
+            if isinstance(item, Block):
+                signals.add(item)
+            else:
+                results.add(event_result(item))
+
+
+@contextmanager
+def _server(identity: str, port: int, megabytes: int) -> Iterator[rr.RecordingStream]:
+    """Open a server; two with the same identity are one recording to a viewer that opens both."""
+    recording = rr.RecordingStream(APPLICATION, recording_id=identity, send_properties=False)
+    recording.set_sinks(rr.GrpcServerSink(_HOST, port, server_memory_limit=f"{megabytes}MB"))
+    rr.set_log_time_enabled(False, recording=recording)
+    rr.set_log_tick_enabled(False, recording=recording)
+    try:
+        yield recording
+    finally:
+        recording.flush(timeout_sec=2.0)
+        recording.disconnect()
+
+
+class LiveResults:
+    """Draws each result when it comes.
+
+    Parameters
+    ----------
+    recording : that is served
+    name : of the structure
+    settings : of the site
+    """
+
+    def __init__(self, recording: rr.RecordingStream, name: str, settings: Settings) -> None:
+        self._recording, self._name = recording, name
+        analysis = settings.analysis
+        shown = _BASELINES * max(analysis.baseline_windows, _LEAST_WINDOWS) * analysis.window_seconds
+        channels = tuple(channel.name for channel in settings.channels)
+        self._live = Live(seconds=shown, channels=channels)
+        self._reference: ReferenceResult | None = None
+        self._windows: list[WindowResult] = []
+        self._alarms: list[AlarmResult] = []
+        self._told: set[tuple[object, ...]] = set()
+        self._shown: set[str] = set()
+        name_states(recording)
+
+    def add(self, result: WindowResult | ReferenceResult | AlarmResult | None) -> None:
+        """Take one result; None is none."""
+        if isinstance(result, ReferenceResult):
+            self._reference = result
+            draw_bare_structure(self._recording, result, result.time)
+            write_reference(self._recording, result)
+            draw_mode_shapes(self._recording, self._story(self._windows))
+        elif isinstance(result, AlarmResult):
+            self._alarms.append(result)
+        elif result:
+            self._window(result)
+        if result and self._windows:
+            self._tell()
+            self._lay_out()
+
+    def _story(self, windows: list[WindowResult]) -> Story:
+        return Story(name=self._name, reference=self._reference, windows=tuple(windows), alarms=tuple(self._alarms))
+
+    def _window(self, window: WindowResult) -> None:
+        answered = bool(self._windows) and self._windows[-1].answer is not None
+        self._windows = [*self._windows, window]
+        older = self._windows[:-_KEPT_WINDOWS]
+        self._windows[: len(older)] = [_light(w) for w in older]
+        story = self._story([window])
+        if self._reference:
+            draw_place(self._recording, Geometry(self._reference), window, story.mass_unit, answered=answered)
+        draw_spectra(self._recording, story, static=False)
+        draw_trends(self._recording, story)
+        draw_answers(self._recording, story, static=False)
+        draw_increments(self._recording, story, static=False)
+        write_cards(self._recording, story)
+
+    def _tell(self) -> None:
+        """Log the changes of state and the events that were not logged yet."""
+        story = self._story(self._windows)
+        for change in state_changes(story):
+            if change not in self._told:
+                self._told.add(change)
+                log_state(self._recording, *change)
+        for event in events(story):
+            if event not in self._told:
+                self._told.add(event)
+                write_event(self._recording, *event)
+
+    def _lay_out(self) -> None:
+        """Send the layout again when there is something new to show; what a user has moved is kept until then."""
+        story = self._story(self._windows)
+        last = self._windows[-1]
+        has = {
+            "reference": self._reference,
+            "judged": last.novelty,
+            "answer": last.answer,
+            "increments": last.increments,
+            "diagnosis": last.diagnosis,
+        }
+        grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, story.tracks)}
+        if grown != self._shown:
+            self._shown = grown
+            self._recording.send_blueprint(layout(story, self._live))
+
+
+def _light(window: WindowResult) -> WindowResult:
+    """Return a window without what is large: it has been drawn."""
+    return window.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})
