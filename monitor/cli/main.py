@@ -205,7 +205,7 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        app()
+        app(prog_name="modalwatch")
     except SystemExit as end:  # typer has said what was wrong with the arguments
         return int(end.code or DONE)
     except KeyboardInterrupt:
