@@ -23,3 +23,12 @@ def test_identify_csv() -> None:
     assert (np.abs(estimate.damping - 0.01) < 4 * estimate.damping_std).all()
     assert (estimate.frequency_std < 0.002 * closed_form).all()
     assert found["likeness"].min() > 0.999
+
+
+def test_report_log() -> None:
+    found = run("report_log.py")
+    answer, truth = found["answer"], found["truth"]
+    assert abs(answer.mass - truth["mass"]) < 3 * answer.mass_std
+    assert abs(answer.position[0] - truth["position"][0]) < 3 * answer.position_std
+    assert f"{1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g added on the crossbeam" in found["verdict"]
+    assert found["verdict"] in found["report"]
