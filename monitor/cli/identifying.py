@@ -1,6 +1,7 @@
 """`identify`: the modes of logs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
-from oma import CovarianceSSI, IdentificationError, ModalEstimate, mac_matrix, mpc, mpd
+from oma import CovarianceSSI, IdentificationError, ModalEstimate, identify_all, mac_matrix, mpc, mpd
 from updater import (
     Structure,
     StructureError,
@@ -52,8 +53,8 @@ class ModelPartner:
     mac: float  #: [-]
 
 
-def identify_command(logs: Sequence[Path], options: Options, json_path: Path | None) -> int:
-    """Print the modes; write them as JSON where asked."""
+def identify_command(logs: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None) -> int:
+    """Print the modes; write them as JSON and draw them where asked."""
     if options.method not in METHODS:
         raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
     if options.band is not None and not 0 < options.band[0] < options.band[1]:
@@ -69,7 +70,29 @@ def identify_command(logs: Sequence[Path], options: Options, json_path: Path | N
         about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
         content = as_json(windows, fused, partners) | {"method": about | {"options": asdict(method)}}
         write_json(json_path, content)
+    if picture:
+        _draw(picture, _recordings(logs, window), method, band, fused.estimate)
     return 0
+
+
+def _draw(
+    path: Path,
+    recordings: Iterable[Recording],
+    method: CovarianceSSI,
+    band: tuple[float, float] | None,
+    estimate: ModalEstimate,
+) -> None:
+    """Draw the first window that gives modes, with the modes of all."""
+    from monitor.modes_picture import draw_modes  # matplotlib: only where a picture is asked for
+
+    for recording in recordings:
+        with suppress(IdentificationError):
+            found = identify_all(recording, method, band)
+            break
+    try:
+        draw_modes(path, recording, found, estimate)
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
+        raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
 def _settings(log: Path) -> Settings | None:

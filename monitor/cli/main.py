@@ -115,12 +115,15 @@ def identify(
         Path | None, typer.Option(metavar="FILE", help="structure.toml to compare with; the log's own unless given.")
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PICTURE.png", help="Spectrum, stabilization diagram and shapes.")
+    ] = None,
 ) -> None:
     """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty."""
     from monitor.cli.identifying import Options, identify_command
 
     options = Options(method=method, window=window, band=band, structure=structure)
-    raise typer.Exit(identify_command(logs, options, json))
+    raise typer.Exit(identify_command(logs, options, json, picture))
 
 
 @app.command()

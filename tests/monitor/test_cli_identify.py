@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from cli_helpers import Commands, assert_refused
 from oma_helpers import chain, simulate
+from PIL import Image
 
 from daq import Channel, Recording, write_recording
 from monitor.fusion import fuse, identify_windows
@@ -59,6 +60,20 @@ def test_identify_writes_what_other_programs_read(modalwatch: Commands, log: Pat
         measured = np.array([complex(*mode["shape"][name]) for name in CHAIN.channels])
         assert mac(measured, shape.astype(complex)) > 0.99  # 5 % noise on each channel leaves about 0.999
         assert set(mode["shape_std"]) == set(CHAIN.channels)
+
+
+def test_modes_are_drawn(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    done = modalwatch("identify", log, "--window", 200, "--picture", tmp_path / "modes.png")
+    assert (done.code, done.err) == (0, "")
+    colours = np.asarray(Image.open(tmp_path / "modes.png").convert("RGB")).astype(int)
+    red, blue = ((np.abs(colours - colour).sum(axis=2) < 60) for colour in ((0xC6, 0x28, 0x28), (0x15, 0x65, 0xC0)))
+    lines = np.flatnonzero(red.sum(axis=0) > 300)  # columns of pixels that a mode's line runs down
+    marked = lines[np.diff(lines, prepend=-9) > 1]
+    # equal steps in frequency are equal steps in the picture, to a pixel or two
+    np.testing.assert_allclose(
+        np.diff(marked) / np.ptp(marked), np.diff(CHAIN.frequency) / np.ptp(CHAIN.frequency), atol=0.01
+    )
+    assert blue[600:].sum() > 5000  # bars of the shapes
 
 
 def test_more_windows_make_a_surer_estimate(ambient: Recording) -> None:
@@ -184,6 +199,7 @@ def test_what_cannot_be_identified_is_said(modalwatch: Commands, log: Path, tmp_
         ((log, "--band", 3, 2), ("--band: expected 0 < low < high, found 3 2",)),
         ((log, "--band", 1, 30), (log, "band: expected 0 < low < high <= 20.0 Hz")),
         ((log, "--json", tmp_path / "none" / "x"), ("--json: ", tmp_path / "none" / "x", "cannot be written")),
+        ((log, "--picture", tmp_path / "x.sketch"), ("--picture: ", tmp_path / "x.sketch", "cannot be written")),
         ((log, "--structure", frame), (frame, "the structure has no sensor for channel 'mass_1'")),
         ((log, "--structure", tmp_path / "none.toml"), (tmp_path / "none.toml", "cannot be read")),
     ):
