@@ -5,8 +5,10 @@ import numpy as np
 from daq import FloatArray, IndexArray, Recording
 from monitor.alarms import State
 from monitor.results import (
+    FlaggedDof,
     Interval,
     MassAnswer,
+    MassIncrements,
     ModeResult,
     ProfilePoint,
     ReferenceMode,
@@ -16,7 +18,7 @@ from monitor.results import (
     WindowResult,
 )
 from oma import ModalEstimate, OmaError, Stabilization, singular_values
-from updater import MassChange, Reference, Structure, real_shape
+from updater import MassChange, MassUpdate, Reference, Structure, real_shape
 
 _SPECTRUM_POINTS = 1024
 
@@ -117,6 +119,26 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> Mas
     )
 
 
+def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
+    """Return the one-step update's increments, not-a-number as None."""
+    return MassIncrements(
+        increment=[_vector(v) for v in update.increment],
+        increment_std=[_vector(v) for v in update.increment_std],
+        normalised=[_said(v) for v in update.normalised],
+        normalised_std=[_said(v) for v in update.normalised_std],
+        totals=_vector(update.totals),
+        totals_std=_vector(update.totals_std),
+        z_limit=update.z_limit,
+        flagged=[FlaggedDof(node=f.node, direction=DIRECTIONS[f.direction], z=f.z) for f in update.flagged],
+        n_windows=n_windows,
+    )
+
+
+def _said(values: FloatArray) -> tuple[float | None, float | None, float | None]:
+    x, y, z = (float(v) if np.isfinite(v) else None for v in values)
+    return x, y, z
+
+
 def _vector(values: FloatArray) -> Vector:
     x, y, z = (float(v) for v in values)
     return x, y, z
@@ -130,6 +152,15 @@ def mass_text(answer: MassAnswer) -> str:
         f"{1000 * abs(answer.mass):.0f} ± {1000 * answer.mass_std:.0f} g {what} on the {answer.member} "
         f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * answer.position_std:.0f} mm"
     )
+
+
+def increment_text(increments: MassIncrements, nodes: list[Vector]) -> str:
+    """Say in one line where the one-step update flags a change."""
+    flagged = len({f.node for f in increments.flagged})
+    if not flagged:
+        return "the one-step update flags no node"
+    x, y, z = nodes[increments.flagged[0].node]
+    return f"the one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
 
 
 def alarm_text(state: State, result: WindowResult) -> str:

@@ -13,6 +13,7 @@ from monitor.results import AlarmResult, MassAnswer, Novelty, Phase, ReferenceRe
 from monitor.settings import Settings
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
+    MassUpdater,
     PairingError,
     Reference,
     Structure,
@@ -43,6 +44,7 @@ class _Watch:
 
     tracker: Tracker
     reference: Reference
+    updater: MassUpdater
 
 
 class Pipeline:
@@ -135,24 +137,37 @@ class Pipeline:
         self._out = [*self._out, window] if over else []
         result = self._result(window, watch).model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
-            result = result.model_copy(update={"answer": self._locate(watch)})
+            result = result.model_copy(update=self._explain(watch))
         yield result
         if self._alarm.state != before.state:
             yield self._said(window, alarm_text(self._alarm.state, result))
 
-    def _locate(self, watch: _Watch) -> MassAnswer | None:
-        """Locate from the windows that begin after the first one over the limit: that one may hold both states."""
+    def _explain(self, watch: _Watch) -> dict[str, MassAnswer | MassIncrements | None]:
+        """Explain by the windows that begin after the first one over the limit: that one may hold both states."""
         pure = [w.estimate for w in self._out if w.recording.start >= self._out[0].recording.end]
         if not pure:
-            return None
+            return {}
         event = watch.reference.mean_of(stack_tracks(pure, [watch.tracker.assign(e) for e in pure]))
+        return {
+            "answer": self._locate(watch, event, len(pure)),
+            "increments": _increments(watch, event, len(pure)),
+        }
+
+    def _locate(self, watch: _Watch, event: ModalMean, n_windows: int) -> MassAnswer | None:
         try:
-            return mass_answer(self._structure, locate_mass(watch.reference, event), len(pure))
+            return mass_answer(self._structure, locate_mass(watch.reference, event), n_windows)
         except ValueError:
             return None  # fewer than three modes left to compare: there is an alarm, but no place
 
     def _said(self, window: _Window, text: str) -> AlarmResult:
         return AlarmResult(time=window.recording.end, state=self._alarm.state, text=text, window=window.index)
+
+
+def _increments(watch: _Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
+    try:
+        return increment_result(watch.updater.update(event), n_windows)
+    except (PairingError, ValueError):
+        return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments
 
 
 def _rms(recording: Recording) -> dict[str, float]:
@@ -180,7 +195,8 @@ def learn_baseline(structure: Structure, estimates: list[ModalEstimate]) -> _Wat
     mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
     fields = {name: getattr(seed, name)[kept] for name in _MODAL_FIELDS}
     fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
-    return _Watch(Tracker(reference=replace(seed, channels=mean.channels, **fields)), reference)
+    tracker = Tracker(reference=replace(seed, channels=mean.channels, **fields))
+    return _Watch(tracker, reference, MassUpdater(reference))
 
 
 _MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")

@@ -7,7 +7,8 @@ from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.localization import MassChange, Stretch, locate_mass
-from updater.reference import MassUpdate, Reference, learn_reference, mass_update
+from updater.mass_update import Flag, MassUpdate, MassUpdater
+from updater.reference import Reference, learn_reference
 from updater.statistics import (
     ModalMean,
     Scatter,
@@ -38,11 +39,13 @@ __all__ = [
     "Calibration",
     "Cause",
     "Diagnosis",
+    "Flag",
     "FrequencyFit",
     "Gain",
     "Joint",
     "MassChange",
     "MassUpdate",
+    "MassUpdater",
     "Member",
     "ModalMean",
     "ModeFit",
@@ -73,7 +76,6 @@ __all__ = [
     "learn_scatter",
     "load_structure",
     "locate_mass",
-    "mass_update",
     "mean_modes",
     "novelty",
     "novelty_limit",

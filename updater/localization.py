@@ -15,9 +15,8 @@ from scipy.stats import chi2
 from daq import FloatArray, IndexArray
 from updater.fe.element import local_axes
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.statistics import COMMON_STD, ModalMean
 
-_COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K), inside every hypothesis
 _MODEL_ERROR = 0.06  # of each predicted change: what the reference gets wrong about it
 _DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body only as a share of it
 _COARSE = 0.01  # m between re-analysed positions
@@ -103,7 +102,7 @@ def _changes(reference: Reference, event: ModalMean) -> _Data:
         raise ValueError(f"modes to compare: expected at least 3, found {len(tracks)}")
     ratio = (event.log_frequency - base.log_frequency)[tracks]
     variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks] + (_MODEL_ERROR * ratio) ** 2
-    covariance = np.diag(variance) + _COMMON_STD**2
+    covariance = np.diag(variance) + COMMON_STD**2  # inside every hypothesis
     change = _off(event.shape[tracks], base.shape[tracks])
     own = np.hypot(event.shape_std, base.shape_std)[tracks]
     at_channels = reference.at_channels(event.channels)

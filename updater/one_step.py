@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray
+from updater.errors import PairingError
 
+_SINGULAR = 1e6  # condition of [A B2]: two measured modes stand for one of the structure
 _LEAST_SHARE = 1e-3  # eq. 14 divides by the updated modes' share of 1/M: below this it is noise
 
 
@@ -41,9 +43,10 @@ def update_mass(mass_times_modes: FloatArray, t: FloatArray, replaced: FloatArra
 
     Raises
     ------
-    numpy.linalg.LinAlgError
-        If two measured modes replace one, so that [A B2] is singular.
+    PairingError
+        If two measured modes are the same in the model's, so that [A B2] is singular.
     """
+    refuse_singular(t, replaced)
     gram = np.concatenate([t, replaced], axis=1)
     sign = np.repeat([1.0, -1.0], t.shape[1])
     return LowRank(left=mass_times_modes @ gram, core=-np.linalg.inv(np.diag(sign) + gram.T @ gram))
@@ -59,11 +62,51 @@ def update_stiffness(
     """Return K_u - K of eq. 8; `omega` (n_modes,) of the model, `omega_measured` (m,) of the modes t [rad/s].
 
     `stiffness_times_modes` is K B, so K B = M B diag(omega^2) and B^T K B = diag(omega^2).
+
+    Raises
+    ------
+    PairingError
+        As `update_mass`.
     """
+    refuse_singular(t, replaced)
     gram = np.concatenate([t, replaced], axis=1)
     inverse = np.concatenate([omega_measured**2, -((replaced.T @ omega) ** 2)])
     core = -np.linalg.inv(np.diag(inverse) + gram.T @ (omega[:, None] ** 2 * gram))
     return LowRank(left=stiffness_times_modes @ gram, core=core)
+
+
+def refuse_singular(t: FloatArray, replaced: FloatArray, *, worst: float = _SINGULAR) -> None:
+    """Check that the measured modes (n_modes, m) are independent of each other and of the modes that are kept.
+
+    det [A B2] = det B det(E^T T): what is left of the measured modes in the replaced ones decides.
+
+    Raises
+    ------
+    PairingError
+        If they are not, naming the two that are most alike.
+    """
+    condition = np.linalg.cond(replaced.T @ t)
+    if condition < worst:
+        return
+    unit = t / np.linalg.norm(t, axis=0)
+    alike = np.abs(np.triu(unit.T @ unit, 1))
+    first, second = np.unravel_index(np.argmax(alike), alike.shape)
+    raise PairingError(
+        f"[A B2] is singular (condition {condition:.1e}): measured modes {first + 1} and {second + 1} are the same in "
+        "the model's modes"
+    )
+
+
+def mass_slope(mass_times_modes: FloatArray, t: FloatArray, replaced: FloatArray) -> FloatArray:
+    """Return the derivative (m, n_dofs, n_modes) of diag(M_u) by the measured modes t, exactly.
+
+    d M_u = -M_u d(M_u^-1) M_u and d(M_u^-1) = sum da a^T + a da^T, so
+    d diag(M_u)_j = -2 sum (M_u a_i)_j (M_u B dt_i)_j. Parameters and errors as for `update_mass`.
+    """
+    gram = np.concatenate([t, replaced], axis=1)
+    change = update_mass(mass_times_modes, t, replaced)
+    updated = mass_times_modes + change.left @ (change.core @ gram.T)  # M_u B
+    return np.asarray(-2 * np.einsum("ji,jk->ijk", updated @ t, updated))
 
 
 def scale_by_stiffness(t: FloatArray, omega_reference: FloatArray, omega_updated: FloatArray) -> FloatArray:

@@ -10,6 +10,8 @@ from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from updater.delays import real_shape
 
+COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrackedModes:
@@ -21,6 +23,11 @@ class TrackedModes:
     damping: FloatArray  #: (n_windows, n_tracks) [-]
     shape: FloatArray  #: (n_windows, n_tracks, n_channels) real, unit norm [-]
     shape_std: FloatArray  #: (n_windows, n_tracks, n_channels)
+
+    def windows(self, chosen: IndexArray) -> "TrackedModes":
+        """Return some of the windows."""
+        kept = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "channels"}
+        return TrackedModes(channels=self.channels, **kept)
 
 
 def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> TrackedModes:

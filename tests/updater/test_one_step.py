@@ -5,9 +5,9 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
-from updater import Reference, build_model, learn_reference, mass_update, mean_modes, stack_tracks
+from updater import MassUpdater, PairingError, Reference, build_model, learn_reference, mean_modes, stack_tracks
 from updater.expansion import expand, orthonormal, pair_modes
-from updater.one_step import normalised_increments, scale_by_stiffness, update_mass, update_stiffness
+from updater.one_step import mass_slope, normalised_increments, scale_by_stiffness, update_mass, update_stiffness
 
 N, M = 40, 8
 
@@ -37,13 +37,36 @@ def frame() -> Frame:
 
 
 def test_low_rank_mass_is_equation_7(frame: Frame) -> None:
+    """Relative to the largest mass, to the rounding of a dense inverse: N eps / 2 = 1.7e-14 at worst, 3e-15 found."""
     b, a = frame.modes.shape[frame.weighed, :M], (frame.modes.shape @ frame.t)[frame.weighed]
     mass = frame.mass[frame.weighed]
     dense = np.linalg.inv(np.diag(1 / mass) - b @ b.T + a @ a.T) - np.diag(mass)
     change = update_mass(frame.mass_times_modes, frame.t, frame.replaced)
     low_rank = change.dense()[np.ix_(frame.weighed, frame.weighed)]
-    np.testing.assert_allclose(low_rank, dense, atol=1e-12 * mass.max())
-    np.testing.assert_allclose(change.diagonal()[frame.weighed], np.diag(dense), atol=1e-12 * mass.max())
+    print(np.abs(low_rank - dense).max() / mass.max())
+    np.testing.assert_allclose(low_rank, dense, atol=1e-14 * mass.max())
+    np.testing.assert_allclose(change.diagonal()[frame.weighed], np.diag(dense), atol=1e-14 * mass.max())
+
+
+def test_diagonal_of_the_mass_is_not_one_over_that_of_its_inverse(frame: Frame) -> None:
+    """M_u is full: reading increments off the inverse's diagonal is wrong by several per cent of the largest."""
+    change = update_mass(frame.mass_times_modes, frame.t, frame.replaced).diagonal()[frame.weighed]
+    b, a = frame.modes.shape[frame.weighed, :M], (frame.modes.shape @ frame.t)[frame.weighed]
+    mass = frame.mass[frame.weighed]
+    short_cut = 1 / (1 / mass - (b**2).sum(1) + (a**2).sum(1)) - mass
+    assert np.abs(short_cut - change).max() > 0.02 * np.abs(change).max()
+
+
+def test_all_modes_with_inertia_make_up_the_inverse_mass() -> None:
+    """Eq. 3 with massless rotations condensed, exactly: 2e-14 of the largest entry; static rows of the rotations."""
+    model = build_model(t_frame())
+    weighed = model.mass.diagonal() > 0
+    modes = model.modes(int(weighed.sum()))
+    b = modes.shape[weighed]
+    inverse = np.diag(1 / model.mass.diagonal()[weighed])
+    np.testing.assert_allclose(b @ b.T, inverse, atol=2e-14 * inverse.max())
+    moments = (model.stiffness @ modes.shape[:, :M])[~weighed]
+    assert np.abs(moments).max() < 1e-7 * np.abs(model.stiffness.toarray()[~weighed] @ np.abs(modes.shape[:, :M])).max()
 
 
 def test_low_rank_stiffness_is_equation_8(frame: Frame) -> None:
@@ -77,9 +100,23 @@ def test_unchanged_data_change_nothing(frame: Frame) -> None:
 
 def test_two_tests_on_one_mode_are_refused(frame: Frame) -> None:
     twice = frame.t.copy()
-    twice[:, 1] = twice[:, 0]
-    core = update_mass(frame.mass_times_modes, twice, frame.replaced).core
-    assert not np.isfinite(core).all() or np.abs(core).max() > 1e6
+    twice[:, 4] = -2 * twice[:, 1]
+    with pytest.raises(PairingError, match="measured modes 2 and 5 are the same"):
+        update_mass(frame.mass_times_modes, twice, frame.replaced)
+    with pytest.raises(PairingError, match="measured modes 2 and 5 are the same"):
+        update_stiffness(
+            frame.stiffness @ frame.modes.shape, frame.modes.omega, twice, frame.replaced, frame.modes.omega[:M]
+        )
+
+
+def test_slope_of_the_diagonal_is_its_derivative(frame: Frame) -> None:
+    """Central differences of 1e-6: 1e-12 curvature and 1e-16 / 1e-6 rounding, over entries of up to 1."""
+    slope = mass_slope(frame.mass_times_modes, frame.t, frame.replaced)
+    direction = np.random.default_rng(6).standard_normal(frame.t.shape)
+    ahead, behind = (
+        update_mass(frame.mass_times_modes, frame.t + h * direction, frame.replaced).diagonal() for h in (1e-6, -1e-6)
+    )
+    np.testing.assert_allclose(np.einsum("ijk,ki->j", slope, direction), (ahead - behind) / 2e-6, atol=1e-8)
 
 
 def test_expansion_recovers_a_shape_inside_its_cluster_exactly(frame: Frame) -> None:
@@ -132,7 +169,7 @@ def reference_and_event(seed: int, grams: float) -> tuple[Reference, FloatArray]
     ]
     after = [measure(true_model(bare, body), random, gain, noise=1e-7, shape_noise=1e-7)]
     reference = learn_reference(t_frame(), before, tracks)
-    update = mass_update(reference, mean_modes(stack_tracks(after, tracks[:1])))
+    update = MassUpdater(reference).update(mean_modes(stack_tracks(after, tracks[:1])))
     return reference, update.totals
 
 
@@ -144,10 +181,9 @@ def test_the_papers_totals_have_the_order_of_the_mass_and_do_not_weigh_it() -> N
 
 
 def test_no_change_has_no_mass() -> None:
-    """What remains is what the reference keeps of the truth's shapes outside its clusters, not noise."""
+    """Noise of 1e-7 in, 1e-7 of the structure's 7.5 kg out, times a few for the normalisation."""
     _, totals = reference_and_event(12, 0)
-    _, changed = reference_and_event(12, 304)
-    assert np.abs(totals).max() < 0.2 * np.abs(changed).max()
+    assert np.abs(totals).max() < 1e-4
 
 
 def test_without_stiffness_scaling_the_mass_vanishes(frame: Frame) -> None:

@@ -9,6 +9,7 @@ from fe_helpers import as_estimate, t_frame, t_truth, unmoved
 from daq import FloatArray
 from updater import (
     Body,
+    MassUpdater,
     PairingError,
     Reference,
     TrackedModes,
@@ -16,7 +17,6 @@ from updater import (
     learn_reference,
     learn_scatter,
     locate_mass,
-    mass_update,
     real_shape,
     stack_tracks,
 )
@@ -55,8 +55,8 @@ def test_frequencies_carry_most_of_the_mass(at: tuple[float, float, float]) -> N
     learnt = learn_reference(t_frame(), truth.windows(bare.modes(8), bare.sensor_rows, 4, 1, 1e-3), unmoved(4))
     windows = truth.windows(loaded.modes(8), loaded.sensor_rows, 4, 2, 1e-3)
     event = learnt.mean_of(stack_tracks(windows, unmoved(4)))
-    seen = mass_update(learnt, event).totals.sum()
-    unseen = mass_update(learnt, replace(event, log_frequency=learnt.baseline.log_frequency)).totals.sum()
+    seen = MassUpdater(learnt).update(event).totals.sum()
+    unseen = MassUpdater(learnt).update(replace(event, log_frequency=learnt.baseline.log_frequency)).totals.sum()
     assert seen > 2 * 0.304
     assert abs(unseen) < 0.25 * seen
 

@@ -87,7 +87,12 @@ class Model:
         """Return omega^2 and shapes of all modes that have inertia, by M b = omega^-2 K b."""
         inverse, vector = scipy.linalg.eigh(self.mass.toarray(), self.stiffness.toarray())
         inert = np.flatnonzero(inverse > _MASSLESS * inverse[-1])[::-1]
-        return 1 / inverse[inert], vector[:, inert] / np.sqrt(inverse[inert])
+        # orthonormal in M to rounding, which division by the smallest omega^-2 is not: then M^-1 = sum b b^T exactly
+        gram = vector[:, inert].T @ (self.mass @ vector[:, inert]) / np.sqrt(np.outer(inverse[inert], inverse[inert]))
+        root = np.linalg.cholesky(gram)
+        return 1 / inverse[inert], scipy.linalg.solve_triangular(
+            root, (vector[:, inert] / np.sqrt(inverse[inert])).T, lower=True
+        ).T
 
     def read(self, point: FloatArray, axis: int | None = None) -> FloatArray:
         """Return the rows that read displacements at a point on a member, through the element's shape functions.

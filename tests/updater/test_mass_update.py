@@ -1,0 +1,151 @@
+"""The second stage as a whole: what it says of undisturbed and of loaded structures, and how sure it says it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fe_helpers import Truth, t_frame, t_truth, unmoved
+
+from daq import FloatArray
+from oma import ModalEstimate
+from updater import (
+    Body,
+    MassUpdater,
+    Modes,
+    PairingError,
+    Reference,
+    learn_reference,
+    learn_scatter,
+    mean_modes,
+    stack_tracks,
+)
+from updater.statistics import COMMON_STD
+
+LOCATION_1 = Body(at=(0.25, 0, 1.48), mass=0.304)
+N_BASELINE, N_EVENT = 8, 4
+
+
+class Rig:
+    """A true structure, bare and loaded, and the reference that its baseline taught."""
+
+    def __init__(self, seed: int) -> None:
+        self.truth: Truth = t_truth(seed)
+        bare, loaded = self.truth.model(), self.truth.model(LOCATION_1)
+        self.rows = bare.sensor_rows
+        self.bare, self.loaded = bare.modes(8), loaded.modes(8)
+        self.reference = learn_reference(t_frame(), self.windows(self.bare, N_BASELINE, 1), unmoved(N_BASELINE))
+
+    def windows(self, modes: Modes, n: int, seed: int, noise: float = 1.0) -> list[ModalEstimate]:
+        return self.truth.windows(modes, self.rows, n, seed, noise)
+
+    def relearnt(self, windows: list[ModalEstimate]) -> Reference:
+        """Return the reference with another baseline and all that follows from it but the calibration."""
+        tracked = stack_tracks(windows, unmoved(len(windows)))
+        scatter = learn_scatter(tracked)
+        factors = {"frequency_factor": scatter.frequency_factor, "shape_factor": scatter.shape_factor}
+        return replace(self.reference, baseline=mean_modes(tracked, **factors), scatter=scatter, windows=tracked)
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return Rig(3)
+
+
+def test_unchanged_data_have_no_increment_at_all(rig: Rig) -> None:
+    """Though the reference does not reproduce the baseline's shapes: rounding of 1e-15 times cond(t) and 0.2 kg."""
+    found = MassUpdater(rig.reference).update(rig.reference.baseline)
+    assert np.abs(found.increment).max() < 1e-14
+    assert found.flagged == ()
+
+
+def test_totals_count_the_joint_once_and_leave_the_unmoved_out(rig: Rig) -> None:
+    found = MassUpdater(rig.reference).update(
+        rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, 4, 2), unmoved(4)))
+    )
+    nodes = rig.reference.calibration.model.nodes
+    joint = np.flatnonzero(np.linalg.norm(nodes - [0, 0, 1.48], axis=1) < 1e-9)
+    assert len(joint) == 2  # the joint's springs have a node on either side
+    np.testing.assert_array_equal(found.normalised[joint[0]], found.normalised[joint[1]])
+    once = np.delete(found.normalised, joint[1], axis=0)
+    np.testing.assert_allclose(found.totals, np.nansum(once, axis=0), rtol=1e-12)
+    middle = np.flatnonzero((nodes[:, 2] > 0.3) & (nodes[:, 2] < 1.2))
+    assert np.isnan(found.normalised[middle, 2]).all()  # no mode moves the column along itself
+    assert np.isfinite(found.normalised[middle, :2]).all()
+
+
+def test_modes_that_become_alike_shrink_the_clusters(rig: Rig) -> None:
+    """Both close modes measured with one shape: [A B2] would be singular in clusters that hold both."""
+    event = rig.reference.baseline
+    shape = event.shape.copy()
+    shape[1] = shape[0]
+    found = MassUpdater(rig.reference).update(replace(event, shape=shape))
+    assert np.abs(found.increment).max() < 0.05
+
+
+def test_event_without_modes_is_refused(rig: Rig) -> None:
+    nothing = np.full_like(rig.reference.baseline.log_frequency, np.nan)
+    with pytest.raises(PairingError, match="no measured mode"):
+        MassUpdater(rig.reference).update(replace(rig.reference.baseline, log_frequency=nothing))
+
+
+def test_other_channels_are_refused(rig: Rig) -> None:
+    with pytest.raises(ValueError, match="channels: expected the baseline's col_037_x"):
+        MassUpdater(rig.reference).update(replace(rig.reference.baseline, channels=("a",)))
+
+
+@pytest.mark.parametrize("loaded", [False, True], ids=["undisturbed", "304 g"])
+def test_increments_scatter_as_they_say(rig: Rig, loaded: bool) -> None:
+    """Monte Carlo over baseline, event and a common factor: 100 draws tell a deviation to 1 / sqrt(200) = 7 %."""
+    draws, random = 100, np.random.default_rng(11)
+    raw, normalised, totals, stated = [], [], [], []
+    modes = rig.loaded if loaded else rig.bare
+    for seed in range(draws):
+        learnt = rig.relearnt(rig.windows(rig.bare, N_BASELINE, 1000 + seed))
+        # two windows teach no scale: what is propagated stands alone
+        updater = MassUpdater(replace(learnt, windows=learnt.windows.windows(np.arange(2))))
+        event = mean_modes(stack_tracks(rig.windows(modes, N_EVENT, 5000 + seed), unmoved(N_EVENT)))
+        shifted = event.log_frequency + COMMON_STD * random.standard_normal()
+        found = updater.update(replace(event, log_frequency=shifted))
+        raw.append(found.increment)
+        normalised.append(found.normalised)
+        totals.append(found.totals)
+        stated.append((found.increment_std, found.normalised_std, found.totals_std))
+    for values, std in zip((raw, normalised, totals), zip(*stated, strict=True), strict=True):
+        stated_std = np.mean(std, axis=0)
+        told = np.isfinite(stated_std) & (stated_std > 0)  # neither held nor left out
+        ratio = np.std(np.array(values)[:, told], axis=0) / stated_std[told]
+        print(f"{ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f}")
+        assert ratio.mean() == pytest.approx(1, abs=3 * 0.07)
+        assert np.abs(ratio - 1).max() < 5 * 0.07
+
+
+def test_undisturbed_events_are_flagged_once_in_a_hundred(rig: Rig) -> None:
+    """30 baselines with 4 events each: more than 6 flagged of 1.2 expected has a chance of 2e-4."""
+    flagged = 0
+    for seed in range(30):
+        updater = MassUpdater(rig.relearnt(rig.windows(rig.bare, N_BASELINE, 2000 + seed)))
+        windows = rig.windows(rig.bare, 4 * N_EVENT, 7000 + seed)
+        for event in (windows[i::4] for i in range(4)):
+            mean = rig.reference.mean_of(stack_tracks(event, unmoved(N_EVENT)))
+            flagged += bool(updater.update(mean).flagged)
+    print(flagged)
+    assert flagged <= 6
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mass_is_flagged_where_it_is(seed: int) -> None:
+    """304 g at location 1: on the beam's side of it, by the increment over the node's own mass and by direction."""
+    rig = Rig(20 + seed)
+    event = rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, N_EVENT, seed), unmoved(N_EVENT)))
+    found = MassUpdater(rig.reference).update(event)
+    nodes = rig.reference.calibration.model.nodes
+    strongest: FloatArray = nodes[found.flagged[0].node]
+    assert np.linalg.norm(strongest - LOCATION_1.at) < 0.16
+    assert found.flagged[0].z > 2 * found.z_limit
+    assert {"xyz"[f.direction] for f in found.flagged} == {"x", "y", "z"}
+
+
+def test_a_common_factor_is_no_local_mass(rig: Rig) -> None:
+    """What 17 degrees of warming do to all of steel's frequencies alike, 0.3 %, flags nothing."""
+    base = rig.reference.baseline
+    assert MassUpdater(rig.reference).update(replace(base, log_frequency=base.log_frequency - COMMON_STD)).flagged == ()
