@@ -1,5 +1,7 @@
 """Arrays of the analysis put into the plain values of the log, and into words."""
 
+from typing import Literal
+
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
@@ -21,6 +23,7 @@ from oma import ModalEstimate, OmaError, Stabilization, singular_values
 from updater import MassChange, MassUpdate, Reference, Structure, real_shape
 
 _SPECTRUM_POINTS = 1024
+_DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
 
 def mode_results(estimate: ModalEstimate, track: IndexArray, reference: Reference | None) -> list[ModeResult]:
@@ -129,7 +132,7 @@ def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
         totals=_vector(update.totals),
         totals_std=_vector(update.totals_std),
         z_limit=update.z_limit,
-        flagged=[FlaggedDof(node=f.node, direction=DIRECTIONS[f.direction], z=f.z) for f in update.flagged],
+        flagged=[FlaggedDof(node=f.node, direction=_DIRECTIONS[f.direction], z=f.z) for f in update.flagged],
         n_windows=n_windows,
     )
 
@@ -154,21 +157,22 @@ def mass_text(answer: MassAnswer) -> str:
     )
 
 
-def increment_text(increments: MassIncrements, nodes: list[Vector]) -> str:
-    """Say in one line where the one-step update flags a change."""
+def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:
+    """Say where the one-step update flags a change; nodes (n_nodes, 3) [m]."""
     flagged = len({f.node for f in increments.flagged})
     if not flagged:
-        return "the one-step update flags no node"
+        return "one-step update flags no node"
     x, y, z = nodes[increments.flagged[0].node]
-    return f"the one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
 
 
-def alarm_text(state: State, result: WindowResult) -> str:
-    """Say why the alarm changed its state."""
+def alarm_text(state: State, result: WindowResult, nodes: FloatArray) -> str:
+    """Say why the alarm changed its state, and where, at nodes (n_nodes, 3) [m] of the reference."""
     score = result.novelty
     figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
-    if state == "alarm" and result.answer:
-        return f"ALARM: the structure has changed ({figures}): {mass_text(result.answer)}"
     if state == "alarm":
-        return f"ALARM: the structure has changed ({figures}); where, the next windows will tell"
+        found = [mass_text(result.answer)] if result.answer else []
+        found += [increment_text(result.increments, nodes)] if result.increments else []
+        where = f": {'; '.join(found)}" if found else "; where, the next windows will tell"
+        return f"ALARM: the structure has changed ({figures}){where}"
     return f"over the limit once: {figures}" if state == "watch" else f"back to normal: {figures}"

@@ -7,13 +7,21 @@ import numpy as np
 
 from daq import Assembler, Block, Event, FloatArray, Recording
 from monitor.alarms import Alarm
-from monitor.describe import alarm_text, mass_answer, mode_results, reference_result, spectrum_result
+from monitor.describe import (
+    alarm_text,
+    increment_result,
+    mass_answer,
+    mode_results,
+    reference_result,
+    spectrum_result,
+)
 from monitor.fusion import choose_tracks
-from monitor.results import AlarmResult, MassAnswer, Novelty, Phase, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, MassAnswer, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
     MassUpdater,
+    ModalMean,
     PairingError,
     Reference,
     Structure,
@@ -140,7 +148,7 @@ class Pipeline:
             result = result.model_copy(update=self._explain(watch))
         yield result
         if self._alarm.state != before.state:
-            yield self._said(window, alarm_text(self._alarm.state, result))
+            yield self._said(window, alarm_text(self._alarm.state, result, watch.reference.calibration.model.nodes))
 
     def _explain(self, watch: _Watch) -> dict[str, MassAnswer | MassIncrements | None]:
         """Explain by the windows that begin after the first one over the limit: that one may hold both states."""

@@ -175,7 +175,7 @@ class MassUpdater:
         variance = np.ones(len(told))
         if len(usable) < _LEAST_WINDOWS:
             return variance, z_limit(noise, 0)
-        z = np.array([self._window_z(w, usable, chosen)[told] for w in usable])
+        z = np.array([self._window_z(int(w), usable, chosen)[told] for w in usable])
         variance[told] = moderated_variance(z)
         return variance, z_limit(noise, len(usable) - 1)
 
