@@ -13,7 +13,7 @@ from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import load_recordings, read_channel_map
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import driver_names, make_driver
-from daq.repair import LogState, inspect_log, repair_log
+from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.timebase import ClockFit
 
 __all__ = [
@@ -52,6 +52,7 @@ __all__ = [
     "SystemClock",
     "driver_names",
     "export_recording",
+    "has_end",
     "inspect_log",
     "load_recordings",
     "log_info",

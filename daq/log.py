@@ -27,6 +27,7 @@ from zstandard import ZstdError
 
 from daq.accel_block_pb2 import AccelBlock
 from daq.errors import LogError
+from daq.filelock import lock
 from daq.recording import Block, Flag
 
 ACCEL = "/accel/"
@@ -102,6 +103,7 @@ class LogWriter:
             self._file = path.open("xb", buffering=_BUFFER)
         except OSError as error:
             raise LogError(path, f"cannot be written: {error.strerror}") from error
+        lock(self._file)  # for as long as it is open: see `repair_log`
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
         self._writer.start(profile=PROFILE, library="modalwatch")
         self._channels: dict[str, int] = {}

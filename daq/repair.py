@@ -14,6 +14,7 @@ from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from daq.errors import LogError
+from daq.filelock import lock
 from daq.log import MAGIC, PROFILE, WholeReads
 
 _DAMAGE = (McapError, ZstdError, struct.error, ValueError)
@@ -76,8 +77,8 @@ def inspect_log(path: Path) -> LogState:
 def repair_log(path: Path) -> LogState:
     """Mend a log in place: every whole chunk kept, the summary rebuilt, so that stock readers open it.
 
-    A log that is whole is not touched. The new file is written beside the old one and takes its place at the end;
-    nobody may be writing the log meanwhile.
+    A log that is whole is not touched. The new file is written beside the old one and takes its place at the
+    end. A log that another process still writes is refused.
 
     Returns
     -------
@@ -87,12 +88,31 @@ def repair_log(path: Path) -> LogState:
     Raises
     ------
     LogError
-        If it cannot be read, is not a log, or the new one cannot be written.
+        If it cannot be read, is not a log, is being written, or the new one cannot be written.
     """
     survey = _survey(path)
     state = _state(path, survey)
     if state.whole:
         return state
+    with path.open("rb") as file:
+        if not lock(file):
+            raise LogError(path, "is being written: it cannot be mended now")
+        _replace(path, survey)
+    return state
+
+
+def has_end(path: Path) -> bool:
+    """Tell at a glance whether a log ends as a finished one does; errors as for `inspect_log`."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
+            return file.read() == MAGIC
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _replace(path: Path, survey: _Survey) -> None:
+    """Put a log made of what can be saved in the place of another."""
     temporary = path.with_name(f".{path.name}.repairing")
     try:
         with temporary.open("wb") as file:
@@ -103,7 +123,6 @@ def repair_log(path: Path) -> LogState:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise LogError(path, f"cannot be mended: {error.strerror}") from error
-    return state
 
 
 def _survey(path: Path) -> _Survey:

@@ -9,6 +9,7 @@ from rich.markup import escape
 from monitor.daemon import load_site, run, stop_on_signals
 from monitor.describe import mass_text
 from monitor.live import LiveView, live_view
+from monitor.mending import mend_logs
 from monitor.replay import replay
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from monitor.worker import Result
@@ -43,6 +44,8 @@ def _window_line(window: WindowResult) -> str:
 def run_command(path: Path) -> int:
     """Watch a site until told to stop."""
     site = load_site(path)
+    for said in mend_logs(site.folder / site.settings.recorder.folder):
+        console.print(escape(said), soft_wrap=True)
     with stop_on_signals() as stop, live_view(site.settings, site.structure_text, site.site_text) as live:
         tell_live(console, live)
         report = run(site, stop, say, live)

@@ -8,7 +8,7 @@ from daq_helpers import START, contents, some_items
 from hypothesis import given
 from mcap.reader import make_reader
 
-from daq import Item, LogError, LogWriter, inspect_log, read_attachments, read_log, repair_log
+from daq import Item, LogError, LogWriter, has_end, inspect_log, read_attachments, read_log, repair_log
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
 
@@ -131,6 +131,23 @@ def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatc
         repair_log(path)
     assert path.read_bytes() == content
     assert list(path.parent.glob(".*")) == []
+
+
+def test_a_log_that_is_being_written_is_left_alone(whole: Path) -> None:
+    path = whole.with_name("open.mcap")
+    writer = LogWriter(path, {})
+    for item in some_items():
+        writer.write(item)
+    writer.flush()
+    content = path.read_bytes()
+    with pytest.raises(LogError, match=r"open\.mcap: is being written: it cannot be mended now"):
+        repair_log(path)
+    assert path.read_bytes() == content
+    assert not has_end(path)
+    writer.abandon()
+    assert repair_log(path).n_messages == len(some_items())
+    assert has_end(path)
+    assert contents(read_log(path)) == contents(some_items())
 
 
 def test_times_of_messages_are_kept(whole: Path) -> None:

@@ -8,7 +8,8 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from daq_helpers import START, make_block
 
-from daq import Block, Event, Flag, LogWriter, read_data
+from daq import Block, Event, Flag, LogWriter, inspect_log, read_data
+from monitor.mending import mend_logs
 from monitor.recordings import log_recordings
 
 
@@ -64,6 +65,20 @@ def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> 
     done = modalwatch("log", "info", log)
     assert "state: whole" in done.out
     assert "modalwatch repair" not in done.out
+
+
+def test_a_start_mends_what_a_kill_left(log: Path) -> None:
+    (log.parent / "rest.mcap").write_bytes(b"")
+    writer = LogWriter(log.parent / "open.mcap", {})
+    said = list(mend_logs(log.parent))
+    writer.close()
+    assert said == [
+        f"{log}: mended, 6 messages kept",
+        f"{log.parent}/open.mcap: is being written: it cannot be mended now",
+        f"{log.parent}/rest.mcap: is not an MCAP log",
+    ]
+    assert inspect_log(log).whole
+    assert list(mend_logs(log.parent)) == said[2:]
 
 
 def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tmp_path: Path) -> None:

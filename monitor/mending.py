@@ -1,0 +1,20 @@
+"""Logs that a kill or a power cut left without their end, mended at the next start."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from daq import LogError, has_end, repair_log
+
+
+def mend_logs(folder: Path) -> Iterator[str]:
+    """Mend the logs of a folder that have no end; yield what was done, or why it could not be, in words.
+
+    A log that is still being written, or is past mending, is left as it is.
+    """
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            if not has_end(path):
+                state = repair_log(path)
+                yield f"{path}: mended, {state.n_messages} messages kept"
+        except LogError as error:
+            yield str(error)
