@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 from scipy.signal import resample_poly
 
 from daq import Assembler, Block, Channel, Event, Flag, Recording, read_attachments, read_log
@@ -78,8 +79,13 @@ def load_run(path: Path) -> Run:
     log = find_log(path)
     attached = read_attachments(log)
     found = _Reading()
-    for item in read_log(log):
-        found.take(item)
+    try:
+        for item in read_log(log):
+            found.take(item)
+    except ValidationError as error:
+        place = ".".join(str(part) for part in error.errors()[0]["loc"])
+        message = f"holds a result that this version cannot read: {error.title}, {place}: {error.errors()[0]['msg']}"
+        raise ResultsError(log, message) from error
     windows = tuple(r for r in found.results if isinstance(r, WindowResult))
     if not windows:
         raise ResultsError(log, "holds no results: it was never watched, or stopped before its first window ended")

@@ -1,13 +1,23 @@
 """What the monitoring loop finds, as it stands in the log: plain values, read back to the last digit."""
 
+import json
+import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from updater import Diagnosis
 
 Vector = tuple[float, float, float]
 Phase = Literal["learning", "watching", "alarm"]
+
+
+def _number(value: object) -> object:
+    """Take null for not-a-number, as which a log holds what is not finite."""
+    return math.nan if value is None else value
+
+
+Number = Annotated[float, BeforeValidator(_number)]
 
 TOPIC_WINDOW = "/result/window"
 TOPIC_REFERENCE = "/result/reference"
@@ -18,8 +28,9 @@ class _Result(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
 
     def payload(self) -> dict[str, Any]:
-        """Return JSON-ready values, not-a-number as null."""
-        return self.model_dump(mode="json")
+        """Return JSON-ready values; what is not finite as null, so that any reader of JSON takes them."""
+        values: dict[str, Any] = json.loads(self.model_dump_json())
+        return values
 
 
 class ModeResult(_Result):
@@ -27,9 +38,9 @@ class ModeResult(_Result):
 
     id: int  #: identity, counted from 1 in the baseline's order of frequency
     frequency: float  #: [Hz]
-    frequency_std: float  #: [Hz]
-    damping: float  #: [-]
-    damping_std: float  #: [-]
+    frequency_std: Number  #: [Hz]
+    damping: Number  #: [-]
+    damping_std: Number  #: [-]
     shift_percent: float | None = None  #: of frequency against the baseline [%]
     shift_std_percent: float | None = None  #: its standard deviation, baseline's share included [%]
     shape: list[float]  #: real part at each channel, unit norm [-]
@@ -38,8 +49,8 @@ class ModeResult(_Result):
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
-    t2: float  #: T2 over its degrees of freedom: F distributed while nothing has changed [-]
-    limit: float  #: alarm limit at the stated false alarm rate [-]
+    t2: Number  #: T2 over its degrees of freedom: F distributed while nothing has changed [-]
+    limit: Number  #: alarm limit at the stated false alarm rate [-]
     modes: list[int]  #: identities of the modes that entered
 
 
@@ -65,12 +76,12 @@ class MassAnswer(_Result):
 
     member: str
     position: Vector  #: on the member's axis [m]
-    position_std: float  #: along the member [m]
+    position_std: Number  #: along the member [m]
     mass: float  #: [kg]
-    mass_std: float  #: [kg]
+    mass_std: Number  #: [kg]
     region: list[Interval]  #: 95 % credible
     member_probability: float  #: that it sits on this member [-]
-    p_value: float  #: of the fit: chance of a worse one if a mass is the cause [-]
+    p_value: Number  #: of the fit: chance of a worse one if a mass is the cause [-]
     n_windows: int  #: windows that entered
     profile: list[ProfilePoint]
 
@@ -130,8 +141,8 @@ class ReferenceMode(_Result):
 
     id: int
     frequency: float  #: [Hz]
-    frequency_std: float  #: of the baseline mean [Hz]
-    damping: float  #: [-]
+    frequency_std: Number  #: of the baseline mean [Hz]
+    damping: Number  #: [-]
     model_frequency: float  #: of the structure file before calibration [Hz]
     mac: float  #: measured against model before the update [-]
     displacement: list[Vector]  #: at each node, largest 1 [-]

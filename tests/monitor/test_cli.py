@@ -55,21 +55,3 @@ channels = {{y = "beam_left_y"}}
     assert "beam_left" in done.stderr
     assert "no-such-port" in done.stderr
     assert "Traceback" not in done.stderr
-
-
-def test_report_is_written_from_the_log_alone(tmp_path: Path) -> None:
-    log = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
-    done = modalwatch("report", log, "-o", tmp_path / "page.html")
-    assert done.returncode == 0, done.stderr
-    assert str(tmp_path / "page.html") in done.stdout
-    assert "The structure has changed" in (tmp_path / "page.html").read_text(encoding="utf-8")
-
-
-def test_report_of_nothing_exits_2_and_names_it(tmp_path: Path) -> None:
-    (tmp_path / "cut.mcap").write_bytes(b"not a log")
-    (tmp_path / "empty").mkdir()
-    for name in ("cut.mcap", "none.mcap", "empty"):
-        done = modalwatch("report", tmp_path / name)
-        assert done.returncode == 2, done.stderr
-        assert done.stderr.startswith(f"error: {tmp_path / name}: ")
-        assert done.stderr.count("\n") == 1

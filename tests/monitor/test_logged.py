@@ -9,7 +9,7 @@ import pytest
 from daq import EPSON_SCALE, Block, Channel, Event, Flag, LogWriter, Recording
 from monitor.errors import ResultsError
 from monitor.logged import find_log, last_signals, load_run, slower
-from monitor.results import WindowResult
+from monitor.results import Novelty, WindowResult
 
 START = 1_767_225_600_000_000_000
 RATE = 200.0
@@ -129,6 +129,21 @@ def test_newest_log_of_a_folder_is_taken(tmp_path: Path) -> None:
         os.utime(path, (1000 - age, 1000 - age))
     assert find_log(tmp_path).name == "new.mcap"
     assert find_log(tmp_path / "old.mcap").name == "old.mcap"
+
+
+def test_what_was_not_a_number_is_read_back_as_such(tmp_path: Path) -> None:
+    strange = window(0)
+    strange.payload["novelty"] = Novelty(t2=float("inf"), limit=1.0, modes=[]).payload()
+    (read,) = load_run(log(tmp_path / "run.mcap", strange)).story.windows
+    assert read.novelty is not None
+    assert np.isnan(read.novelty.t2)
+
+
+def test_a_result_of_another_version_is_named(tmp_path: Path) -> None:
+    strange = window(0)
+    strange.payload["novelty"] = {"t2": "much", "limit": 1.0, "modes": []}
+    with pytest.raises(ResultsError, match=r"run\.mcap: holds a result .* WindowResult, novelty\.t2: "):
+        load_run(log(tmp_path / "run.mcap", strange))
 
 
 def test_what_cannot_be_shown_is_named(tmp_path: Path) -> None:
