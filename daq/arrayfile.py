@@ -25,11 +25,11 @@ class Arrays:
     t: FloatArray | None  #: (n_samples,) [s]; None if the file does not say
 
 
-def read_arrays(path: Path) -> Arrays:
+def read_arrays(path: Path, time: str = "t") -> Arrays:
     """Read signals from arrays.
 
     Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
-    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or ``t`` [s].
+    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time` [s].
 
     Raises
     ------
@@ -37,7 +37,7 @@ def read_arrays(path: Path) -> Arrays:
         Naming the file and the array.
     """
     arrays = _load(path)
-    rate, t = _first(arrays, _RATE), arrays.pop("t", None)
+    rate, t = _first(arrays, _RATE), arrays.pop(time, None)
     data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
@@ -53,7 +53,7 @@ def read_arrays(path: Path) -> Arrays:
         names=_channel_names(path, names, values.shape[1]),
         values=values,
         rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
-        t=None if t is None else _numbers(path, "t", t).ravel(),
+        t=None if t is None else _numbers(path, time, t).ravel(),
     )
 
 

@@ -23,7 +23,15 @@ _BLOCK_SECONDS = 1.0
 _DEVICE = "import"
 
 
-def read_data(path: Path, *, rate: float | None = None, factor: float = 1.0, start: int = 0) -> Recording:
+def read_data(
+    path: Path,
+    *,
+    rate: float | None = None,
+    factor: float = 1.0,
+    start: int = 0,
+    time: str = "t",
+    columns: Mapping[str, str] | None = None,
+) -> Recording:
     """Read a file of measurements: .npz, .mat, anything else as a table of text.
 
     Parameters
@@ -32,6 +40,8 @@ def read_data(path: Path, *, rate: float | None = None, factor: float = 1.0, sta
     rate : samples a second [Hz], if the file does not say
     factor : m/s2 a unit of the file
     start : time of the first sample [ns UTC]
+    time : name of the column of times [s]
+    columns : columns to read -> names of their channels; all under their own names unless given
 
     Returns
     -------
@@ -43,12 +53,16 @@ def read_data(path: Path, *, rate: float | None = None, factor: float = 1.0, sta
     DataError
         Naming the file, and line or field.
     ValueError
-        If `rate` or `factor` is not positive.
+        If `rate` or `factor` is not positive, or two columns get the same name.
     """
     if not factor > 0 or not (rate is None or rate > 0):
         raise ValueError(f"rate and factor: expected positive numbers, found {rate} and {factor}")
+    if columns is not None and len(set(columns.values())) < len(columns):
+        raise ValueError(f"columns: expected different names, found {', '.join(columns.values())}")
     read = _arrays if path.suffix.lower() in {".npz", ".mat"} else _table
-    names, values, rate = read(path, rate)
+    names, values, rate = read(path, rate, time, columns)
+    if columns is not None:
+        names = tuple(columns[name] for name in names)
     channels = _channels(names, values)
     data = values * factor
     return Recording(channels=channels, data=data, rate=rate, start=start, gaps=find_gaps(channels, data))
@@ -57,33 +71,39 @@ def read_data(path: Path, *, rate: float | None = None, factor: float = 1.0, sta
 Columns = tuple[tuple[str, ...], FloatArray, float]  # names, values on an even grid, rate [Hz]
 
 
-def _table(path: Path, rate: float | None) -> Columns:
-    table = read_csv(path)
-    if "t" not in table.names:
-        return table.names, table.values, _known(path, rate, None, "has no column 't' of times [s]: give --rate")
-    column = table.names.index("t")
-    names = tuple(name for name in table.names if name != "t")
+def _table(path: Path, rate: float | None, time: str, columns: Mapping[str, str] | None) -> Columns:
+    wanted = None if columns is None else {*columns, *(() if rate else (time,))}
+    table = read_csv(path, wanted)
+    if time not in table.names:
+        return table.names, table.values, _known(path, rate, None, f"has no column {time!r} of times [s]: give --rate")
+    place = table.names.index(time)
+    names = tuple(name for name in table.names if name != time)
     if not names:
-        raise DataError(path, "has no column beside 't'")
+        raise DataError(path, f"has no column beside {time!r}")
     if rate is not None:
-        raise DataError(path, "has a column 't' of times: leave out --rate")
-    values = np.delete(table.values, column, axis=1)
+        raise DataError(path, f"has a column {time!r} of times: leave out --rate")
+    values = np.delete(table.values, place, axis=1)
     try:
-        return names, *_on_grid(table.values[:, column], values)
+        return names, *_on_grid(table.values[:, place], values)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
 
-def _arrays(path: Path, rate: float | None) -> Columns:
-    arrays = read_arrays(path)
+def _arrays(path: Path, rate: float | None, time: str, columns: Mapping[str, str] | None) -> Columns:
+    arrays = read_arrays(path, time)
+    for name in columns or ():
+        if name not in arrays.names:
+            raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
+    chosen = [place for place, name in enumerate(arrays.names) if columns is None or name in columns]
+    names, values = tuple(arrays.names[place] for place in chosen), arrays.values[:, chosen]
     if arrays.t is None:
-        return arrays.names, arrays.values, _known(path, rate, arrays.rate, "has neither 'rate' nor 't': give --rate")
-    if len(arrays.t) != len(arrays.values):
-        raise DataError(path, f"t: expected {len(arrays.values)} times, found {len(arrays.t)}")
+        return names, values, _known(path, rate, arrays.rate, f"has neither 'rate' nor {time!r}: give --rate")
+    if len(arrays.t) != len(values):
+        raise DataError(path, f"{time}: expected {len(values)} times, found {len(arrays.t)}")
     try:
-        return arrays.names, *_on_grid(arrays.t, arrays.values)
+        return names, *_on_grid(arrays.t, values)
     except UnevenError as error:
-        raise DataError(path, f"t[{error.row}]: {error.why}") from error
+        raise DataError(path, f"{time}[{error.row}]: {error.why}") from error
 
 
 def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:

@@ -2,7 +2,7 @@
 
 import csv
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,11 +25,25 @@ class Table:
     line: IndexArray  #: (n_rows,) number of each row's line in the file
 
 
-def read_csv(path: Path) -> Table:
+@dataclass(frozen=True)
+class _Layout:
+    """What the header says, and which columns are asked for."""
+
+    header: tuple[str, ...]
+    delimiter: str
+    chosen: tuple[int, ...]  # places in the header
+
+
+def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
     """Read a table of text.
 
     The first line that is neither empty nor a comment (#) names the columns; it also tells the delimiter, the first of
     tab, semicolon and comma that it has. With a semicolon or tab numbers may have a decimal comma.
+
+    Parameters
+    ----------
+    path : of the file
+    wanted : columns to read; what stands in the others does not matter. All unless given.
 
     Raises
     ------
@@ -38,7 +52,7 @@ def read_csv(path: Path) -> Table:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            return _read(path, _content(file))
+            return _read(path, _content(file), wanted)
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -53,32 +67,36 @@ def _content(lines: Iterable[str]) -> Iterator[Line]:
             yield number, text
 
 
-def _read(path: Path, lines: Iterator[Line]) -> Table:
-    names, delimiter = _header(path, next(lines, None))
+def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None) -> Table:
+    layout = _layout(path, next(lines, None), wanted)
     pieces, numbers = [], []
     while piece := list(itertools.islice(lines, _LINES)):
-        if delimiter != ",":
+        if layout.delimiter != ",":
             piece = [(number, text.replace(",", ".")) for number, text in piece]
-        pieces.append(_values(path, piece, names, delimiter))
+        pieces.append(_values(path, piece, layout))
         numbers += [number for number, _ in piece]
     if not pieces:
         raise DataError(path, "holds no numbers after the line with the columns' names")
+    names = tuple(layout.header[place] for place in layout.chosen)
     return Table(names, np.concatenate(pieces), np.array(numbers, np.intp))
 
 
-def _header(path: Path, line: Line | None) -> tuple[tuple[str, ...], str]:
-    """Return the columns' names and the delimiter."""
+def _layout(path: Path, line: Line | None, wanted: Collection[str] | None) -> _Layout:
+    """Return what the header says."""
     if line is None:
         raise DataError(path, "is empty: expected a line with the columns' names, then numbers")
     number, text = line
     delimiter = next((d for d in _DELIMITERS if d in text), ",")
-    names = tuple(name.strip() for name in _cells(path, line, delimiter))
-    if any(_is_number(name) for name in names):
+    header = tuple(name.strip() for name in _cells(path, line, delimiter))
+    if any(_is_number(name) for name in header):
         raise DataError(path, f"line {number}: expected the columns' names, found numbers: {text:.60}")
-    for name in names:
-        if not name or names.count(name) > 1:
+    for name in header if wanted is None else wanted:
+        if name not in header:
+            raise DataError(path, f"line {number}: expected a column {name!r}, found {', '.join(header)}")
+        if not name or header.count(name) > 1:
             raise DataError(path, f"line {number}: the column name {name!r} is {'given twice' if name else 'empty'}")
-    return names, delimiter
+    chosen = tuple(place for place, name in enumerate(header) if wanted is None or name in wanted)
+    return _Layout(header, delimiter, chosen)
 
 
 def _cells(path: Path, line: Line, delimiter: str) -> list[str]:
@@ -96,23 +114,30 @@ def _is_number(text: str) -> bool:
     return text.lower() != "nan"
 
 
-def _values(path: Path, piece: list[Line], names: tuple[str, ...], delimiter: str) -> FloatArray:
+def _values(path: Path, piece: list[Line], layout: _Layout) -> FloatArray:
     """Return the numbers of a piece (n_lines, n_columns): at once if all cells are numbers, else cell by cell."""
+    every = len(layout.chosen) == len(layout.header)
     try:
-        values = np.loadtxt([text for _, text in piece], delimiter=delimiter, comments=None, ndmin=2)
+        values = np.loadtxt(
+            [text for _, text in piece],
+            delimiter=layout.delimiter,
+            comments=None,
+            ndmin=2,
+            usecols=None if every else layout.chosen,
+        )
     except ValueError:
-        values = np.array([_row(path, line, names, delimiter) for line in piece])
-    if values.shape != (len(piece), len(names)) or np.isinf(values).any():
-        values = np.array([_row(path, line, names, delimiter) for line in piece])
+        values = np.array([_row(path, line, layout) for line in piece])
+    if values.shape != (len(piece), len(layout.chosen)) or np.isinf(values).any():
+        values = np.array([_row(path, line, layout) for line in piece])
     return values
 
 
-def _row(path: Path, line: Line, names: tuple[str, ...], delimiter: str) -> list[float]:
+def _row(path: Path, line: Line, layout: _Layout) -> list[float]:
     number, _ = line
-    cells = _cells(path, line, delimiter)
-    if len(cells) != len(names):
-        raise DataError(path, f"line {number}: expected {len(names)} cells, found {len(cells)}")
-    return [_cell(path, number, name, cell.strip()) for name, cell in zip(names, cells, strict=True)]
+    cells = _cells(path, line, layout.delimiter)
+    if len(cells) != len(layout.header):
+        raise DataError(path, f"line {number}: expected {len(layout.header)} cells, found {len(cells)}")
+    return [_cell(path, number, layout.header[place], cells[place].strip()) for place in layout.chosen]
 
 
 def _cell(path: Path, number: int, name: str, cell: str) -> float:

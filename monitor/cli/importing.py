@@ -1,5 +1,7 @@
 """`import`: a file of measurements becomes a log."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -17,26 +19,28 @@ _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any c
 console = Console(highlight=False)
 
 
-def import_command(
-    data: Path,
-    out: Path,
-    *,
-    rate: float | None,
-    unit: str,
-    scale: float,
-    start: str | None,
-    structure: Path | None,
-    site: Path | None,
-) -> int:
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """What the command line says about a file of measurements."""
+
+    rate: float | None = None  #: [Hz], if it has no times
+    unit: str = "m/s2"
+    scale: float = 1.0  #: units a number
+    start: str | None = None  #: ISO 8601
+    time: str = "t"  #: column of times
+    columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
+    structure: Path | None = None
+    site: Path | None = None
+
+
+def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     """Write the log; say what is in it."""
-    if unit not in UNITS:
-        raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {unit!r}")
-    recording = read_data(data, rate=rate, factor=UNITS[unit] * scale, start=_start(start))
+    recording = _read(data, options)
     attachments: dict[str, str] = {}
-    if site is not None:
-        recording, attachments = _for_site(data, recording, site)
-    if structure is not None:
-        attachments["structure.toml"] = _structure_text(data, recording, structure)
+    if options.site is not None:
+        recording, attachments = _for_site(data, recording, options.site)
+    if options.structure is not None:
+        attachments["structure.toml"] = _structure_text(data, recording, options.structure)
     write_recording(out, recording, attachments)
     missing = sum(gap.stop - gap.start for gap in recording.gaps)
     console.print(
@@ -45,6 +49,28 @@ def import_command(
         soft_wrap=True,
     )
     return 0
+
+
+def _read(data: Path, options: ImportOptions) -> Recording:
+    if options.unit not in UNITS:
+        raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {options.unit!r}")
+    return read_data(
+        data,
+        rate=options.rate,
+        factor=UNITS[options.unit] * options.scale,
+        start=_start(options.start),
+        time=options.time,
+        columns=_columns(options.columns),
+    )
+
+
+def _columns(options: Sequence[str]) -> dict[str, str] | None:
+    """Return column -> channel from NAME or NAME=SENSOR; None for all columns."""
+    pairs = [(option.rpartition("=") if "=" in option else (option, "", option)) for option in options]
+    columns = {column: channel for column, _, channel in pairs}
+    if len(columns) < len(pairs) or len(set(columns.values())) < len(pairs):
+        raise ArgumentError("--column", f"expected different names, found {', '.join(options)}")
+    return columns or None
 
 
 def _start(text: str | None) -> int:

@@ -90,14 +90,28 @@ def import_(
     unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
     scale: Annotated[float, typer.Option(help="Units a number, if not 1.", min=1e-12)] = 1.0,
     start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
+    time: Annotated[str, typer.Option(metavar="NAME", help="Column of times [s].")] = "t",
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME[=SENSOR]", help="Column to take, and the sensor it is; repeat. All unless given."),
+    ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
 ) -> None:
     """Make a log of a file of measurements: one column a channel, named as its sensor."""
-    from monitor.cli.importing import import_command
+    from monitor.cli.importing import ImportOptions, import_command
 
-    done = import_command(data, out, rate=rate, unit=unit, scale=scale, start=start, structure=structure, site=site)
-    raise typer.Exit(done)
+    options = ImportOptions(
+        rate=rate,
+        unit=unit,
+        scale=scale,
+        start=start,
+        time=time,
+        columns=tuple(column or ()),
+        structure=structure,
+        site=site,
+    )
+    raise typer.Exit(import_command(data, out, options))
 
 
 @app.command()

@@ -101,6 +101,41 @@ def test_comments_quotes_and_decimal_commas(tmp_path: Path) -> None:
     assert found.rate == 100.0
 
 
+@pytest.mark.parametrize("rate", [None, 4.0])
+def test_chosen_columns_only(tmp_path: Path, rate: float | None) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("Time (s),note,acc 1,,acc 2\n0,start,1,,2\n0.25,,3,,\n0.5,x,5,,6\n")
+    found = read_data(path, rate=rate, time="Time (s)", columns={"acc 2": "right", "acc 1": "left"})
+    assert [c.name for c in found.channels] == ["left", "right"]
+    np.testing.assert_array_equal(found.data, [[1, 2], [3, np.nan], [5, 6]])
+    assert found.rate == 4.0
+
+
+def test_chosen_arrays_only(tmp_path: Path) -> None:
+    path = tmp_path / "data.npz"
+    np.savez(path, data=np.arange(12.0).reshape(4, 3), seconds=np.arange(4) / 2)
+    found = read_data(path, time="seconds", columns={"ch3": "top", "ch1": "foot"})
+    assert [c.name for c in found.channels] == ["foot", "top"]
+    np.testing.assert_array_equal(found.data, np.arange(12.0).reshape(4, 3)[:, [0, 2]])
+    assert found.rate == 2.0
+    with pytest.raises(DataError, match=r"data\.npz: expected a channel 'ch4', found ch1, ch2, ch3"):
+        read_data(path, time="seconds", columns={"ch4": "x"})
+
+
+def test_chosen_columns_that_are_wrong(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("t,a,b,b\n0,1,2,3\n1,x,2,3\n")
+    for columns, says in (
+        ({"c": "c"}, "line 1: expected a column 'c', found t, a, b, b"),
+        ({"b": "b"}, "line 1: the column name 'b' is given twice"),
+        ({"a": "a"}, "line 3, column 'a': expected a number, found 'x'"),
+    ):
+        with pytest.raises(DataError, match=rf"data\.csv: {says}"):
+            read_data(path, columns=columns)
+    with pytest.raises(ValueError, match="columns: expected different names, found z, z"):
+        read_data(path, columns={"a": "z", "b": "z"})
+
+
 def test_unit_and_start(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("a\n1\n2\n")

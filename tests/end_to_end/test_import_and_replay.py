@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from daq import read_attachments
-from monitor.cli.importing import import_command
+from monitor.cli.importing import ImportOptions, import_command
 from monitor.cli.logs import export_command
 from monitor.cli.watch import replay_command
 
@@ -24,8 +24,7 @@ def test_a_table_of_the_recorded_log_holds_the_same_change(tmp_path: Path) -> No
 
     table, log, found = tmp_path / "table.csv", tmp_path / "log.mcap", tmp_path / "found.json"
     assert export_command(recorded, table) == 0
-    site = tmp_path / "site.toml"
-    assert import_command(table, log, rate=None, unit="m/s2", scale=1.0, start=None, structure=None, site=site) == 0
+    assert import_command(table, log, ImportOptions(site=tmp_path / "site.toml")) == 0
     assert replay_command(log, None, found) == 1  # it ends in an alarm
 
     windows = [r for r in json.loads(found.read_text(encoding="utf-8"))["results"] if "modes" in r and "index" in r]

@@ -48,6 +48,17 @@ def test_import_says_what_it_wrote(modalwatch: Commands, table: Path, tmp_path: 
     assert list(read_attachments(tmp_path / "log.mcap")) == ["channels.json"]
 
 
+def test_import_of_some_columns_under_other_names(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    table.write_text(table.read_text().replace("t,beam_left_y,beam_left_z", "time,a=1,b"))
+    options = ("--time", "time", "--column", "a=1=beam_left_y", "--column", "b=beam_left_z")
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", *options, "--site", tmp_path / "site.toml")
+    assert done.code == 0, done.err
+    assert [c.name for c in imported(tmp_path / "log.mcap").channels] == ["beam_left_y", "beam_left_z"]
+    done = modalwatch("import", table, "-o", tmp_path / "one.mcap", "--time", "time", "--column", "b")
+    assert done.code == 0, done.err
+    assert [c.name for c in imported(tmp_path / "one.mcap").channels] == ["b"]
+
+
 def test_import_for_a_site_takes_its_devices(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", tmp_path / "site.toml")
     assert done.code == 0, done.err
@@ -77,12 +88,15 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
         (("--unit", "inch"), "--unit: expected one of m/s2, g, found 'inch'"),
         (("--start", "yesterday"), "--start: expected a time as 2026-01-31T12:00:00Z, found 'yesterday'"),
         (("--start", "1066-10-14"), "--start: expected a time after 1970"),
+        (("--column", "a=x", "--column", "b=x"), "--column: expected different names, found a=x, b=x"),
+        (("--column", "left"), "data.csv: line 1: expected a column 'left', found t, beam_left_y, beam_left_z"),
+        (("--time", "zeit"), "data.csv: has no column 'zeit' of times [s]: give --rate"),
         (("--rate", "10"), "data.csv: has a column 't' of times: leave out --rate"),
         (("--structure", "none.toml"), "none.toml: cannot be read: "),
     ],
 )
 def test_options_that_are_wrong(
-    modalwatch: Commands, table: Path, tmp_path: Path, options: tuple[str, str], says: str
+    modalwatch: Commands, table: Path, tmp_path: Path, options: tuple[str, ...], says: str
 ) -> None:
     assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap", *options), says)
     assert not (tmp_path / "log.mcap").exists()
