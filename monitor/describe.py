@@ -95,6 +95,8 @@ def reference_result(reference: Reference, time: int) -> ReferenceResult:
             for i in range(len(base.n))
         ],
         calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
+        delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
+        delay_wander=reference.delays.wander,
     )
 
 

@@ -1,6 +1,6 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,12 +20,15 @@ from monitor.results import AlarmResult, MassAnswer, MassIncrements, Novelty, Ph
 from monitor.settings import Settings
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
+    NO_DELAYS,
+    DeviceDelays,
     MassUpdater,
     ModalMean,
     PairingError,
     Reference,
     Structure,
     estimate_delays,
+    learn_delays,
     learn_reference,
     locate_mass,
     mean_modes,
@@ -94,8 +97,8 @@ class Pipeline:
         except IdentificationError as error:
             yield self._bare(index, recording, str(error))
             return
-        delays = estimate_delays(found.estimate, self._devices)
-        window = _Window(index, recording, found, remove_delays(found.estimate, self._devices, delays))
+        known = self._watch.reference.delays if self._watch else NO_DELAYS
+        window = _Window(index, recording, found, undelayed(found.estimate, self._devices, known))
         yield from self._learn(window) if self._watch is None else self._judge(window, self._watch)
 
     def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
@@ -130,7 +133,8 @@ class Pipeline:
         if len(self._baseline) < self._settings.analysis.baseline_windows:
             return
         try:
-            self._watch = learn_baseline(self._structure, [w.estimate for w in self._baseline])
+            found = [w.identification.estimate for w in self._baseline]
+            self._watch = learn_baseline(self._structure, found, self._devices)
         except PairingError as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
             yield self._said(window, str(error))
@@ -183,8 +187,13 @@ def _rms(recording: Recording) -> dict[str, float]:
     return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}
 
 
-def learn_baseline(structure: Structure, estimates: list[ModalEstimate]) -> _Watch:
-    """Choose the modes to track and learn the reference.
+def undelayed(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> ModalEstimate:
+    """Return an estimate without its devices' delays: the known, and what strays from them; devices by channel."""
+    return remove_delays(estimate, devices, estimate_delays(estimate, devices, known))
+
+
+def learn_baseline(structure: Structure, found: list[ModalEstimate], devices: Mapping[str, str]) -> _Watch:
+    """Choose the modes to track and learn the reference, the devices' delays first.
 
     The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode
     stay.
@@ -194,10 +203,12 @@ def learn_baseline(structure: Structure, estimates: list[ModalEstimate]) -> _Wat
     PairingError
         If fewer than three stay.
     """
+    delays = learn_delays(found, devices)
+    estimates = [undelayed(e, devices, delays) for e in found]
     seed, often, tracks = choose_tracks(estimates)
     if len(often) < 3:
         raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
-    reference = learn_reference(structure, estimates, tracks)
+    reference = learn_reference(structure, estimates, tracks, delays)
     chosen = reference.calibration.tracks
     kept = often[chosen]
     mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))

@@ -158,6 +158,8 @@ class ReferenceResult(_Result):
     sensors: dict[str, tuple[Vector, Vector]]  #: channel -> place [m], direction
     modes: list[ReferenceMode]
     calibrated: dict[str, tuple[float, float]]  #: parameter -> value, standard deviation
+    delays: dict[str, tuple[float, float]] = {}  #: device -> constant delay against their mean, standard deviation [s]
+    delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
 
 
 class AlarmResult(_Result):

@@ -1,7 +1,7 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
-from updater.delays import estimate_delays, real_shape, remove_delays
+from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.errors import ModelError, PairingError, StructureError, UpdaterError
 from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
@@ -33,11 +33,13 @@ from updater.structure import (
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
 
 __all__ = [
+    "NO_DELAYS",
     "Ambient",
     "AmbientResponse",
     "Body",
     "Calibration",
     "Cause",
+    "DeviceDelays",
     "Diagnosis",
     "Flag",
     "FrequencyFit",
@@ -72,6 +74,7 @@ __all__ = [
     "calibrate",
     "channel_rows",
     "estimate_delays",
+    "learn_delays",
     "learn_reference",
     "learn_scatter",
     "load_structure",

@@ -1,11 +1,13 @@
-"""Constant time delays of devices, told from the phases of the modes.
+"""Time delays of devices, told from the phases of the modes.
 
 Shapes of lightly damped modes are real, so a phase that grows with frequency and is common to all channels of a device
-is a delay of that device's clock, which arrival times cannot show.
+is a delay of that device's clock, which arrival times cannot show. A device's delay is a constant (its filter, its
+cable, its place on the bus); what is left beside it is the wander of the fit of its clock to arrival times, from
+window to window. The baseline teaches both: the constants, and how far windows stray from them.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,39 +15,119 @@ from daq import FloatArray
 from oma import ComplexArray, ModalEstimate
 
 _ITERATIONS = 8
+_LEAST_STD = 1e-6  # of a shape's entry, whatever is stated
+_LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
 
 
-def estimate_delays(estimate: ModalEstimate, devices: Mapping[str, str]) -> dict[str, float]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DeviceDelays:
+    """Constant delays of devices, relative to their mean, and how far a window's stray from them."""
+
+    seconds: Mapping[str, float]  #: device -> delay [s]
+    std: Mapping[str, float]  #: device -> standard deviation of it [s]
+    wander: float  #: standard deviation of a window's delay about the constant [s]
+    noise_factor: float  #: real over stated standard deviation of phases [-]
+
+
+NO_DELAYS = DeviceDelays(seconds={}, std={}, wander=0.0, noise_factor=1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Delays of one window by itself, or drawn towards constants."""
+
+    names: tuple[str, ...]
+    delay: FloatArray  #: (n_devices,) [s]
+    covariance: FloatArray  #: (n_devices, n_devices) for phases as sure as stated [s2]
+    misfit: float  #: sum of squares of phases over their stated deviations
+    degrees_of_freedom: int
+
+
+def estimate_delays(
+    estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays = NO_DELAYS
+) -> dict[str, float]:
     """Return the delay of each device [s], relative to their mean.
 
     Least squares on phase(i, c) = theta_i - 2 pi f_i tau_device(c) modulo pi, weighted by amplitude over its standard
-    deviation; right for delays under a quarter period of the highest mode.
+    deviation; right for delays (or, with constants known, deviations from them) under a quarter period of the
+    highest mode.
 
     Parameters
     ----------
     estimate : modes of one recording
     devices : channel name -> device name
+    known : constants that the delays are drawn to, as strongly as their wander is small
     """
-    names = sorted({devices[c] for c in estimate.channels})
+    fit = _fit(estimate, devices, known)
+    return dict(zip(fit.names, fit.delay.tolist(), strict=True))
+
+
+def learn_delays(estimates: Sequence[ModalEstimate], devices: Mapping[str, str]) -> DeviceDelays:
+    """Return the constant delays that the windows of a baseline share, and how far these stray from them.
+
+    A window's delays are the constants, its clocks' wander, and the noise of its phases; the variance of the wander is
+    what the windows scatter beyond that noise (DerSimonian & Laird 1986, moments of a random-effects model). Devices
+    that some windows lack have no constant.
+    """
+    fits = [_fit(e, devices, NO_DELAYS) for e in estimates]
+    everywhere = sorted(set.intersection(*(set(fit.names) for fit in fits)))
+    if len(everywhere) < 2:
+        return NO_DELAYS
+    pick = [[fit.names.index(name) for name in everywhere] for fit in fits]
+    delay = np.array([fit.delay[p] - fit.delay[p].mean() for fit, p in zip(fits, pick, strict=True)])
+    noise_factor2 = sum(f.misfit for f in fits) / max(sum(f.degrees_of_freedom for f in fits), 1)
+    free = len(everywhere) - 1  # delays are relative to their mean
+    noise = noise_factor2 * np.array([np.trace(f.covariance) / free for f in fits])
+    scatter = ((delay - delay.mean(0)) ** 2).sum() / (free * max(len(fits) - 1, 1))
+    wander2 = max(scatter - noise.mean(), 0.0) if len(fits) > 1 else 0.0
+    weight = 1 / (wander2 + noise)
+    mean = weight @ delay / weight.sum()
+    std = np.sqrt(free / len(everywhere) / weight.sum())
+    return DeviceDelays(
+        seconds=dict(zip(everywhere, mean.tolist(), strict=True)),
+        std=dict.fromkeys(everywhere, float(std)),
+        wander=float(np.sqrt(wander2)),
+        noise_factor=float(np.sqrt(noise_factor2)),
+    )
+
+
+def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> _Fit:
+    names = tuple(sorted({devices[c] for c in estimate.channels}))
     column = np.array([names.index(devices[c]) for c in estimate.channels])
-    omega = 2 * np.pi * estimate.frequency
     n_modes, n_channels = estimate.shape.shape
-    weight = (np.abs(estimate.shape) / np.maximum(estimate.shape_std, 1e-6)).ravel()
+    weight = (np.abs(estimate.shape) / np.maximum(estimate.shape_std, _LEAST_STD)).ravel()
+    # the unit of delays is such that all columns are of one size, and the pseudo-inverse leaves the common delay out
+    unit = 1 / (2 * np.pi * float(estimate.frequency.max()))
     design = np.zeros((n_modes * n_channels, n_modes + len(names)))
     row = np.arange(n_modes * n_channels)
     design[row, np.repeat(np.arange(n_modes), n_channels)] = 1
-    design[row, n_modes + np.tile(column, n_modes)] = -np.repeat(omega, n_channels)
-    scale = np.r_[
-        np.ones(n_modes), np.full(len(names), 1 / omega.max())
-    ]  # so that the pseudo-inverse sees like numbers
-    solution = np.zeros(n_modes + len(names))
+    design[row, n_modes + np.tile(column, n_modes)] = -np.repeat(estimate.frequency, n_channels) * 2 * np.pi * unit
+    prior, start = _prior(names, known)
+    solution = np.r_[np.zeros(n_modes), start / unit]
+    rows = np.pad(prior * unit * known.noise_factor, ((0, 0), (n_modes, 0)))
+    matrix = np.concatenate([design * weight[:, None], rows])
     for _ in range(_ITERATIONS):
         residual = np.angle(estimate.shape).ravel() - design @ solution
         residual = (residual + np.pi / 2) % np.pi - np.pi / 2
-        step = np.linalg.lstsq(design * scale * weight[:, None], residual * weight, rcond=1e-8)[0]
-        solution = solution + scale * step
-    delay = solution[n_modes:] - solution[n_modes:].mean()
-    return dict(zip(names, delay.tolist(), strict=True))
+        target = np.r_[residual * weight, rows @ (np.r_[np.zeros(n_modes), start / unit] - solution)]
+        solution = solution + np.linalg.lstsq(matrix, target, rcond=1e-8)[0]
+    delay = solution[n_modes:] * unit
+    centre = np.eye(len(names)) - 1 / len(names)
+    covariance = np.linalg.pinv(matrix.T @ matrix, rcond=1e-12, hermitian=True)[n_modes:, n_modes:] * unit**2
+    return _Fit(
+        names=names,
+        delay=centre @ delay,
+        covariance=centre @ covariance @ centre,
+        misfit=float(((residual * weight) ** 2).sum()),
+        degrees_of_freedom=max(len(weight) - n_modes - len(names) + 1, 0),
+    )
+
+
+def _prior(names: tuple[str, ...], known: DeviceDelays) -> tuple[FloatArray, FloatArray]:
+    """Return rows (n_known, n_devices) of one over the wander, and the constants (n_devices,), 0 for an unknown."""
+    start = np.array([known.seconds.get(name, 0.0) for name in names])
+    is_known = np.array([name in known.seconds for name in names])
+    return np.eye(len(names))[is_known] / max(known.wander, _LEAST_WANDER), start
 
 
 def remove_delays(estimate: ModalEstimate, devices: Mapping[str, str], delays: Mapping[str, float]) -> ModalEstimate:

@@ -8,6 +8,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from updater.calibration import Calibration, calibrate, channel_rows
+from updater.delays import NO_DELAYS, DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal, pair_modes
 from updater.fe.model import Model, Modes
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks
@@ -24,6 +25,7 @@ class Reference:
     frequency: FloatArray  #: (n_modes,) measured where a track answers, the model's elsewhere [Hz]
     shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [A B2], in the order of the model's modes
     windows: TrackedModes  #: of the baseline: what undisturbed windows look like
+    delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
 
     @property
     def paired(self) -> IndexArray:
@@ -44,14 +46,18 @@ class Reference:
 
 
 def learn_reference(
-    structure: Structure, estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]
+    structure: Structure,
+    estimates: Sequence[ModalEstimate],
+    tracks: Sequence[IndexArray],
+    delays: DeviceDelays = NO_DELAYS,
 ) -> Reference:
     """Learn from baseline windows: average, calibrate, then the one-step update's first stage.
 
     The measured modes are expanded in clusters of the paired modes only and orthonormalised, so that the mass is not
     altered (eqs 7, 9 to 12) and the change is one of stiffness (eq. 8).
 
-    Measured modes without a partner in the model are left out; `calibration.tracks` says which stayed.
+    Measured modes without a partner in the model are left out; `calibration.tracks` says which stayed. `delays`
+    are kept for the windows to come: they have been removed from these.
 
     Raises
     ------
@@ -73,6 +79,7 @@ def learn_reference(
         frequency=updated.frequency,
         shape=updated.shape,
         windows=kept,
+        delays=delays,
     )
 
 
