@@ -50,7 +50,7 @@ def _say_plan(site: Site) -> None:
     learning = (analysis.window_seconds + (analysis.baseline_windows - 1) * step) / 3600
     folder = site.folder / settings.recorder.folder
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
-    console.print(f"structure: {site.folder / settings.structure}", soft_wrap=True)
+    console.print(f"structure: {escape(str(site.folder / settings.structure))}", soft_wrap=True)
     console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {step:g} s")
     console.print(f"baseline:  {analysis.baseline_windows} windows, {learning:.2g} h")
@@ -58,7 +58,7 @@ def _say_plan(site: Site) -> None:
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
         f"after {settings.alarm.hold_windows} windows over the limit"
     )
-    console.print(f"log:       {folder}, {free / 1e9:.1f} GB free", soft_wrap=True)
+    console.print(f"log:       {escape(str(folder))}, {free / 1e9:.1f} GB free", soft_wrap=True)
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -210,8 +211,8 @@ def _table(logs: Sequence[Path], windows: Windows, fused: FusedModes, partners: 
     compared = any(partners)
     n, seconds = len(windows.estimates), (first.end - first.start) * 1e-9
     what = f"{n} windows of {seconds:.6g} s" if n > 1 else f"one window of {seconds:.6g} s"
-    table = Table(title=f"{escape(', '.join(log.name for log in logs))}: {what}")
-    for name in ("mode", "frequency [Hz]", "damping [%]", "MPC", "windows", *(("model [Hz]", "MAC") * compared)):
+    table = Table(box=SIMPLE_HEAD, title=f"{escape(', '.join(log.name for log in logs))}: {what}")
+    for name in ("mode", "frequency [Hz]", "damping [%]", "MPC", "seen", *(("model", "MAC") * compared)):
         table.add_column(name, justify="right", no_wrap=True)
     for i, partner in enumerate(partners):
         cells = [

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 
 from daq import DataError, Recording, read_data, with_channels, write_recording
 from monitor.daemon import load_site
@@ -44,8 +45,8 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     write_recording(out, recording, attachments)
     missing = sum(gap.stop - gap.start for gap in recording.gaps)
     console.print(
-        f"{out}: {len(recording.channels)} channels, {recording.duration:.6g} s at {recording.rate:.6g} Hz, "
-        f"{len(recording.gaps)} gaps ({missing} samples)",
+        f"{escape(str(out))}: {len(recording.channels)} channels, "
+        f"{recording.duration:.6g} s at {recording.rate:.6g} Hz, {len(recording.gaps)} gaps ({missing} samples)",
         soft_wrap=True,
     )
     return 0

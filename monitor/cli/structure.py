@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -52,7 +53,7 @@ def as_json(sight: Sight) -> dict[str, Any]:
 
 def _say(sight: Sight) -> None:
     structure = sight.model.structure
-    table = Table(title=escape(structure.name))
+    table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
     for name in ("mode", "frequency [Hz]", "seen by sensors", "best sensor", "looks to them like"):
         table.add_column(name, justify="right", no_wrap=True)
     for k, frequency in enumerate(sight.modes.frequency):
