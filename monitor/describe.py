@@ -1,6 +1,6 @@
 """Arrays of the analysis put into the plain values of the log, and into words."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from monitor.results import (
     WindowResult,
 )
 from oma import ModalEstimate, OmaError, Stabilization, singular_values
-from updater import MassChange, MassUpdate, Reference, Structure, real_shape
+from updater import MassChange, MassUpdate, Model, Reference, Structure, build_model, real_shape
 
 _SPECTRUM_POINTS = 1024
 _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
@@ -69,9 +69,6 @@ def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | No
 def reference_result(reference: Reference, time: int) -> ReferenceResult:
     """Return the reference with the geometry to draw it."""
     calibration, model = reference.calibration, reference.calibration.model
-    lines: dict[str, list[int]] = {}
-    for member, (start, end) in zip(model.member_names, model.spans, strict=True):
-        lines.setdefault(member, [start]).append(end)
     padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
     motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
     motion = motion / np.abs(motion).max(axis=(0, 1))
@@ -79,9 +76,7 @@ def reference_result(reference: Reference, time: int) -> ReferenceResult:
     return ReferenceResult(
         time=time,
         n_windows=int(base.n.max()),
-        nodes=[_vector(p) for p in model.nodes],
-        lines=lines,
-        sensors={s.channel: (s.at, s.direction) for s in calibration.structure.sensor},
+        **_geometry(model),
         modes=[
             ReferenceMode(
                 id=i + 1,
@@ -98,6 +93,19 @@ def reference_result(reference: Reference, time: int) -> ReferenceResult:
         delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
         delay_wander=reference.delays.wander,
     )
+
+
+def _geometry(model: Model) -> dict[str, Any]:
+    lines: dict[str, list[int]] = {}
+    for member, (start, end) in zip(model.member_names, model.spans, strict=True):
+        lines.setdefault(member, [start]).append(end)
+    sensors = {s.channel: (s.at, s.direction) for s in model.structure.sensor}
+    return {"nodes": [_vector(p) for p in model.nodes], "lines": lines, "sensors": sensors}
+
+
+def bare_reference(structure: Structure) -> ReferenceResult:
+    """Return a structure as it can be drawn, with nothing learnt about it."""
+    return ReferenceResult(time=0, n_windows=0, modes=[], calibrated={}, **_geometry(build_model(structure)))
 
 
 def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> MassAnswer:

@@ -6,11 +6,12 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from pydantic import ValidationError
 
+from monitor.describe import bare_reference
 from monitor.errors import ResultsError
 from monitor.logged import Run
 from monitor.report.content import diagnosis_content, run_content, versions
 from monitor.report.svg import styled
-from updater import Diagnosis
+from updater import Diagnosis, Structure
 
 __all__ = ["diagnosis_report", "load_diagnosis", "run_report"]
 
@@ -33,7 +34,7 @@ def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None
         _write(path, "run.html", run_content(run, diagnosis))
 
 
-def diagnosis_report(diagnosis: Diagnosis, path: Path, *, title: str) -> None:
+def diagnosis_report(diagnosis: Diagnosis, path: Path, *, title: str, structure: Structure | None = None) -> None:
     """Write the report of a diagnosis that stands alone; errors as for `run_report`.
 
     Parameters
@@ -41,11 +42,13 @@ def diagnosis_report(diagnosis: Diagnosis, path: Path, *, title: str) -> None:
     diagnosis : the answer of `modalwatch diagnose`
     path : of the page
     title : what was diagnosed: the structure's name
+    structure : to draw the causes on
     """
-    content = diagnosis_content(diagnosis)
-    state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
-    values = {"title": title, "state": state, "headline": content["text"], "diagnosis": content}
-    _write(path, "diagnosis.html", values | {"versions": versions()})
+    with styled():
+        content = diagnosis_content(diagnosis, bare_reference(structure) if structure else None)
+        state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
+        values = {"title": title, "state": state, "headline": content["text"], "diagnosis": content}
+        _write(path, "diagnosis.html", values | {"versions": versions()})
 
 
 def load_diagnosis(path: Path) -> Diagnosis:

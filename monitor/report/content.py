@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from monitor.describe import mass_text
 from monitor.logged import Run
-from monitor.report import places, trends
+from monitor.report import fits, places, trends
 from monitor.report.svg import data_uri
-from monitor.results import MassAnswer, MassIncrements, WindowResult
+from monitor.results import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
 from monitor.words import (
     cause_text,
@@ -57,7 +57,7 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
         "pictures": _pictures(story),
         "increments": _increments(story),
         "modes": _modes(story),
-        "diagnosis": diagnosis_content(diagnosis) if diagnosis else None,
+        "diagnosis": diagnosis_content(diagnosis, story.reference) if diagnosis else None,
         "quality": _quality(run),
         "settings": run.site_text,
         "versions": versions(),
@@ -189,9 +189,12 @@ def _quality(run: Run) -> dict[str, Any]:
     }
 
 
-def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the template's values for a diagnosis."""
+def diagnosis_content(diagnosis: Diagnosis, reference: ReferenceResult | None) -> dict[str, Any]:
+    """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
+    placed = fits.causes_figure(reference, diagnosis.causes) if reference else None
     return {
+        "places": picture(placed, "The structure with the causes where they are"),
+        "fits": picture(fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"),
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),
         "causes": [

@@ -8,7 +8,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from daq import FloatArray
 from monitor.geometry import Geometry, screen
 from monitor.report.svg import ADDED, INK, REGION, REMOVED, SENSOR, SOFT, bare
-from monitor.results import Interval, MassAnswer, MassIncrements, ReferenceResult
+from monitor.results import Interval, MassAnswer, MassIncrements, ReferenceResult, Vector
 from monitor.unrolled import sigmas
 
 _SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye
@@ -67,6 +67,13 @@ class Frame:
             bar.set_label("worse than the best place by [σ]", fontsize=7)
             bar.ax.invert_yaxis()
             bar.outline.set_visible(False)
+
+    def draw_place(self, axes: Axes, position: Vector, region: list[Interval], name: str) -> None:
+        """Draw one of several places with its 95 % region."""
+        self._region(axes, region)
+        x, y = self.flat(np.array(position))
+        axes.plot(x, y, "o", markersize=9, color=ADDED, markeredgecolor="white", zorder=6)
+        axes.annotate(name, (x, y), (8, 8), textcoords="offset points", fontsize=8, zorder=7)
 
     def _region(self, axes: Axes, region: list[Interval]) -> None:
         for number, stretch in enumerate(region):

@@ -83,7 +83,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 def test_page_needs_no_network_and_its_pictures_are_whole(page: Page) -> None:
-    assert len(page.pictures) == 6
+    assert len(page.pictures) == 8
     assert page.links
     for source in page.links:
         assert source.startswith(_SVG)
@@ -178,10 +178,12 @@ def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
 
 
 def test_diagnosis_stands_alone(tmp_path: Path) -> None:
-    diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>")
+    structure = SITE.model.structure
+    diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>", structure=structure)
     page = Page(tmp_path / "page.html")
     assert headline(page).startswith("Explained: 302 ± 5 g added on the crossbeam")
     assert "T <frame>" in page.words
+    assert len(page.pictures) == 2  # places and errors
     nothing = answers.diagnosis().model_copy(update={"verdict": "unexplained", "causes": (), "gain": None, "modes": ()})
     diagnosis_report(nothing, tmp_path / "page.html", title="T")
     assert headline(Page(tmp_path / "page.html")) == "Something has changed that no cause known here explains."
