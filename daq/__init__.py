@@ -1,11 +1,15 @@
 """Bytes in, recordings out: drivers, emulators, the MCAP log, and blocks of many devices on one grid."""
 
 from daq.assembly import Assembler
+from daq.can_address import CanAddress
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import export_recording, read_data, with_channels, write_recording
 from daq.drivers.base import DeviceReader, Driver, Scans
-from daq.emulator.epson import EmulatedEpson, SampleSource, serve_all, unplugging
+from daq.emulator.epson import EmulatedEpson
+from daq.emulator.epson_can import EmulatedEpsonCan
+from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
+from daq.emulator.slcan import EmulatedSlcan
 from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogThread, LogWriter, read_attachments, read_log
@@ -21,6 +25,7 @@ __all__ = [
     "EPSON_SCALE",
     "Assembler",
     "Block",
+    "CanAddress",
     "Channel",
     "ChannelMap",
     "ClockFit",
@@ -32,6 +37,9 @@ __all__ = [
     "Driver",
     "DriverError",
     "EmulatedEpson",
+    "EmulatedEpsonCan",
+    "EmulatedPort",
+    "EmulatedSlcan",
     "Event",
     "Flag",
     "FloatArray",

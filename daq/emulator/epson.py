@@ -2,28 +2,12 @@
 
 import os
 import tty
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Protocol
 
+from daq.emulator.serving import PORT_BUFFER, SampleSource
 from daq.hostclock import HostClock
 from daq.protocol import epson
-from daq.recording import IntArray
 
-_PORT_BUFFER = 640 * 1024  # bytes that Linux keeps of a real port's before it loses some; a pty alone keeps 4 kB
 _SERIAL_LENGTH = 8
-
-
-class SampleSource(Protocol):
-    """What an emulated device measures."""
-
-    def start(self, time: int, rate: float) -> None:
-        """Begin: scan k is taken at time + k / rate [ns UTC, Hz]."""
-        ...
-
-    def read(self, index: int, n: int) -> IntArray:
-        """Return scans index .. index + n - 1 as counts (n, 3); called in order, each scan once."""
-        ...
 
 
 class EmulatedEpson:
@@ -131,7 +115,7 @@ class EmulatedEpson:
         if n <= 0:
             return
         counts = self._source.read(self._due, n)
-        room = max(0, (_PORT_BUFFER - len(self._pending)) // epson.FRAME_SIZE)
+        room = max(0, (PORT_BUFFER - len(self._pending)) // epson.FRAME_SIZE)
         self.dropped += max(0, n - room)
         if room:
             self._pending += epson.encode_frames(counts[:room], self._due, self._temperature)
@@ -155,20 +139,3 @@ def _registers(serial_number: str) -> dict[tuple[int, int], int]:
         for i, address in enumerate(registers)
     }
     return {**values, (0, epson.ID): epson.IDENTITY, (1, epson.VERSION): 0x0100, (0, 2): epson.MODE_CONFIG << 9}
-
-
-@contextmanager
-def unplugging(devices: list[EmulatedEpson]) -> Iterator[list[EmulatedEpson]]:
-    """Close emulated devices at the end, whatever happens."""
-    try:
-        yield devices
-    finally:
-        for device in devices:
-            device.close()
-
-
-def serve_all(devices: list[EmulatedEpson], turn: int) -> None:
-    """Serve each device once, in an order that moves on with `turn`, so that none is always the latest."""
-    first = turn % len(devices)
-    for device in devices[first:] + devices[:first]:
-        device.serve()

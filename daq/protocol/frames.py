@@ -37,8 +37,9 @@ class CanFrames:
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
         """Yield (id, data) of each frame."""
-        for number, size, data in zip(self.ids.tolist(), self.dlc.tolist(), self.data, strict=True):
-            yield number, data[:size].tobytes()
+        content = self.data.tobytes()
+        for k, (number, size) in enumerate(zip(self.ids.tolist(), self.dlc.tolist(), strict=True)):
+            yield number, content[8 * k : 8 * k + size]
 
 
 def can_frames(frames: Sequence[tuple[int, bytes]]) -> CanFrames:

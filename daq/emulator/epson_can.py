@@ -1,0 +1,137 @@
+"""An Epson M-A552AC1x on an emulated CAN bus."""
+
+import time
+
+import numpy as np
+
+from daq.emulator.canopen_server import Entry, Place, SdoServer
+from daq.emulator.serving import SampleSource
+from daq.hostclock import HostClock
+from daq.protocol import epson_can as epson
+from daq.protocol.frames import CanFrames
+
+_INITIALISING, _OPERATIONAL, _PRE_OPERATIONAL, _STOPPED = 0, 5, 127, 4
+_START, _STOP, _ENTER_PRE_OPERATIONAL, _RESET = 1, 2, 128, (129, 130)
+_NMT, _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x000, 0x600, 0x580, 0x700
+
+Frame = tuple[int, bytes]
+
+
+class EmulatedEpsonCan:
+    """One node: boots, answers NMT and SDO, sends heartbeats if asked to, and scans while operational.
+
+    Parameters
+    ----------
+    source : what it measures
+    clock : of the world it lives in
+    node : its id
+    serial_number : 32 bits
+    clock_error : of its own oscillator, 1e-6 = 1 ppm fast
+    product : its name; more than four letters take several frames
+    apply_seconds : of wall time during which it does not answer after it was told to apply; hardware takes about 1 s
+    """
+
+    def __init__(
+        self,
+        source: SampleSource,
+        clock: HostClock,
+        *,
+        node: int,
+        serial_number: int,
+        clock_error: float = 0.0,
+        product: str = "A552",
+        apply_seconds: float = 0.05,
+    ) -> None:
+        self.node = node
+        self._source, self._clock, self._clock_error = source, clock, clock_error
+        self._apply_seconds, self._deaf_until = apply_seconds, 0.0
+        self._objects = SdoServer(_objects(node, serial_number, product), self._written)
+        self._state = _PRE_OPERATIONAL
+        self._started: int | None = None
+        self._due = 0
+        self._rate = 1000.0
+        self._next_beat: int | None = None  # [ns UTC]
+        self.sent = 0  #: scans handed to the adapter
+        self.dropped = 0  #: scans that found it full or closed
+
+    @property
+    def sampling_since(self) -> int | None:
+        """Time of the first scan [ns UTC], None while it is not sampling."""
+        return self._started
+
+    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+        """Take a frame from the bus; return those that answer it."""
+        if can_id == _NMT and len(data) == 2 and data[1] in (0, self.node):
+            return self._command(data[0])
+        if can_id == _SDO_REQUEST + self.node and time.monotonic() >= self._deaf_until and self._state != _STOPPED:
+            answer = self._objects.answer(data)
+            return [] if answer is None else [(_SDO_ANSWER + self.node, answer)]
+        return []
+
+    def _command(self, command: int) -> list[Frame]:
+        if command == _START and self._state != _OPERATIONAL:
+            self._state = _OPERATIONAL
+            self._started, self._due = self._clock.now(), 0
+            self._source.start(self._started, self._rate * (1 + self._clock_error))
+        elif command in (_STOP, _ENTER_PRE_OPERATIONAL, *_RESET):
+            self._state = _STOPPED if command == _STOP else _PRE_OPERATIONAL
+            self._started = None
+        return [(_HEARTBEAT + self.node, bytes([_INITIALISING]))] if command in _RESET else []
+
+    def _written(self, place: Place) -> None:
+        if place == epson.APPLY:
+            self._rate = 1000.0 / self._objects[epson.PERIOD]
+            self._objects.set(epson.APPLY, epson.APPLIED)
+            self._deaf_until = time.monotonic() + self._apply_seconds
+        elif place == epson.HEARTBEAT:
+            self._next_beat = self._clock.now() if self._objects[epson.HEARTBEAT] else None
+
+    def beats(self) -> list[Frame]:
+        """Return the heartbeat if it is due."""
+        now = self._clock.now()
+        if self._next_beat is None or now < self._next_beat:
+            return []
+        self._next_beat = now + self._objects[epson.HEARTBEAT] * 1_000_000
+        return [(_HEARTBEAT + self.node, bytes([self._state]))]
+
+    def scans(self, room: int) -> CanFrames:
+        """Return the process data that are due, of as many scans as there is room for; the others are dropped."""
+        first, n = self._due, self._n_due()
+        counts = self._source.read(first, n)[:room] if n else np.empty((0, 3), np.int32)
+        self._due += n
+        self.dropped += n - len(counts)
+        self.sent += len(counts)
+        frames = epson.encode_scans(self.node, counts, first)
+        on = [not self._objects[place] & epson.COB_OFF for place in (epson.TPDO1_COB, epson.TPDO2_COB)]
+        return frames if all(on) else frames[np.tile(on, len(counts))]
+
+    def _n_due(self) -> int:
+        if self._started is None:
+            return 0
+        elapsed = (self._clock.now() - self._started) * 1e-9
+        return max(0, int(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
+
+
+def _objects(node: int, serial_number: int, product: str) -> dict[Place, Entry]:
+    """Return what a device holds after reset."""
+
+    def number(value: int, size: int, *allowed: int) -> Entry:
+        kept = {entry.to_bytes(size, "little") for entry in allowed}
+        return Entry(value.to_bytes(size, "little"), kept.__contains__)
+
+    def any_number(value: int, size: int) -> Entry:
+        return Entry(value.to_bytes(size, "little"), lambda _: True)
+
+    return {
+        epson.DEVICE_NAME: Entry(product.encode("ascii")),
+        epson.HARDWARE: Entry(b"AC10"),
+        epson.SOFTWARE: Entry(b"1.00"),
+        epson.SERIAL: Entry(serial_number.to_bytes(4, "little")),
+        epson.HEARTBEAT: any_number(0, 2),
+        epson.TPDO1_COB: any_number(epson.COB_NO_RTR | epson.TPDO1 + node, 4),
+        epson.TPDO2_COB: any_number(epson.COB_NO_RTR | epson.TPDO2 + node, 4),
+        epson.TRANSMISSION: number(epson.BY_SYNC, 1, epson.BY_SYNC, epson.BY_TIMER),
+        epson.PERIOD: number(2, 4, *(period for period, _ in epson.RATES.values())),
+        epson.FILTER: number(9, 1, *range(1, 15)),
+        epson.APPLY: number(epson.APPLIED, 1, epson.APPLY_NOW),
+    }

@@ -1,0 +1,55 @@
+"""What emulated hardware has in common: something to measure, and being served in turns."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Protocol, TypeVar
+
+from daq.recording import IntArray
+
+PORT_BUFFER = 640 * 1024  # bytes that Linux keeps of a real port's before it loses some; a pty alone keeps 4 kB
+
+
+class SampleSource(Protocol):
+    """What an emulated device measures."""
+
+    def start(self, time: int, rate: float) -> None:
+        """Begin: scan k is taken at time + k / rate [ns UTC, Hz]."""
+        ...
+
+    def read(self, index: int, n: int) -> IntArray:
+        """Return scans index .. index + n - 1 as counts (n, 3); called in order, each scan once."""
+        ...
+
+
+class EmulatedPort(Protocol):
+    """Emulated hardware behind one port."""
+
+    port: str  #: path to open on the host's side
+
+    def serve(self) -> None:
+        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        ...
+
+    def close(self) -> None:
+        """Unplug: the host's side reads an error from now on; once is enough."""
+        ...
+
+
+_Port = TypeVar("_Port", bound=EmulatedPort)
+
+
+@contextmanager
+def unplugging(ports: list[_Port]) -> Iterator[list[_Port]]:
+    """Close emulated hardware at the end, whatever happens."""
+    try:
+        yield ports
+    finally:
+        for port in ports:
+            port.close()
+
+
+def serve_all(ports: Sequence[EmulatedPort], turn: int) -> None:
+    """Serve each port once, in an order that moves on with `turn`, so that none is always the latest."""
+    first = turn % len(ports)
+    for port in (*ports[first:], *ports[:first]):
+        port.serve()

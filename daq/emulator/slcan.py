@@ -1,0 +1,104 @@
+"""An SLCAN adapter on a pty, with emulated nodes on its bus."""
+
+import os
+import tty
+
+from daq.emulator.epson_can import EmulatedEpsonCan, Frame
+from daq.emulator.serving import PORT_BUFFER
+from daq.protocol import slcan
+from daq.protocol.frames import can_frames, concatenate
+
+_LINE_END = b"\r"
+_BYTES_A_SCAN = 40  # a line of 8 bytes and one of 6
+_LONGEST = 64
+_FRAMES = {ord("t"): b"z\r", ord("r"): b"z\r", ord("T"): b"Z\r", ord("R"): b"Z\r"}  #: line -> answer
+_ANSWERS = {ord("V"): b"V1013\r", ord("N"): b"N0042\r", ord("F"): b"F00\r"}
+_SETTINGS = b"SsZXWMmAPYQ"
+
+
+class EmulatedSlcan:
+    """The device side of an adapter.
+
+    What nodes send before the channel is open is lost, as on a bus that nobody listens to. It never waits for a
+    reader: beyond the pty's own buffer it holds as much as the kernel would of a real port's bytes, and then drops
+    whole scans, which their node counts.
+
+    Parameters
+    ----------
+    nodes : on its bus
+    """
+
+    def __init__(self, nodes: list[EmulatedEpsonCan]) -> None:
+        self.nodes = nodes
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)  #: path to open on the host's side
+        self._unplugged = self._open = False
+        self._commands, self._pending = bytearray(), bytearray()
+
+    def close(self) -> None:
+        """Unplug: the host's side reads an error from now on; once is enough."""
+        if not self._unplugged:
+            self._unplugged = True
+            os.close(self._slave)
+            os.close(self._master)
+
+    def serve(self) -> None:
+        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        if self._unplugged:
+            return
+        self._listen()
+        for node in self.nodes:
+            self._send(node.beats())
+        self._sample()
+        self._drain()
+
+    def _listen(self) -> None:
+        try:
+            self._commands += os.read(self._master, 4096)
+        except OSError:
+            return  # nothing said, or nobody has the port open
+        *lines, rest = self._commands.split(_LINE_END)
+        self._commands = rest[-_LONGEST:]
+        for line in lines:
+            self._obey(bytes(line))
+
+    def _obey(self, line: bytes) -> None:
+        command = line[0] if line else 0
+        if command in _FRAMES:
+            self._transmit(line, _FRAMES[command])
+            return
+        if command in (ord("O"), ord("L")):
+            self._open = True
+        elif command == ord("C"):
+            self._open = False
+        known = not line or command in b"OLC" or command in _SETTINGS
+        self._pending += _ANSWERS.get(command, _LINE_END if known else bytes([slcan.REFUSED]))
+
+    def _transmit(self, line: bytes, answer: bytes) -> None:
+        frames = slcan.SlcanDecoder().feed(line + _LINE_END) if self._open else can_frames([])
+        if not len(frames):
+            self._pending.append(slcan.REFUSED)
+            return
+        self._pending += answer
+        for can_id, data in frames:
+            for node in self.nodes:
+                self._send(node.hear(can_id, data))
+
+    def _send(self, frames: list[Frame]) -> None:
+        if frames and self._open:
+            self._pending += slcan.encode(can_frames(frames))
+
+    def _sample(self) -> None:
+        room = max(0, PORT_BUFFER - len(self._pending)) // _BYTES_A_SCAN if self._open else 0
+        parts = [node.scans(room // len(self.nodes)) for node in self.nodes]
+        if any(map(len, parts)):
+            self._pending += slcan.encode(concatenate(parts))
+
+    def _drain(self) -> None:
+        if self._pending:
+            try:
+                del self._pending[: os.write(self._master, self._pending)]
+            except OSError:
+                return  # full: a real line would hold it too

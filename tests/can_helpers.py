@@ -1,0 +1,107 @@
+"""Ports and buses that tests of CAN share."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq_helpers import START
+
+from daq import EmulatedSlcan, ScaledClock
+
+SCRIPT = Path(__file__).parent / "emulated_can.py"
+
+
+@contextmanager
+def pty() -> Iterator[tuple[int, str]]:
+    """Give the device's side of a pty as a descriptor, and the path of the host's side."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    try:
+        yield master, os.ttyname(slave)
+    finally:
+        os.close(slave)
+        os.close(master)
+
+
+@contextmanager
+def serving(serve: Callable[[], None]) -> Iterator[None]:
+    """Serve from a thread."""
+    stop = threading.Event()
+
+    def run() -> None:
+        while not stop.wait(0.002):
+            serve()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@contextmanager
+def served(adapter: EmulatedSlcan) -> Iterator[EmulatedSlcan]:
+    """Serve an adapter from a thread, and unplug it at the end."""
+    with serving(adapter.serve):
+        yield adapter
+    adapter.close()
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.02)
+
+
+@dataclass(frozen=True)
+class CanProcess:
+    """An adapter and its nodes in another process."""
+
+    process: subprocess.Popen[str]
+    clock: ScaledClock
+    channel: str
+
+    def say(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def end(self) -> dict[str, list[int]]:
+        """Stop it; return scans sent and dropped."""
+        self.say("end")
+        assert self.process.stdout is not None
+        found: dict[str, list[int]] = json.loads(self.process.stdout.readline())
+        return found
+
+
+@contextmanager
+def can_process(folder: Path, n: int, speed: int = 1) -> Iterator[CanProcess]:
+    """Run an adapter with n nodes; the process is gone afterwards."""
+    clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
+    link = folder / "adapter"
+    words = [str(link), str(n), str(speed), str(clock.origin_wall), str(clock.origin)]
+    environment = {**os.environ, "PYTHONPATH": str(SCRIPT.parents[1])}
+    with subprocess.Popen(
+        [sys.executable, str(SCRIPT), *words],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == '"ready"\n'
+            yield CanProcess(process, clock, str(link))
+        finally:
+            process.kill()

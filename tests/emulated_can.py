@@ -1,0 +1,43 @@
+"""Emulated CAN nodes behind one adapter in a process of its own, told what to do over its standard input.
+
+    python emulated_can.py LINK N SPEED ORIGIN_WALL ORIGIN
+
+LINK always points to the adapter's port. First line out: "ready". Lines in: `unplug`, `plug`, `end`. Last line out:
+scans sent and dropped by each node. Nodes are 1, 2, ...
+"""
+
+import sys
+from pathlib import Path
+
+from emulated_ports import Ramp, say, told
+
+from daq import EmulatedEpsonCan, EmulatedSlcan, ScaledClock, unplugging
+
+
+def plugged(link: Path, n: int, clock: ScaledClock) -> EmulatedSlcan:
+    """Return a new adapter with its nodes, where the link says."""
+    nodes = [EmulatedEpsonCan(Ramp(), clock, node=1 + k, serial_number=100 + k) for k in range(n)]
+    adapter = EmulatedSlcan(nodes)
+    link.unlink(missing_ok=True)
+    link.symlink_to(adapter.port)
+    return adapter
+
+
+def main() -> None:
+    """Serve until told to end."""
+    link, (n, speed, origin_wall, origin) = Path(sys.argv[1]), (int(word) for word in sys.argv[2:])
+    clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)
+    with unplugging([plugged(link, n, clock)]) as adapters:
+        say("ready")
+        while (words := told()) != ["end"]:
+            if words == ["unplug"]:
+                adapters[-1].close()
+            elif words == ["plug"]:
+                adapters.append(plugged(link, n, clock))
+            adapters[-1].serve()
+        nodes = adapters[-1].nodes
+        say({"sent": [node.sent for node in nodes], "dropped": [node.dropped for node in nodes]})
+
+
+if __name__ == "__main__":
+    main()
