@@ -150,7 +150,8 @@ def _modes(story: Story) -> list[dict[str, str]]:
 def _mode(
     number: int, frequency: float, std: float, model_mac: float, first: WindowResult | None, last: WindowResult | None
 ) -> dict[str, str]:
-    row = {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
+    row = dict.fromkeys(("now", "shift", "sigmas", "damping", "mac"), "")
+    row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
     mode = find_mode(last, number) if last else None
     if mode is None or last is None:
         return row | {"now": "not seen"}

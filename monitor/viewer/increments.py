@@ -16,7 +16,7 @@ from monitor.viewer.palette import ALARM, DIM, GREY, REGION, SENSOR, TEXT, signe
 from monitor.viewer.scene import SIDE, TUBE, supports
 
 DIRECTIONS = ("x", "y", "z")
-BOUNDS = ((-24.0, 208.0), (-10.0, 132.0))  # of the drawing, x and y
+BOUNDS = ((-24.0, 208.0), (-14.0, 142.0))  # of the drawing, x and y
 _WIDTH, _HEIGHT, _BETWEEN = 200.0, 34.0, 12.0
 LABEL = 0.1  # of the structure's size, from a flagged node up to its label
 _ROOM = 1.15  # of the largest increment: half the height of a panel

@@ -173,6 +173,17 @@ def test_answer_of_unknown_precision_is_shown(std: float, tmp_path: Path) -> Non
     assert "added on the crossbeam" in headline(page)
 
 
+@pytest.mark.parametrize("window", [0, -1], ids=["first", "last"])
+def test_a_mode_that_a_window_did_not_show_leaves_its_cells_empty(window: int, tmp_path: Path) -> None:
+    watched = WHOLE["windows"][-3:]
+    watched[window] = watched[window].model_copy(update={"modes": watched[window].modes[1:]})
+    page = page_of(WHOLE | {"windows": watched}, tmp_path)
+    assert ("not seen" in page.words) == (window == -1)
+    row = re.search(r"<tr><td>1</td>.*?</tr>", page.text, re.DOTALL)
+    assert row
+    assert "<td></td>" in row.group(0)
+
+
 def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
     assert page_of(FOUND, tmp_path).text == page.text
 
