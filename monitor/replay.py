@@ -5,8 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import Event, Item, LogError, read_attachments, read_log
+from daq import Block, Event, Item, LogError, read_attachments, read_log
 from monitor.daemon import Site, event_result
+from monitor.settings import parse_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
 
 _WAITING = 2000  # items that may wait for the analysis
@@ -37,16 +38,19 @@ def replay(path: Path, site: Site | None, on_result: Callable[[Result], None]) -
     Raises
     ------
     LogError
-        If the log cannot be read or has no settings attached.
+        If the log cannot be read, is damaged, has no settings attached, or devices that the settings do not know.
+    SettingsError
+        If the settings attached cannot be used.
     """
     attached = read_attachments(path)
     if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
         raise LogError(path, "has no settings attached: give --site")
     texts = (site.structure_text, site.site_text) if site else (attached["structure.toml"], attached["site.toml"])
+    devices = tuple(device.name for device in parse_settings(texts[1], f"{path}: site.toml").device)
     logged: list[Result] = []
     found: list[Result] = []
     with Worker(*texts, capacity=_WAITING) as worker, ThreadPoolExecutor(1) as feeder:
-        feeding = feeder.submit(_feed, path, worker, logged)
+        feeding = feeder.submit(_feed, path, worker, logged, devices)
         for result in _until_last(worker):
             found.append(result)
             on_result(result)
@@ -54,18 +58,22 @@ def replay(path: Path, site: Site | None, on_result: Callable[[Result], None]) -
     return ReplayReport(found=found, logged=logged)
 
 
-def _feed(path: Path, worker: Worker, logged: list[Result]) -> None:
-    """Feed a log up to where it stopped, or was cut."""
+def _feed(path: Path, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
+    """Feed a log up to where it stopped, was cut or is damaged; the worker always gets its last item."""
     stopped = False
-    for item in read_log(path):
-        result = event_result(item) if isinstance(item, Event) else None
-        if result is not None:
-            logged.append(result)
-        elif not stopped:
-            worker.feed(item)
-            stopped = _is_last(item)
-    if not stopped:
-        worker.feed(Event(topic=TOPIC_STOPPED, time=0, payload={}))
+    try:
+        for item in read_log(path):
+            if isinstance(item, Block) and item.device not in devices:
+                raise LogError(path, f"holds device {item.device!r}; the settings know {', '.join(devices)}")
+            result = event_result(item) if isinstance(item, Event) else None
+            if result is not None:
+                logged.append(result)
+            elif not stopped:
+                worker.feed(item)
+                stopped = _is_last(item)
+    finally:
+        if not stopped:
+            worker.feed(Event(topic=TOPIC_STOPPED, time=0, payload={}))
 
 
 def _is_last(item: Item) -> bool:
