@@ -13,6 +13,7 @@ from daq.errors import LogError
 from daq.log import Event, read_attachments, read_log
 from daq.recording import Block, Channel, Recording, find_gaps
 
+_LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
 _PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
 
 
@@ -36,7 +37,8 @@ def load_recordings(
     Raises
     ------
     LogError
-        If the log cannot be read, does not say what its channels are, or has no scan of them.
+        If the log cannot be read, does not say what its channels are, has no scan of them, or, asked for as one
+        recording, is almost nothing but an outage.
     ValueError
         If the window is not positive.
     """
@@ -51,7 +53,7 @@ def load_recordings(
     length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
     pieces = _cut(path, known, rates, length / rate)
     if window_seconds is None:
-        yield from _joined(pieces)
+        yield from _joined(path, pieces)
     else:
         yield from _whole(pieces, length)
 
@@ -100,13 +102,16 @@ def _whole(pieces: Iterable[Recording], n: int) -> Iterator[Recording]:
     yield from (piece for piece in pieces if len(piece.data) == n)
 
 
-def _joined(pieces: Iterable[Recording]) -> Iterator[Recording]:
+def _joined(path: Path, pieces: Iterable[Recording]) -> Iterator[Recording]:
     """Yield pieces joined to one recording; nothing if there are none."""
     parts = list(pieces)
     if not parts:
         return
     first = parts[0]
     places = [round((part.start - first.start) * 1e-9 * first.rate) for part in parts]
+    held = sum(len(part.data) for part in parts)
+    if places[-1] > _LARGEST_SHARE * held:
+        raise LogError(path, f"is {places[-1] / held:.0f} times as long as what it holds: give a window")
     data = np.full((places[-1] + len(parts[-1].data), len(first.channels)), np.nan)
     for place, part in zip(places, parts, strict=True):
         data[place : place + len(part.data)] = part.data

@@ -14,6 +14,7 @@ from daq import (
     Flag,
     FloatArray,
     Item,
+    LogError,
     LogWriter,
     Recording,
     load_recordings,
@@ -115,6 +116,15 @@ def test_a_device_that_was_lost_and_came_back_leaves_a_gap(tmp_path: Path) -> No
     assert np.isfinite(found.data[:, 0]).all()
     assert np.nanmax(errors(found)) < 1.5 * KERNEL
     assert found.duration == pytest.approx(180, abs=0.3)
+
+
+def test_a_log_that_is_mostly_an_outage_is_not_one_recording(tmp_path: Path) -> None:
+    lost = Event(topic="/event/device_lost", time=START + 31 * 10**9, payload={"device": "a"})
+    path = written(tmp_path / "log.mcap", *blocks("a", 0, 30), lost, *blocks("a", 7200, 7230, restarted=True))
+    with pytest.raises(LogError, match=r"log\.mcap: is \d+ times as long as what it holds: give a window"):
+        list(load_recordings(path, channels=CHANNELS[:1]))
+    windows = list(load_recordings(path, window_seconds=10.0, channels=CHANNELS[:1]))
+    assert 5 <= len(windows) <= 8
 
 
 def test_a_device_that_stays_away_does_not_end_the_recording(tmp_path: Path) -> None:
