@@ -22,7 +22,7 @@ def draw_structure(sight: Sight, path: Path, n_modes: int = 6) -> None:
     rows = -(-n // _COLUMNS)
     figure = Figure(figsize=(15, 7.5), layout="constrained")
     left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1, 1.25)), object))
-    _draw_parts(_axes(left.add_subplot(projection="3d"), sight, 1.0), sight)
+    _draw_parts(_axes(left.add_subplot(projection="3d"), sight, 0.92), sight)
     left.suptitle(sight.model.structure.name, fontsize=13)
     for k in range(n):
         axes = _axes(right.add_subplot(rows, _COLUMNS, k + 1, projection="3d"), sight, 1.2)
@@ -37,7 +37,9 @@ def _axes(axes: Axes3D, sight: Sight, zoom: float) -> Axes3D:
     margin = 1.3 * _SWAY * _size(sight)
     low, high = low - margin, high + margin
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.set_xlabel("x [m]", labelpad=8)
+    axes.set_ylabel("y [m]", labelpad=8)
+    axes.set_zlabel("z [m]", labelpad=4)
     axes.set_box_aspect(high - low, zoom=zoom)
     axes.tick_params(labelsize=7)
     axes.view_init(elev=18, azim=-55)
