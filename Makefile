@@ -8,7 +8,7 @@ demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
 test: $(VENV)/.done
-	$(BIN)/python -m pytest
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 
 check: $(VENV)/.done
 	$(BIN)/ruff check .

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from daq import Channel, LogError, Recording, load_recordings, read_attachments, read_channel_map
+from daq import Block, Channel, LogError, Recording, load_recordings, read_attachments, read_channel_map, read_log
 from monitor.settings import parse_settings
 
 
@@ -27,3 +27,13 @@ def log_channels(path: Path) -> tuple[Channel, ...]:
 def log_recordings(path: Path, window_seconds: float | None = None) -> Iterator[Recording]:
     """Yield the recordings of a log, the whole one unless a window [s] is given; errors as for `load_recordings`."""
     return load_recordings(path, window_seconds=window_seconds, channels=log_channels(path))
+
+
+def log_duration(path: Path) -> float:
+    """Return how much a log holds of the device that it holds least of [s]; errors as for `read_log`."""
+    devices = {channel.device for channel in log_channels(path)}
+    seconds = dict.fromkeys(devices, 0.0)
+    for item in read_log(path):
+        if isinstance(item, Block) and item.device in devices:
+            seconds[item.device] += item.n_scans / item.rate
+    return min(seconds.values())

@@ -58,7 +58,7 @@ def where_text(where: Where | None) -> str:
     if where.position:
         x, y, z = where.position
         parts.append(f"at ({x:.3f}, {y:.3f}, {z:.3f}) m")
-    if where.position_std is not None:
+    if where.position_std:
         parts.append(f"± {1000 * where.position_std:.0f} mm")
     if where.channels:
         parts.append(f"in {', '.join(where.channels)}")

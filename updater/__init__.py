@@ -2,12 +2,15 @@
 
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
+from updater.diagnosis import Explained, diagnose
 from updater.errors import ModelError, PairingError, StructureError, UpdaterError
 from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.localization import MassChange, Stretch, locate_mass
 from updater.mass_update import Flag, MassUpdate, MassUpdater
+from updater.matching import match_modes, matched
+from updater.nominal import nominal_reference
 from updater.reference import Reference, learn_reference
 from updater.statistics import (
     ModalMean,
@@ -26,6 +29,7 @@ from updater.structure import (
     Sensor,
     Structure,
     Support,
+    dump_structure,
     load_structure,
     parse_structure,
     t_structure_toml,
@@ -41,6 +45,7 @@ __all__ = [
     "Cause",
     "DeviceDelays",
     "Diagnosis",
+    "Explained",
     "Flag",
     "FrequencyFit",
     "Gain",
@@ -73,13 +78,18 @@ __all__ = [
     "build_model",
     "calibrate",
     "channel_rows",
+    "diagnose",
+    "dump_structure",
     "estimate_delays",
     "learn_delays",
     "learn_reference",
     "learn_scatter",
     "load_structure",
     "locate_mass",
+    "match_modes",
+    "matched",
     "mean_modes",
+    "nominal_reference",
     "novelty",
     "novelty_limit",
     "pair_modes",

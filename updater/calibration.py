@@ -71,7 +71,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     PairingError
         If fewer than three measured modes have a partner in the model.
     """
-    nominal = _best_model(structure)
+    nominal = best_model(structure)
     n_modes = min(n_modes, int((nominal.dofs[:, :3] >= 0).sum()))
     modes = nominal.modes(n_modes)
     rows = channel_rows(nominal, measured.channels)
@@ -94,7 +94,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     start[[k.kind != "stiffness" for k in knobs]] = 1e-3
 
     def residual(x: FloatArray) -> FloatArray:
-        fitted = _best_model(_apply(structure, knobs, x)).modes(int(paired.max()) + 1).frequency
+        fitted = best_model(_apply(structure, knobs, x)).modes(int(paired.max()) + 1).frequency
         return np.asarray(np.r_[(np.log(fitted[paired]) - measured.log_frequency) / tolerance, x / prior])
 
     step = np.full(len(knobs), 1e-4)
@@ -102,7 +102,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     slope = np.asarray(fit.jac)
     std = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
     fitted = _apply(structure, knobs, fit.x)
-    model = _best_model(fitted)
+    model = best_model(fitted)
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.x, strict=True)]
     cross = (measured.shape * seen[paired]).sum(1) ** 2
     return Calibration(
@@ -119,7 +119,13 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     )
 
 
-def _best_model(structure: Structure) -> Model:
+def with_springs(structure: Structure, flexibility: float = 1e-5) -> Structure:
+    """Return the structure with springs where feet and joints are rigid, so stiff (c E I / L) that it shows nowhere."""
+    knobs = [knob for knob in _knobs(structure) if knob.kind != "stiffness"]
+    return _apply(structure, knobs, np.full(len(knobs), flexibility))
+
+
+def best_model(structure: Structure) -> Model:
     """Timoshenko, consistent mass: a thin-beam model's upper modes are per cents off, which turns into place."""
     return build_model(structure, shear_flexible=True, mass="consistent")
 
@@ -179,7 +185,7 @@ def _apply(structure: Structure, knobs: list[_Knob], x: FloatArray) -> Structure
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
         else:
-            springs.setdefault((knob.kind, knob.target), {})[knob.axis] = _bending(structure) / float(value)
+            springs.setdefault((knob.kind, knob.target), {})[knob.axis] = bending_stiffness(structure) / float(value)
     supports = [_sprung(s, springs.get(("support", str(i)), {})) for i, s in enumerate(structure.support)]
     meeting = _jointed(structure)
     joints = [
@@ -197,7 +203,7 @@ def _sprung(support: Support, springs: dict[str, float]) -> Support:
     return Support.model_validate({"at": support.at, "fixed": fixed, "stiffness": {**support.stiffness, **springs}})
 
 
-def _bending(structure: Structure) -> float:
+def bending_stiffness(structure: Structure) -> float:
     """E I / L of the longest member: the measure of every flexibility [N m/rad]."""
     member = max(structure.member, key=lambda m: m.length)
     section = structure.section[member.section]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from daq import FloatArray
@@ -104,6 +105,7 @@ class Sensor(_Entry):
     channel: str
     at: Vector  #: [m]
     direction: Vector
+    gain: float = 1.0  #: what the channel says over what is true [-]
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
@@ -208,6 +210,12 @@ def load_structure(path: Path | str) -> Structure:
     except (OSError, UnicodeDecodeError) as error:
         raise StructureError(path, f"cannot be read: {error}") from error
     return parse_structure(text, path)
+
+
+def dump_structure(structure: Structure) -> str:
+    """Return a structure as TOML that `parse_structure` reads back equal."""
+    content = structure.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return tomlkit.dumps({key: value for key, value in content.items() if value})
 
 
 def t_structure_toml() -> str:

@@ -141,6 +141,29 @@ def identify(
 
 
 @app.command()
+def diagnose(
+    structure: Annotated[Path, typer.Argument(metavar="STRUCTURE.toml")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...")],
+    reference: Annotated[
+        list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure as it was; may be repeated.")
+    ] = None,
+    holdout: Annotated[
+        list[Path] | None, typer.Option(metavar="LOG", help="Log to measure the gain on, not used else; repeatable.")
+    ] = None,
+    window: Annotated[float | None, typer.Option(help="Length of a window [s]; chosen unless given.", min=0.1)] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that gets report, extended model and diagnosis.json.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the diagnosis.")] = None,
+) -> None:
+    """Name what has changed since the reference logs; without them, what the model gets wrong about the logs."""
+    from monitor.cli.diagnosing import Logs, diagnose_command
+
+    named = Logs(current=logs, reference=reference or (), heldout=holdout or ())
+    raise typer.Exit(diagnose_command(structure, named, window=window, out=out, json_path=json))
+
+
+@app.command()
 def structure(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="structure.toml.")],
     modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,

@@ -1,7 +1,7 @@
 """A structure as stiffness and mass matrices, with what is needed to read and load it at any point."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -46,6 +46,7 @@ class Model:
     member_names: tuple[str, ...]  #: member that each element belongs to
     stiffness: sparse.csc_array  #: (n_dofs, n_dofs)
     mass: sparse.csc_array  #: (n_dofs, n_dofs)
+    twins: tuple[tuple[int, int, Joint], ...] = ()  #: node, its twin on the jointed member, the springs between
 
     @property
     def n_dofs(self) -> int:
@@ -144,10 +145,37 @@ class Model:
         """Rows (n_sensors, n_dofs) that read the structure's sensors."""
         return np.array(
             [
-                np.asarray(s.direction) / np.linalg.norm(s.direction) @ self.read(np.asarray(s.at))[:3]
+                s.gain * np.asarray(s.direction) / np.linalg.norm(s.direction) @ self.read(np.asarray(s.at))[:3]
                 for s in self.structure.sensor
             ]
         ).reshape(-1, self.n_dofs)
+
+    def turn_rows(self, at: tuple[float, float, float], axis: int) -> FloatArray:
+        """Return the row (n_dofs,) that reads the rotation of a node about a global axis 0..2; zeros if it is held.
+
+        Raises
+        ------
+        ModelError
+            If there is no node at the point [m].
+        """
+        near = np.flatnonzero(np.linalg.norm(self.nodes - at, axis=1) < _COINCIDENT)
+        if not len(near):
+            raise ModelError(f"support at {list(at)}: no node is there")
+        return self._unit(int(self.dofs[near[0], 3 + axis]))
+
+    def joint_rows(self, joint: Joint, axis: int) -> FloatArray:
+        """Return the row (n_dofs,) that reads how far a joint's spring is turned about a global axis 0..2."""
+        row = np.zeros(self.n_dofs)
+        for node, twin, other in self.twins:
+            if other == joint:
+                row += self._unit(int(self.dofs[twin, 3 + axis])) - self._unit(int(self.dofs[node, 3 + axis]))
+        return row
+
+    def _unit(self, dof: int) -> FloatArray:
+        row = np.zeros(self.n_dofs)
+        if dof >= 0:
+            row[dof] = 1.0
+        return row
 
     def total_mass(self) -> float:
         """Return the mass that a rigid translation along x would move, held nodes included [kg]."""
@@ -295,6 +323,7 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         member_names=tuple(member.name for _, _, member in mesh.spans),
         stiffness=k.build(n),
         mass=m.build(n),
+        twins=tuple(mesh.twins),
     )
     return _with_bodies(bare) if structure.body else bare
 
@@ -326,12 +355,4 @@ def _with_bodies(model: Model) -> Model:
     for body in model.structure.body:
         rows = sparse.csc_array(model.read(np.asarray(body.at)))
         mass = mass + rows.T @ sparse.csc_array(body_mass(body)) @ rows
-    return Model(
-        structure=model.structure,
-        nodes=model.nodes,
-        dofs=model.dofs,
-        elements=model.elements,
-        member_names=model.member_names,
-        stiffness=model.stiffness,
-        mass=sparse.csc_array(mass),
-    )
+    return replace(model, mass=sparse.csc_array(mass))

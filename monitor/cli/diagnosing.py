@@ -1,0 +1,141 @@
+"""`diagnose`: what has changed since the reference logs, or what the structure file gets wrong about logs."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from daq import LogError, Recording, load_recordings
+from monitor.cli.files import write_json
+from monitor.diagnosing import Observation, explain_change, explain_model, observe, window_seconds
+from monitor.errors import ArgumentError
+from monitor.recordings import log_channels, log_duration
+from monitor.report import diagnosis_report
+from monitor.words import diagnosis_text, plain
+from oma import IdentificationError
+from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
+
+console = Console(highlight=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Logs:
+    """What the command line names."""
+
+    current: Sequence[Path]
+    reference: Sequence[Path] = ()
+    heldout: Sequence[Path] = ()
+
+
+def diagnose_command(
+    structure_path: Path, logs: Logs, *, window: float | None, out: Path | None, json_path: Path | None
+) -> int:
+    """Diagnose; 0 if it is clear, 1 if a person must decide."""
+    structure = load_structure(structure_path)
+    with console.status("reading ...") as status:
+
+        def observed(paths: Sequence[Path], what: str) -> Observation | None:
+            return _observe(structure, paths, window, lambda n: status.update(f"{what}: window {n}")) if paths else None
+
+        after = observed(logs.current, "logs")
+        before, heldout = observed(logs.reference, "reference"), observed(logs.heldout, "held-out logs")
+        assert after is not None  # there is at least one log
+        status.update("weighing the causes ...")
+        try:
+            if before:
+                found = explain_change(structure, before, after, heldout)
+            else:
+                found = explain_model(structure, after, heldout)
+        except ValueError as error:
+            raise LogError(_named(logs.current), str(error)) from error
+    diagnosis = _write(found, structure, out, json_path)
+    _say(diagnosis, logs)
+    return 0 if diagnosis.verdict in {"explained", "nothing_to_explain"} else 1
+
+
+def _named(paths: Sequence[Path]) -> str:
+    return ", ".join(map(str, paths))
+
+
+def _observe(
+    structure: Structure, paths: Sequence[Path], window: float | None, on_window: Callable[[int], None]
+) -> Observation:
+    number = iter(range(1, 1 << 30))
+    try:
+        seconds = window or window_seconds(structure, min(log_duration(path) for path in paths), len(paths))
+        return observe(_recordings(structure, paths, seconds), lambda _: on_window(next(number)))
+    except (IdentificationError, ValueError) as error:
+        raise LogError(_named(paths), str(error)) from error
+
+
+def _recordings(structure: Structure, paths: Sequence[Path], seconds: float) -> Iterator[Recording]:
+    """Yield the windows of logs; channels that are no sensors of the structure are left out."""
+    for path in paths:
+        found = log_channels(path)
+        channels = tuple(c for c in found if c.name in structure.channels)
+        if not channels:
+            have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
+            raise LogError(path, f"expected channels named as the structure's sensors ({know}), found {have}")
+        yield from load_recordings(path, window_seconds=seconds, channels=channels)
+
+
+def _write(found: Explained, structure: Structure, out: Path | None, json_path: Path | None) -> Diagnosis:
+    """Write what is asked for; return the diagnosis with the path of the extended model in it."""
+    diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
+    try:
+        if out:
+            out.mkdir(parents=True, exist_ok=True)
+        if found.extended and folder:
+            path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
+            path.write_text(dump_structure(found.extended), encoding="utf-8")
+            diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
+    except OSError as error:
+        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror}") from error
+    for path in filter(None, (json_path, out and out / "diagnosis.json")):
+        write_json(path, diagnosis.model_dump(mode="json"))
+    if out:
+        diagnosis_report(diagnosis, out / "report.html", title=structure.name)
+    return diagnosis
+
+
+def _say(diagnosis: Diagnosis, logs: Logs) -> None:
+    """Print verdict, evidence and gain."""
+    style = {"explained": "bold red", "nothing_to_explain": "bold green"}.get(diagnosis.verdict, "bold yellow")
+    console.print(f"[{style}]{escape(diagnosis_text(diagnosis))}[/]")
+    for cause in diagnosis.causes:
+        line = f"{plain(cause.cause)}: probability {cause.probability:.3f}"
+        if cause.cannot_be_told_from:
+            line += f"; cannot be told from {', '.join(map(plain, cause.cannot_be_told_from))}"
+        console.print(f"  {line}")
+    console.print(_modes(diagnosis))
+    if diagnosis.gain:
+        gain, where = diagnosis.gain, "held-out logs" if diagnosis.gain.heldout else "the same logs"
+        error, assurance = gain.frequency_error_percent, gain.one_minus_mac
+        console.print(
+            f"on {where}: frequency error {error.before:.3f} -> {error.after:.3f} %, "
+            f"1 - MAC {assurance.before:.2g} -> {assurance.after:.2g}"
+        )
+    for rejected in diagnosis.rejected:
+        console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
+    console.print(f"next: {diagnosis.next_measurement}")
+    if diagnosis.extended_model:
+        console.print(f"extended model: {diagnosis.extended_model}", soft_wrap=True)
+
+
+def _modes(diagnosis: Diagnosis) -> Table:
+    table = Table()
+    for name in ("mode", "measured [Hz]", "before [Hz]", "after [Hz]", "MAC before", "after"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for i, mode in enumerate(diagnosis.modes):
+        f, mac = mode.frequency, mode.mac
+        measured = f"{f.measured:.3f} ± {f.std:.3f}" if f.measured is not None else "-"
+        cells = (_cell(f.before, 3), _cell(f.after, 3), _cell(mac.before, 4), _cell(mac.after, 4))
+        table.add_row(str(i + 1), measured, *cells)
+    return table
+
+
+def _cell(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

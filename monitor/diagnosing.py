@@ -1,0 +1,117 @@
+"""From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from daq import IndexArray, Recording
+from monitor.fusion import Windows, choose_tracks, identify_windows
+from oma import IdentificationError, ModalEstimate
+from updater import (
+    Explained,
+    ModalMean,
+    Reference,
+    Structure,
+    TrackedModes,
+    build_model,
+    diagnose,
+    estimate_delays,
+    learn_delays,
+    learn_reference,
+    matched,
+    nominal_reference,
+    remove_delays,
+    stack_tracks,
+)
+
+_PERIODS = 250  # of the structure's first mode in a window: what identification needs
+_MOST_WINDOWS = 24
+_LEAST_WINDOWS = 3  # from which their own scatter is learnt
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observation:
+    """Modes of many windows of one state."""
+
+    windows: Windows
+    estimates: tuple[ModalEstimate, ...]
+    tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
+
+    @property
+    def modes(self) -> TrackedModes:
+        """In the order of the tracks."""
+        return stack_tracks(self.estimates, self.tracks)
+
+
+def window_seconds(structure: Structure, shortest: float, n_logs: int = 1) -> float:
+    """Return the length [s] of the windows that logs are cut into.
+
+    Parameters
+    ----------
+    structure : its first mode says how much identification needs
+    shortest : duration of the shortest log [s]
+    n_logs : how many there are
+
+    Raises
+    ------
+    ValueError
+        If there is too little for three windows.
+    """
+    first = float(build_model(structure, shear_flexible=True, mass="consistent").modes(1).frequency[0])
+    need = _PERIODS / first
+    n = min(max(1, _MOST_WINDOWS // n_logs), int(shortest / need))
+    if n * n_logs < _LEAST_WINDOWS:
+        raise ValueError(
+            f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
+            f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s"
+        )
+    return shortest / n
+
+
+def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], None] = lambda _: None) -> Observation:
+    """Identify the modes of every window and track them.
+
+    Raises
+    ------
+    IdentificationError
+        If fewer than three windows give modes, or no mode is seen in most of them.
+    """
+    devices: dict[str, str] = {}
+
+    def note(recording: Recording) -> None:
+        devices.update({channel.name: channel.device for channel in recording.channels})
+        on_window(recording)
+
+    windows = identify_windows(recordings, on_window=note)
+    if len(windows.estimates) < _LEAST_WINDOWS:
+        why = f": {windows.problems[0]}" if windows.problems else ""
+        raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")
+    delays = learn_delays(windows.estimates, devices)
+    estimates = [remove_delays(e, devices, estimate_delays(e, devices, delays)) for e in windows.estimates]
+    _, kept, tracks = choose_tracks(estimates)
+    if not len(kept):
+        raise IdentificationError("no mode is seen in most of the windows")
+    return Observation(windows=windows, estimates=tuple(estimates), tracks=tuple(tracks))
+
+
+def explain_change(
+    structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
+) -> Explained:
+    """Explain what has changed since the reference logs.
+
+    Raises
+    ------
+    PairingError, ValueError
+        If fewer than three modes can be compared.
+    """
+    reference = learn_reference(structure, before.estimates, before.tracks)
+    return diagnose(reference, _event(reference, after), heldout=_event(reference, heldout) if heldout else None)
+
+
+def explain_model(structure: Structure, measured: Observation, heldout: Observation | None = None) -> Explained:
+    """Explain what the structure file gets wrong about logs; errors as for `explain_change`."""
+    reference = nominal_reference(structure, measured.modes)
+    return diagnose(reference, _event(reference, measured), heldout=_event(reference, heldout) if heldout else None)
+
+
+def _event(reference: Reference, observation: Observation) -> ModalMean:
+    return matched(reference.baseline, reference.mean_of(observation.modes))

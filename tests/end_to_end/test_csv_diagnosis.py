@@ -1,0 +1,114 @@
+"""Tables of a T-frame nobody has seen, from import to verdict: the truth is drawn here and told to nobody."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_helpers import Commands, assert_refused
+from measured_helpers import Rig, swapped, write_csv
+
+from daq import Recording
+from updater import Body, load_structure, t_structure_toml
+
+SECONDS, RATE = 150.0, 1000.0
+SEED = 4711
+
+
+@pytest.fixture(scope="module")
+def before(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The structure file and a table of the rig as it was."""
+    print(f"seed {SEED}")
+    path = tmp_path_factory.mktemp("csv")
+    (path / "structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    write_csv(path / "before.csv", Rig(seed=SEED).record(0, SECONDS, rate=RATE))
+    return path
+
+
+@pytest.fixture
+def folder(before: Path, modalwatch: Commands) -> Path:
+    """With the log of that table."""
+    if not (before / "before.mcap").exists():
+        assert modalwatch("import", before / "before.csv", "-o", before / "before.mcap").code == 0
+    return before
+
+
+Diagnose = Callable[[str, Recording], tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture
+def diagnosed(folder: Path, modalwatch: Commands) -> Diagnose:
+    def command(name: str, recording: Recording) -> tuple[int, dict[str, Any]]:
+        table, log, out = folder / f"{name}.csv", folder / f"{name}.mcap", folder / name
+        write_csv(table, recording)
+        assert modalwatch("import", table, "-o", log).code == 0
+        named = ("--reference", folder / "before.mcap", "--out", out)
+        code = modalwatch("diagnose", folder / "structure.toml", log, *named).code
+        assert (out / "report.html").exists()
+        return code, json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+
+    return command
+
+
+def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
+    random = np.random.default_rng(SEED)
+    x, side = random.uniform(-0.35, 0.35), random.uniform(-0.02, 0.02)
+    body = Body(at=(x, 0, 1.48), mass=0.3, offset=(0, side, 0.02), inertia=(1e-4, 1e-4, 1e-4))
+    code, found = diagnosed("body", Rig(seed=SEED, body=(body,)).record(1, SECONDS, rate=RATE))
+    assert (code, found["verdict"]) == (0, "explained")
+    (cause,) = found["causes"]
+    assert cause["cause"] == "added_mass"
+    assert np.linalg.norm(np.subtract(cause["where"]["position"], (x, 0, 1.48))) < 0.05
+    assert cause["parameters"]["mass"]["value"] == pytest.approx(0.3, rel=0.1)
+    extended = load_structure(found["extended_model"])
+    assert extended.body[0].mass == pytest.approx(cause["parameters"]["mass"]["value"], rel=0.05)
+
+
+def test_a_loosened_foot(diagnosed: Diagnose) -> None:
+    code, found = diagnosed("foot", Rig(seed=SEED, foot=(0.4, 0.4, 0.4)).record(2, SECONDS, rate=RATE))
+    assert (code, found["verdict"]) == (0, "explained")
+    assert [cause["cause"] for cause in found["causes"]] == ["support_stiffness"]
+    assert found["causes"][0]["where"]["position"] == [0, 0, 0]
+
+
+def test_a_swapped_pair(diagnosed: Diagnose) -> None:
+    recording = swapped(Rig(seed=SEED).record(3, SECONDS, rate=RATE), "col_037_x", "col_111_x")
+    code, found = diagnosed("swap", recording)
+    assert (code, found["verdict"]) == (0, "explained")
+    assert [cause["cause"] for cause in found["causes"]] == ["sensor_swap"]
+    assert set(found["causes"][0]["where"]["channels"]) == {"col_037_x", "col_111_x"}
+
+
+def test_nothing(diagnosed: Diagnose) -> None:
+    code, found = diagnosed("nothing", Rig(seed=SEED).record(4, SECONDS, rate=RATE))
+    assert (code, found["verdict"], found["causes"]) == (0, "nothing_to_explain", [])
+    assert found["gain"] is None
+    assert found["extended_model"] is None
+
+
+def test_without_a_reference_the_model_itself_is_asked(folder: Path, modalwatch: Commands) -> None:
+    """E, density, foot and joint are all a little off: a verdict that a person may have to judge, never a mass."""
+    out = folder / "model.json"
+    code = modalwatch("diagnose", folder / "structure.toml", folder / "before.mcap", "--json", out).code
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert code == (0 if found["verdict"] in {"explained", "nothing_to_explain"} else 1)
+    if found["verdict"] == "explained":
+        assert "added_mass" not in [cause["cause"] for cause in found["causes"]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("structure.toml", "missing.mcap"), "missing.mcap"),
+        (("missing.toml", "before.mcap"), "missing.toml"),
+        (("structure.toml", "before.csv"), "before.csv"),
+        (("structure.toml", "before.mcap", "--window", "149"), "before.mcap"),
+    ],
+)
+def test_bad_input_is_one_clear_error(
+    folder: Path, modalwatch: Commands, arguments: tuple[str, ...], named: str
+) -> None:
+    done = modalwatch("diagnose", *(folder / a if "." in a else a for a in arguments))
+    assert_refused(done, named)

@@ -1,0 +1,52 @@
+"""Modes of two logs are paired whatever happened between."""
+
+import numpy as np
+import pytest
+from updater_helpers import measure, t_frame, true_model
+
+from updater import Body, ModalMean, match_modes, matched, mean_modes, stack_tracks
+
+CHANNELS = t_frame().channels
+
+
+def mean(seed: int, body: Body | None = None) -> ModalMean:
+    random = np.random.default_rng(seed)
+    model = true_model(np.random.default_rng(1), body)
+    return mean_modes(stack_tracks([measure(model, random, np.ones(12)) for _ in range(3)], [np.arange(8)] * 3))
+
+
+def reordered(modes: ModalMean, order: np.ndarray) -> ModalMean:
+    return modes.only(order)
+
+
+def test_order_and_missing_modes_do_not_matter() -> None:
+    order = np.array([3, 1, 0, 7, 5, 6])
+    found = match_modes(mean(1), reordered(mean(2), order))
+    np.testing.assert_array_equal(found, [2, 1, -1, 0, -1, 4, 5, 3])
+
+
+@pytest.mark.parametrize("pair", [(0, 6), (1, 9), (9, 11), (2, 3)])
+def test_exchanged_channels_do_not_hide_the_modes(pair: tuple[int, int]) -> None:
+    event = mean(3)
+    shape = event.shape.copy()
+    shape[:, list(pair)] = shape[:, list(pair[::-1])]
+    spoilt = ModalMean(**(vars(event) | {"shape": shape}))
+    np.testing.assert_array_equal(match_modes(mean(4), spoilt), np.arange(8))
+
+
+def test_a_heavy_body_that_turns_and_crosses_modes_does_not_hide_them() -> None:
+    event = mean(5, Body(at=(0.38, 0, 1.48), mass=0.5, inertia=(1e-4, 1e-4, 1e-4)))
+    assert (match_modes(mean(6), event) >= 0).sum() >= 7
+
+
+def test_matched_is_in_the_baselines_order_with_gaps() -> None:
+    event = matched(mean(7), reordered(mean(8), np.array([5, 2])))
+    assert np.flatnonzero(np.isfinite(event.log_frequency)).tolist() == [2, 5]
+    assert event.n.tolist() == [0, 0, 3, 0, 0, 3, 0, 0]
+
+
+def test_channels_that_only_one_has_are_left_out() -> None:
+    event = mean(9).at(CHANNELS[:7])
+    found = matched(mean(10), event)
+    assert found.channels == CHANNELS[:7]
+    assert np.isfinite(found.log_frequency).sum() >= 6

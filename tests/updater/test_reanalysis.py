@@ -1,0 +1,69 @@
+"""Re-analysis in the reference's modes against the full eigenproblem; derivatives against differences."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from updater_helpers import measure, t_frame, true_model
+
+from daq import FloatArray
+from updater import Reference, build_model, learn_reference, stack_tracks
+from updater.comparison import Comparison, compare
+from updater.reanalysis import Effect, derivative, no_effect, picked, reanalyse
+
+TRACK = np.arange(8)
+
+
+def compared(seed: int) -> tuple[Reference, Comparison]:
+    random = np.random.default_rng(seed)
+    bare = true_model(np.random.default_rng((seed, 1)))
+    reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(8)], [TRACK] * 8)
+    event = stack_tracks([measure(bare, random, np.ones(12)) for _ in range(3)], [TRACK] * 3)
+    return reference, compare(reference, reference.mean_of(event))
+
+
+def in_modes_of(data: Comparison, frequency: FloatArray) -> Comparison:
+    """The same comparison in the modes of another model; only what re-analysis reads."""
+    fields = vars(data) | {"frequency": frequency, "paired": TRACK, "at_channels": np.zeros((12, len(frequency)))}
+    return Comparison(**fields)
+
+
+@pytest.mark.parametrize(("n", "tolerance"), [(None, 1e-8), (30, 2e-4)])
+def test_reanalysis_in_all_modes_is_exact_and_in_thirty_nearly_so(n: int | None, tolerance: float) -> None:
+    """0.3 kg at (0.25, 0, 1.48): frequencies of the full eigenproblem; ALGORITHMS-size truncation error in thirty."""
+    model = build_model(t_frame(), mass="consistent")
+    k, m = model.stiffness.toarray(), model.mass.toarray()
+    value, shape = eigh(k, m)
+    rows = model.read(np.array([0.25, 0, 1.48]))[:3]
+    expected = np.sqrt(eigh(k, m + 0.3 * rows.T @ rows, eigvals_only=True)) / (2 * np.pi)
+    frequency, at = np.sqrt(value[:n]) / (2 * np.pi), rows @ shape[:, :n]
+    _, data = compared(1)
+    data = in_modes_of(data, frequency)
+    none = no_effect(1, data)
+    changed = reanalyse(data, Effect(0.3 * (at.T @ at)[None], none.flexibility, none.chain))
+    found = picked(changed)[0][0] ** -0.5 / (2 * np.pi)
+    np.testing.assert_allclose(np.sort(found), expected[:8], rtol=tolerance)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_derivatives_are_those_of_differences(seed: int) -> None:
+    """Mass and flexibility changed at once; second order left out is 1e-6 of the change squared."""
+    random = np.random.default_rng(seed)
+    _, data = compared(seed)
+    n = len(data.frequency)
+    mass, flexibility = (0.02 * (lambda a: a @ a.T)(random.standard_normal((n, 3))) for _ in range(2))
+    root = np.diag((2 * np.pi * data.frequency) ** -1.0)
+    flexibility = root @ flexibility @ root
+    none = no_effect(1, data)
+
+    def at(step: float) -> tuple[FloatArray, FloatArray]:
+        effect = Effect(((1 + step) * mass)[None], ((1 + step) * flexibility)[None], none.chain)
+        return picked(reanalyse(data, effect))
+
+    h = 1e-5
+    plus, minus = at(h), at(-h)
+    changed = reanalyse(data, Effect(mass[None], flexibility[None], none.chain))
+    d_value, d_vector = derivative(changed, mass[None], flexibility[None])
+    np.testing.assert_allclose(d_value, (plus[0] - minus[0]) / (2 * h), rtol=1e-5)
+    signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]
+    difference = (signed[0] - signed[1]) / (2 * h)
+    np.testing.assert_allclose(d_vector, difference, atol=1e-5 * np.abs(difference).max())

@@ -1,0 +1,1 @@
+"""The catalogue: every cause that a diagnosis may name, one file each."""

@@ -1,0 +1,193 @@
+"""A rigid body clamped on anywhere, or one taken off: modal mass I + m Phi_s^T Phi_s.
+
+Phi_s are the three translations of the body's centre, which may lie beside the member's axis: its two offsets are
+fitted with a prior, because where two modes are close (a symmetric column's first two) even a centimetre turns their
+planes.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.comparison import Comparison
+from updater.fe.element import local_axes
+from updater.reanalysis import Effect, no_effect
+from updater.reference import Reference
+from updater.structure import Body, Member, Structure
+from updater.verdict import Quantity, Vector, Where
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body only as a share of it
+FINE = 0.001  # m between positions where the posterior is
+_COARSE = 0.01  # m between them elsewhere
+_NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
+_MOST_FINE = 300  # fine positions on one member
+_MASS_STD = 0.2  # of the structure's mass, prior of the body's
+_LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
+_OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AddedMass:
+    """One mass at any of many positions; parameters are mass and two offsets."""
+
+    reference: Reference
+    comparison: Comparison
+    member: IndexArray  #: (n,) of the structure's members
+    position: FloatArray  #: (n,) distance from the member's start [m]
+    translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there
+    by_offset: FloatArray  #: (2, n, 3, n_modes) more of it a metre of offset along the two cross axes
+    name: str = "added_mass"
+    cannot_be_told_from: tuple[str, ...] = ()
+    drifting: bool = True
+    place_free: bool = False
+    advice: str = "Look at the place that is named; a sensor moved there would sharpen it."
+
+    @property
+    def _total(self) -> float:
+        return self.reference.calibration.model.total_mass()
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Mass [kg] and offsets [m]."""
+        return np.array([_MASS_STD * self._total, _OFFSET_STD, _OFFSET_STD])
+
+    @property
+    def lower(self) -> FloatArray:
+        """Only so much can be taken off."""
+        return np.tile([-_LARGEST_REMOVED * self._total, -np.inf, -np.inf], (len(self.position), 1))
+
+    @property
+    def weight(self) -> FloatArray:
+        """Length that each position stands for (n,) [m]."""
+        members = np.unique(self.member)
+        return np.concatenate([np.gradient(self.position[self.member == m]) for m in members])
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """Every metre of the structure alike."""
+        return np.asarray(np.log(self.weight / self.weight.sum()))
+
+    @property
+    def start(self) -> FloatArray:
+        """First order, d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies."""
+        data = self.comparison
+        effect = -0.5 * (self.translation[:, :, data.paired] ** 2).sum(1) @ data.drifting.matrix.T
+        mass = effect @ (data.drifting.matrix @ data.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
+        # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
+        mass = np.clip(mass, -_LARGEST_REMOVED * self._total, _MASS_STD * self._total)
+        return np.column_stack([mass, np.zeros((len(mass), 2))])
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return modal mass changes m Phi^T Phi."""
+        at = self.translation[rows] + np.einsum("po,opar->par", theta[:, 1:], self.by_offset[:, rows])
+        mass = theta[:, 0, None, None] * (at.transpose(0, 2, 1) @ at)
+        return replace(no_effect(len(rows), self.comparison), mass=mass)
+
+    def finer(self, log_density: FloatArray) -> "AddedMass":
+        """Return the positions and, where one comes near the best, many more between."""
+        near = log_density > log_density.max() - _NEAR
+        members = self.reference.calibration.structure.member
+        grids = {int(m): _closer(self.position[self.member == m], near[self.member == m]) for m in range(len(members))}
+        return _along(self.reference, self.comparison, grids)
+
+    def _member(self, row: int) -> Member:
+        return self.reference.calibration.structure.member[int(self.member[row])]
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return mean and region on the most probable member."""
+        probability = fit.probability
+        share = np.bincount(self.member, probability)
+        chosen = int(np.argmax(share))
+        here = np.where(self.member == chosen, probability, 0) / share[chosen]
+        distance = float(here @ self.position)
+        std = float(np.sqrt(here @ (self.position - distance) ** 2 + FINE**2 / 12))
+        members = self.reference.calibration.structure.member
+        return Where(
+            member=members[chosen].name,
+            position=_vector(members[chosen].point(distance)),
+            position_std=std,
+            region=tuple(
+                (_vector(members[m].point(a)), _vector(members[m].point(b)))
+                for m, a, b in credible(self.member, self.position, probability / self.weight, probability)
+            ),
+        )
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the mass, averaged over positions."""
+        value, std = self.mass(fit)
+        return {"mass": Quantity(value=value, std=std, unit="kg")}
+
+    def mass(self, fit: "Fit[Any]") -> tuple[float, float]:
+        """Return mean and standard deviation of the mass on the most probable member [kg]."""
+        share = np.bincount(self.member, fit.probability)
+        here = np.where(self.member == np.argmax(share), fit.probability, 0) / share.max()
+        mean = float(here @ fit.theta[:, 0])
+        spread = here @ (fit.covariance[:, 0, 0] + (fit.theta[:, 0] - mean) ** 2)
+        return mean, float(np.sqrt(spread + (DENSITY_STD * mean) ** 2))
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add the body."""
+        member = self._member(row)
+        offset = theta[1:] @ local_axes(np.subtract(member.end, member.start))[1:]
+        at = _vector(member.point(self.position[row]))
+        return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=_vector(offset))])
+
+
+def propose_added_mass(reference: Reference, comparison: Comparison) -> AddedMass:
+    """Return a position every centimetre of every member."""
+    members = reference.calibration.structure.member
+    grids = {
+        i: np.linspace(0, member.length, max(4, round(member.length / _COARSE)) + 1) for i, member in enumerate(members)
+    }
+    return _along(reference, comparison, grids)
+
+
+def _along(reference: Reference, comparison: Comparison, grids: dict[int, FloatArray]) -> AddedMass:
+    structure, model = reference.calibration.structure, reference.calibration.model
+    modes, turned = [], []
+    for index, grid in grids.items():
+        member = structure.member[index]
+        here = np.array([model.read(p) @ reference.shape for p in member.point(grid)])
+        cross_axes = local_axes(np.subtract(member.end, member.start))[1:]
+        modes.append(here[:, :3])
+        turned.append(np.array([np.cross(here[:, 3:], axis, axisa=1, axisc=1) for axis in cross_axes]))
+    return AddedMass(
+        reference=reference,
+        comparison=comparison,
+        member=np.concatenate([np.full(len(grid), m, np.intp) for m, grid in grids.items()]),
+        position=np.concatenate(list(grids.values())),
+        translation=np.concatenate(modes),
+        by_offset=np.concatenate(turned, axis=1),
+    )
+
+
+def _closer(position: FloatArray, near: FloatArray) -> FloatArray:
+    if not near.any():
+        return position
+    spacing = max(FINE, 2 * _COARSE * near.sum() / _MOST_FINE)
+    steps = np.arange(-_COARSE, _COARSE + spacing / 2, spacing)
+    fine = np.clip((position[near][:, None] + steps).ravel(), 0, position[-1])
+    return np.unique(np.round(np.concatenate([position, fine]), 6))
+
+
+def credible(
+    member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray
+) -> list[tuple[int, float, float]]:
+    """Return the stretches (member, from, to) of highest density that hold 95 %."""
+    order = np.argsort(-density, kind="stable")
+    inside = np.zeros(len(density), bool)
+    inside[order[: int(np.searchsorted(np.cumsum(probability[order]), 0.95)) + 1]] = True
+    starts = np.flatnonzero(inside & ~np.r_[False, inside[:-1] & (member[1:] == member[:-1])])
+    stops = np.flatnonzero(inside & ~np.r_[inside[1:] & (member[1:] == member[:-1]), False])
+    return [(int(member[a]), float(position[a]), float(position[b])) for a, b in zip(starts, stops, strict=True)]
+
+
+def _vector(values: FloatArray) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

@@ -1,0 +1,88 @@
+"""What a cause must be able to do."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from daq import FloatArray
+from updater.comparison import Comparison
+from updater.fit import Fit, Hypotheses
+from updater.reference import Reference
+from updater.structure import Structure
+from updater.verdict import Quantity, Where
+
+
+class Cause(Hypotheses, Protocol):
+    """Alternatives of one named cause, which knows how to say what was found and to write it into a structure."""
+
+    @property
+    def name(self) -> str:
+        """As it stands in a diagnosis."""
+        ...
+
+    @property
+    def cannot_be_told_from(self) -> tuple[str, ...]:
+        """Causes outside the catalogue's reach with the very same signature."""
+        ...
+
+    @property
+    def place_free(self) -> bool:
+        """Whether it acts on the whole structure alike."""
+        ...
+
+    @property
+    def advice(self) -> str:
+        """The measurement that would settle what is left open."""
+        ...
+
+    def where(self, fit: "Fit[Cause]") -> Where | None:
+        """Return the place, None if the cause has none."""
+        ...
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return what was estimated."""
+        ...
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Return the structure with alternative `row` of parameters theta (n_parameters,) written into it."""
+        ...
+
+
+C = TypeVar("C", bound=Cause, covariant=True)
+
+
+class Propose(Protocol[C]):
+    """Makes a cause's alternatives for a structure and its data; None where it has none."""
+
+    def __call__(self, reference: Reference, comparison: Comparison) -> C | None:
+        """Return the alternatives."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Discrete:
+    """Common part of causes whose alternatives are equally likely and cannot be refined."""
+
+    prior_std: FloatArray
+    lower: FloatArray
+    drifting: bool
+
+    @property
+    def start(self) -> FloatArray:
+        """Nothing has changed."""
+        return np.zeros(self.lower.shape)
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """All alike."""
+        return np.full(len(self.lower), -np.log(len(self.lower)))
+
+    def finer(self, log_density: FloatArray) -> None:
+        """There is nothing between the alternatives."""
+        del log_density
+
+    @property
+    def cannot_be_told_from(self) -> tuple[str, ...]:
+        """None that is known."""
+        return ()

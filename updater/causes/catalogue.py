@@ -1,0 +1,19 @@
+"""Every cause that a diagnosis may name, by its name; a new one is a line here and is tested with the others."""
+
+from collections.abc import Mapping
+
+from updater.causes.added_mass import propose_added_mass
+from updater.causes.base import Cause, Propose
+from updater.causes.global_stiffness import propose_global_stiffness
+from updater.causes.sensors import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
+from updater.causes.springs import propose_joint_stiffness, propose_support_stiffness
+
+CATALOGUE: Mapping[str, Propose[Cause]] = {
+    "added_mass": propose_added_mass,
+    "global_stiffness": propose_global_stiffness,
+    "support_stiffness": propose_support_stiffness,
+    "joint_stiffness": propose_joint_stiffness,
+    "sensor_gain": propose_sensor_gain,
+    "sensor_polarity": propose_sensor_polarity,
+    "sensor_swap": propose_sensor_swap,
+}

@@ -1,0 +1,95 @@
+"""One cause beside others whose alternatives are chosen already: all parameters are fitted together."""
+
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
+from updater.fit import Fit
+from updater.reanalysis import Effect
+
+C = TypeVar("C", bound=Cause)
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """One alternative of a cause with its parameters."""
+
+    cause: Cause
+    row: int
+    theta: FloatArray  #: (n_parameters,)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside(Generic[C]):
+    """The alternatives of `free`, each together with the chosen ones; parameters are those of `free` first."""
+
+    free: C
+    chosen: tuple[Chosen, ...]
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Of all."""
+        return np.concatenate([self.free.prior_std, *(c.cause.prior_std for c in self.chosen)])
+
+    @property
+    def lower(self) -> FloatArray:
+        """Of all."""
+        return self._beside(self.free.lower, [c.cause.lower[c.row] for c in self.chosen])
+
+    @property
+    def start(self) -> FloatArray:
+        """Of all: the chosen ones begin where they were."""
+        return self._beside(self.free.start, [c.theta for c in self.chosen])
+
+    def _beside(self, own: FloatArray, others: list[FloatArray]) -> FloatArray:
+        return np.concatenate([own, *(np.tile(other, (len(own), 1)) for other in others)], axis=1)
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """Of the alternative and of the chosen ones."""
+        return np.asarray(self.free.log_prior + sum(float(c.cause.log_prior[c.row]) for c in self.chosen))
+
+    @property
+    def drifting(self) -> bool:
+        """If any is."""
+        return self.free.drifting or any(c.cause.drifting for c in self.chosen)
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return all effects together."""
+        at = len(self.free.prior_std)
+        found = self.free.effect(theta[:, :at], rows)
+        for c in self.chosen:
+            n = len(c.cause.prior_std)
+            found = c.cause.effect(theta[:, at : at + n], np.full(len(rows), c.row)).then(found)
+            at += n
+        return found
+
+    def finer(self, log_density: FloatArray) -> "Beside[C] | None":
+        """Refine the free one."""
+        closer = self.free.finer(log_density)
+        return None if closer is None else replace(self, free=closer)
+
+    def of_free(self, fit: "Fit[Beside[C]]") -> Fit[C]:
+        """Return the fit of the free cause alone, the others' uncertainty included."""
+        n = len(self.free.prior_std)
+        return Fit(
+            hypotheses=self.free,
+            theta=fit.theta[:, :n],
+            covariance=fit.covariance[:, :n, :n],
+            chi_square=fit.chi_square,
+            log_density=fit.log_density,
+            freedom=fit.freedom,
+        )
+
+    def best(self, fit: "Fit[Beside[C]]") -> tuple[Chosen, ...]:
+        """Return the best alternatives of all causes, the free one first."""
+        at, theta = len(self.free.prior_std), fit.theta[fit.best]
+        found = [Chosen(self.free, fit.best, theta[:at])]
+        for c in self.chosen:
+            n = len(c.cause.prior_std)
+            found.append(replace(c, theta=theta[at : at + n]))
+            at += n
+        return tuple(found)

@@ -1,0 +1,152 @@
+"""Faults of the measuring chain: shapes change, frequencies do not."""
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.comparison import Comparison
+from updater.reanalysis import Effect, no_effect
+from updater.reference import Reference
+from updater.structure import Structure
+from updater.verdict import Quantity, Where
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+_GAIN_STD = 0.3  # of a gain's logarithm
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Chain(Discrete):
+    """Alternatives that are channels, or pairs of them."""
+
+    comparison: Comparison
+    channels: tuple[tuple[str, ...], ...]  #: of each alternative
+    place_free: bool = False
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return the channels."""
+        return Where(channels=self.channels[fit.best])
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """There are none."""
+        del fit
+        return {}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorGain(_Chain):
+    """A channel whose gain has changed; the parameter is its logarithm."""
+
+    name: str = "sensor_gain"
+    advice: str = "Turn the sensor by 180 degrees about a horizontal axis: gravity calibrates it."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the channels' gains."""
+        none = no_effect(len(rows), self.comparison)
+        none.chain[np.arange(len(rows)), rows, rows] = np.exp(theta[:, 0])
+        return none
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the gain over what it was."""
+        gain = float(np.exp(fit.theta[fit.best, 0]))
+        return {"gain": Quantity(value=gain, std=gain * float(fit.covariance[fit.best, 0, 0] ** 0.5), unit="-")}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Write the gain at the sensor."""
+        return _with_gain(structure, self.channels[row][0], float(np.exp(theta[0])))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorPolarity(_Chain):
+    """A channel with its sign turned; it has no parameter."""
+
+    name: str = "sensor_polarity"
+    advice: str = "Look which way the sensor's axis points."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the channels' signs."""
+        none = no_effect(len(theta), self.comparison)
+        none.chain[np.arange(len(rows)), rows, rows] = -1.0
+        return none
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Turn the sensor's gain."""
+        del theta
+        return _with_gain(structure, self.channels[row][0], -1.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorSwap(_Chain):
+    """Two channels that have taken each other's place; it has no parameter."""
+
+    order: IndexArray  #: (n, n_channels) which channel each one really is
+    name: str = "sensor_swap"
+    advice: str = "Follow the two cables; tap beside either sensor and see which channel answers."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return permutations."""
+        del theta
+        return replace(no_effect(len(rows), self.comparison), chain=np.eye(self.order.shape[1])[self.order[rows]])
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Exchange the channels' names."""
+        del theta
+        first, second = self.channels[row]
+        other = {first: second, second: first}
+        sensors = tuple(s.model_copy(update={"channel": other.get(s.channel, s.channel)}) for s in structure.sensor)
+        return structure.model_copy(update={"sensor": sensors})
+
+
+def _with_gain(structure: Structure, channel: str, factor: float) -> Structure:
+    sensors = tuple(
+        s.model_copy(update={"gain": s.gain * factor}) if s.channel == channel else s for s in structure.sensor
+    )
+    return structure.model_copy(update={"sensor": sensors})
+
+
+def propose_sensor_gain(reference: Reference, comparison: Comparison) -> SensorGain:
+    """Return every channel."""
+    del reference
+    names = tuple((c,) for c in comparison.channels)
+    return SensorGain(
+        prior_std=np.array([_GAIN_STD]),
+        lower=np.full((len(names), 1), -np.inf),
+        drifting=False,
+        comparison=comparison,
+        channels=names,
+    )
+
+
+def propose_sensor_polarity(reference: Reference, comparison: Comparison) -> SensorPolarity:
+    """Return every channel."""
+    del reference
+    names = tuple((c,) for c in comparison.channels)
+    return SensorPolarity(
+        prior_std=np.zeros(0), lower=np.zeros((len(names), 0)), drifting=False, comparison=comparison, channels=names
+    )
+
+
+def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorSwap | None:
+    """Return every pair of channels."""
+    del reference
+    channels = comparison.channels
+    pairs = list(itertools.combinations(range(len(channels)), 2))
+    if not pairs:
+        return None
+    order = np.tile(np.arange(len(channels)), (len(pairs), 1))
+    for row, (a, b) in enumerate(pairs):
+        order[row, [a, b]] = b, a
+    return SensorSwap(
+        prior_std=np.zeros(0),
+        lower=np.zeros((len(pairs), 0)),
+        drifting=False,
+        comparison=comparison,
+        channels=tuple((channels[a], channels[b]) for a, b in pairs),
+        order=order,
+    )

@@ -1,0 +1,120 @@
+"""What is measured now against what was measured before: the data that every hypothesis is judged by.
+
+Ratios to the baseline, log frequencies and shapes, so that what the model gets wrong about the structure as it was
+cancels to first order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.reference import Reference
+from updater.statistics import COMMON_STD, ModalMean
+
+_MODEL_ERROR = 0.06  # of each change: what the reference gets wrong about it
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """Inverse Cholesky factor of the log frequencies' covariance."""
+
+    matrix: FloatArray  #: (n, n)
+    log_det: float  #: of the matrix
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison:
+    """Modes now and before, at the channels, with the reference's modes to predict from."""
+
+    channels: tuple[str, ...]  #: that both have
+    tracks: IndexArray  #: (n,) indices of the tracks that entered
+    paired: IndexArray  #: (n,) their model modes
+    log_ratio: FloatArray  #: (n,) of frequency to the baseline's
+    log_frequency_std: FloatArray  #: (n,) of what is measured now, without the model's error
+    plain: Whitener  #: of the log ratios, if nothing but noise adds to what a hypothesis says
+    drifting: Whitener  #: the same with a change common to all, which temperature brings
+    shape: FloatArray  #: (n, n_channels) measured now, unit norm
+    base: FloatArray  #: (n, n_channels) measured before, unit norm
+    shape_std: FloatArray  #: (n, n_channels) of the difference
+    overdispersion: float  #: components of a shape that err as one [-]
+    model_base: FloatArray  #: (n, n_channels) of the reference, unit norm
+    at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
+    frequency: FloatArray  #: (n_modes,) of the reference [Hz]
+
+    @property
+    def freedom(self) -> float:
+        """Number of data: unit norm leaves a shape one component fewer than it has channels."""
+        n_modes, n_channels = (int(n) for n in self.shape.shape)
+        return n_modes * (1 + (n_channels - 1) / self.overdispersion)
+
+
+def compare(reference: Reference, event: ModalMean) -> Comparison:
+    """Set an event beside the baseline.
+
+    Parameters
+    ----------
+    reference : learnt before
+    event : (n_tracks,) mean of the windows since; NaN where a track is not seen
+
+    Raises
+    ------
+    ValueError
+        If fewer than three modes or two channels can be compared.
+    """
+    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
+    if len(channels) < 2:
+        raise ValueError(f"channels to compare: expected at least 2 in both, found {len(channels)}")
+    base, event = reference.baseline.at(channels), event.at(channels)
+    tracks = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape[:, 0]))
+    if len(tracks) < 3:
+        raise ValueError(f"modes to compare: expected at least 3, found {len(tracks)}")
+    ratio = (event.log_frequency - base.log_frequency)[tracks]
+    variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks] + (_MODEL_ERROR * ratio) ** 2
+    shape, before = event.shape[tracks], base.shape[tracks]
+    shape = shape * np.where((shape * before).sum(1) < 0, -1, 1)[:, None]
+    # components that err together are so much less data: each is believed less, all together as much as they are worth
+    overdispersion = reference.scatter.shape_overdispersion
+    own = np.sqrt(overdispersion * (event.shape_std**2 + base.shape_std**2)[tracks])
+    at_channels = reference.at_channels(event.channels)
+    expected = at_channels[:, reference.paired[tracks]].T
+    return Comparison(
+        channels=channels,
+        tracks=tracks,
+        paired=reference.paired[tracks],
+        log_ratio=ratio,
+        log_frequency_std=event.log_frequency_std[tracks],
+        plain=_whitener(np.diag(variance)),
+        drifting=_whitener(np.diag(variance) + COMMON_STD**2),
+        shape=shape,
+        base=before,
+        shape_std=np.hypot(own, _MODEL_ERROR * np.abs(_beside(shape, before))),
+        overdispersion=overdispersion,
+        model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
+        at_channels=at_channels,
+        frequency=reference.frequency,
+    )
+
+
+def _whitener(covariance: FloatArray) -> Whitener:
+    lower = np.linalg.cholesky(covariance)
+    return Whitener(np.linalg.inv(lower), -float(np.log(np.diag(lower)).sum()))
+
+
+def _beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
+
+
+def residual(comparison: Comparison, log_ratio: FloatArray, shape: FloatArray, whitener: Whitener) -> FloatArray:
+    """Return whitened residuals (n_alternatives, n_data).
+
+    Parameters
+    ----------
+    log_ratio : (n_alternatives, n) predicted
+    shape : (n_alternatives, n, n_channels) predicted, of any norm and sign
+    """
+    frequency = (comparison.log_ratio - log_ratio) @ whitener.matrix.T
+    beside = _beside(comparison.shape, shape) / comparison.shape_std
+    return np.concatenate([frequency, beside.reshape(len(shape), -1)], axis=1)

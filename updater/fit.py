@@ -1,0 +1,207 @@
+"""Fit of all alternatives of a cause at once, and the evidence for each (Laplace)."""
+
+from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+from daq import FloatArray, IndexArray
+from updater.comparison import Comparison, residual
+from updater.reanalysis import Changed, Effect, derivative, picked, predict, reanalyse
+
+_NEWTON = 6
+_SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
+_ENOUGH = 1e-3  # of chi-square: a step that gains less anywhere near the best is the last
+_NEAR = 100.0  # of chi-square over the best
+_HOPELESS = 1000.0  # of chi-square over the best: such alternatives are not followed any further
+_STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
+
+
+class Hypotheses(Protocol):
+    """Alternatives of one cause, each with parameters that have a Gaussian prior about zero."""
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Standard deviations (n_parameters,)."""
+        ...
+
+    @property
+    def lower(self) -> FloatArray:
+        """Least values (n_alternatives, n_parameters)."""
+        ...
+
+    @property
+    def start(self) -> FloatArray:
+        """Where the fit begins (n_alternatives, n_parameters)."""
+        ...
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """Log probability of each alternative (n_alternatives,), summing to one."""
+        ...
+
+    @property
+    def drifting(self) -> bool:
+        """Whether a drift common to all frequencies may come on top: not where the structure itself is as it was."""
+        ...
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return what the alternatives `rows` do with parameters theta (len(rows), n_parameters)."""
+        ...
+
+    def finer(self, log_density: FloatArray) -> Self | None:
+        """Return alternatives closer together where the posterior is; None if there is nothing between them."""
+        ...
+
+
+H = TypeVar("H", bound=Hypotheses)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Generic[H]):
+    """The best parameters of every alternative."""
+
+    hypotheses: H
+    theta: FloatArray  #: (n_alternatives, n_parameters)
+    covariance: FloatArray  #: (n_alternatives, n_parameters, n_parameters)
+    chi_square: FloatArray  #: (n_alternatives,) of data and priors
+    log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
+    freedom: float  #: data less what is fitted
+
+    @property
+    def log_evidence(self) -> float:
+        """Log evidence of the cause, all alternatives together."""
+        return float(logsumexp(self.log_density + self.hypotheses.log_prior))
+
+    @property
+    def probability(self) -> FloatArray:
+        """Probability of each alternative (n_alternatives,), if this is the cause."""
+        log = self.log_density + self.hypotheses.log_prior
+        return np.asarray(np.exp(log - logsumexp(log)))
+
+    @property
+    def best(self) -> int:
+        """The most probable alternative."""
+        return int(np.argmax(self.probability))
+
+    @property
+    def p_value(self) -> float:
+        """Chance of a worse fit if this is the cause."""
+        return float(chi2.sf(self.chi_square.min(), self.freedom))
+
+
+def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
+    """Fit every alternative by Gauss-Newton, all at once; if asked, those between the best ones afterwards."""
+    found = _fit(comparison, hypotheses)
+    closer = hypotheses.finer(found.log_density) if refine else None
+    return found if closer is None else _fit(comparison, closer)
+
+
+@dataclass(eq=False)
+class _Point:
+    """Where the fit of some alternatives stands."""
+
+    theta: FloatArray
+    effect: Effect
+    changed: Changed
+    residual: FloatArray
+
+    @property
+    def cost(self) -> FloatArray:
+        return np.asarray((self.residual**2).sum(1))
+
+
+def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
+    everything = np.arange(len(hypotheses.start))
+    point = _evaluate(comparison, hypotheses, hypotheses.start, everything)
+    slope = _slope(comparison, hypotheses, point, everything)
+    for _ in range(_NEWTON if len(hypotheses.prior_std) else 0):
+        alive = np.flatnonzero(point.cost < point.cost.min() + _HOPELESS)
+        gradient = np.einsum("pij,pi->pj", slope[alive], point.residual[alive])
+        step = np.linalg.solve(_normal(slope[alive]), gradient[..., None])[..., 0]
+        gained = _descend(comparison, hypotheses, point, step, alive)
+        slope[alive] = _slope(comparison, hypotheses, point, alive)
+        if gained < _ENOUGH:
+            break
+    covariance: FloatArray = np.linalg.inv(_normal(slope)).astype(np.float64)
+    whitener = comparison.drifting if hypotheses.drifting else comparison.plain
+    volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
+    return Fit(
+        hypotheses=hypotheses,
+        theta=point.theta,
+        covariance=covariance,
+        chi_square=point.cost,
+        log_density=-0.5 * point.cost + volume + whitener.log_det,
+        freedom=max(comparison.freedom - len(hypotheses.prior_std), 1.0),
+    )
+
+
+def _normal(slope: FloatArray) -> FloatArray:
+    return slope.transpose(0, 2, 1) @ slope
+
+
+def _descend(
+    comparison: Comparison, hypotheses: Hypotheses, point: _Point, step: FloatArray, rows: IndexArray
+) -> float:
+    """Take of each row's step the largest share that fits better; return the largest gain in chi-square."""
+    best = float(point.cost.min())
+    gained = 0.0
+    for share in _SHARES:
+        theta = np.maximum(point.theta[rows] - share * step, hypotheses.lower[rows])
+        tried = _evaluate(comparison, hypotheses, theta, rows)
+        gain = point.cost[rows] - tried.cost
+        better = gain > 0
+        near = tried.cost < best + _NEAR
+        gained = max(gained, float(gain[better & near].max(initial=0.0)))
+        _adopt(point, tried, rows[better], better)
+        rows, step = rows[~better], step[~better]
+        if not len(rows):
+            break
+    return gained
+
+
+def _adopt(point: _Point, tried: _Point, rows: IndexArray, chosen: npt.NDArray[np.bool_]) -> None:
+    pairs = [(point, tried), (point.effect, tried.effect), (point.changed, tried.changed)]
+    for into, source in pairs:
+        for name, values in vars(into).items():
+            if isinstance(values, np.ndarray):
+                values[rows] = getattr(source, name)[chosen]
+
+
+def _evaluate(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, rows: IndexArray) -> _Point:
+    effect = hypotheses.effect(theta, rows)
+    changed = reanalyse(comparison, effect)
+    value, vector = picked(changed)
+    return _Point(theta.copy(), effect, changed, _residual(comparison, hypotheses, theta, value, vector, effect.chain))
+
+
+def _residual(
+    comparison: Comparison,
+    hypotheses: Hypotheses,
+    theta: FloatArray,
+    value: FloatArray,
+    vector: FloatArray,
+    chain: FloatArray,
+) -> FloatArray:
+    """Return whitened residuals (n_alternatives, n_data + n_parameters), the priors' included."""
+    whitener = comparison.drifting if hypotheses.drifting else comparison.plain
+    of_data = residual(comparison, *predict(comparison, value, vector, chain), whitener)
+    return np.concatenate([of_data, theta / hypotheses.prior_std], axis=1)
+
+
+def _slope(comparison: Comparison, hypotheses: Hypotheses, point: _Point, rows: IndexArray) -> FloatArray:
+    """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters)."""
+    changed, old = point.changed.rows(rows), point.effect.rows(rows)
+    value, vector = picked(changed)
+    columns = []
+    for k, h in enumerate(_STEP * hypotheses.prior_std):
+        theta = point.theta[rows]
+        theta[:, k] += h
+        effect = hypotheses.effect(theta, rows)
+        d_value, d_vector = derivative(changed, effect.mass - old.mass, effect.flexibility - old.flexibility)
+        moved = _residual(comparison, hypotheses, theta, value + d_value, vector + d_vector, effect.chain)
+        columns.append((moved - point.residual[rows]) / h)
+    return np.stack(columns, axis=2) if columns else np.zeros((*point.residual[rows].shape, 0))

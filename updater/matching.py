@@ -1,0 +1,81 @@
+"""Which mode of one log is which mode of another, whatever happened to the structure or to a sensor between."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import fields
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray, IndexArray
+from oma import mac_matrix
+from updater.statistics import ModalMean
+
+_FARTHEST = 0.3  # of ln f
+_LEAST_MAC = 0.5
+_FREQUENCY_WEIGHT = 2.0  # of |d ln f| beside 1 - MAC
+_FAULT_COST = 0.3  # that a fault of the measuring chain must save in all
+
+
+def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
+    """Return for each mode of the baseline (n_tracks,) the event's mode, or -1.
+
+    The one-to-one assignment of least sum of (1 - MAC) + 2 |d ln f|. Two channels that were exchanged, or one that was
+    turned, spoil every MAC; so it is sought with each such fault undone, and one is believed for this purpose only.
+    Pairs with a MAC under 0.5 or frequencies more than 30 % apart are none.
+
+    Parameters
+    ----------
+    baseline, event : (n_tracks,) and (n_modes,) at the same channels
+    """
+    distance = np.abs(event.log_frequency[None, :] - baseline.log_frequency[:, None])
+    best = None
+    for cost, chain in _chains(len(baseline.channels)):
+        assurance = mac_matrix(baseline.shape, chain(event.shape))
+        whole = 1 - assurance + _FREQUENCY_WEIGHT * distance
+        row, column = linear_sum_assignment(whole)
+        total = cost + float(whole[row, column].sum())
+        if best is None or total < best[0]:
+            near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)
+            best = total, row[near], column[near]
+    found = np.full(len(baseline.log_frequency), -1, np.intp)
+    if best is not None:
+        found[best[1]] = best[2]
+    return found
+
+
+def _chains(n_channels: int) -> Iterator[tuple[float, "_Undo"]]:
+    yield 0.0, _Undo(np.arange(n_channels), np.ones(n_channels))
+    for channel in range(n_channels):
+        sign = np.ones(n_channels)
+        sign[channel] = -1.0
+        yield _FAULT_COST, _Undo(np.arange(n_channels), sign)
+    for first, second in itertools.combinations(range(n_channels), 2):
+        order = np.arange(n_channels)
+        order[[first, second]] = second, first
+        yield _FAULT_COST, _Undo(order, np.ones(n_channels))
+
+
+class _Undo:
+    """A fault undone."""
+
+    def __init__(self, order: IndexArray, sign: FloatArray) -> None:
+        self._order, self._sign = order, sign
+
+    def __call__(self, shape: FloatArray) -> FloatArray:
+        return shape[:, self._order] * self._sign
+
+
+def matched(baseline: ModalMean, event: ModalMean) -> ModalMean:
+    """Return the event's modes in the order of the baseline's tracks, NaN where there is none."""
+    channels = tuple(c for c in baseline.channels if c in event.channels)
+    event = event.at(channels)
+    found = match_modes(baseline.at(channels), event)
+    values = {}
+    for field in fields(event):
+        if field.name != "channels":
+            old = getattr(event, field.name)
+            picked = old[np.maximum(found, 0)]
+            missing = 0 if field.name == "n" else np.nan
+            values[field.name] = np.where((found >= 0).reshape(-1, *[1] * (old.ndim - 1)), picked, missing)
+    return ModalMean(channels=event.channels, **values)

@@ -1,0 +1,74 @@
+"""The structure file taken at its word, as a reference for what it gets wrong about measured modes."""
+
+import numpy as np
+
+from updater.calibration import Calibration, best_model, channel_rows, with_springs
+from updater.delays import NO_DELAYS
+from updater.errors import PairingError
+from updater.matching import match_modes
+from updater.reference import Reference
+from updater.statistics import ModalMean, TrackedModes, learn_scatter, mean_modes
+from updater.structure import Structure
+
+_FREQUENCY_STD = 2e-3  # of ln f: what a beam model cannot say better, whatever its parameters
+_SHAPE_STD = 0.01  # of a unit shape's components: gains are known to half a per cent, places to millimetres
+
+
+def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: int = 30) -> Reference:
+    """Return a reference whose baseline is the model's own modes, at the measured ones' channels.
+
+    Parameters
+    ----------
+    structure : as the file says; rigid feet and joints get springs stiff enough to change nothing
+    windows : (n_windows, n_tracks) modes that the model is to be compared with
+    n_modes : of the model to keep
+
+    Raises
+    ------
+    PairingError
+        If fewer than three measured modes have a partner in the model.
+    ValueError
+        With fewer than three windows.
+    """
+    scatter = learn_scatter(windows)
+    measured = mean_modes(windows, frequency_factor=scatter.frequency_factor, shape_factor=scatter.shape_factor)
+    sprung = with_springs(structure)
+    model = best_model(sprung)
+    modes = model.modes(n_modes)
+    at_channels = (channel_rows(model, measured.channels) @ modes.shape).T
+    seen = np.flatnonzero(np.linalg.norm(at_channels, axis=1) > 1e-9)
+    shape = at_channels[seen] / np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
+    own = ModalMean(
+        channels=measured.channels,
+        n=np.ones(len(seen), np.intp),
+        log_frequency=np.log(modes.frequency[seen]),
+        log_frequency_std=np.full(len(seen), _FREQUENCY_STD),
+        damping=np.full(len(seen), np.nan),
+        shape=shape,
+        shape_std=np.full(shape.shape, _SHAPE_STD),
+    )
+    found = match_modes(own, measured)
+    paired = np.flatnonzero(found >= 0)
+    if len(paired) < 3:
+        raise PairingError(
+            f"only {len(paired)} measured modes ({np.round(np.exp(measured.log_frequency), 2).tolist()} Hz) have a "
+            f"partner in the model ({np.round(modes.frequency[:12], 2).tolist()} Hz), at least 3 are needed"
+        )
+    return Reference(
+        calibration=Calibration(
+            structure=sprung,
+            model=model,
+            modes=modes,
+            tracks=found[paired],
+            paired=seen[paired],
+            nominal_frequency=modes.frequency[seen[paired]],
+            nominal_mac=(shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
+            parameters=(),
+        ),
+        baseline=own.only(paired),
+        scatter=scatter,
+        frequency=modes.frequency,
+        shape=modes.shape,
+        windows=windows,
+        delays=NO_DELAYS,
+    )

@@ -1,0 +1,124 @@
+"""Exact re-analysis of many hypotheses at once, in the modes of the reference.
+
+In mass-normalised modes B of frequencies omega a structural change is one of modal mass, M' = I + dM, and of modal
+flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. Its derivatives follow from the same
+eigenvectors, so that a step of Gauss-Newton costs one decomposition an alternative.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.comparison import Comparison
+
+_LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """What each of some alternatives does."""
+
+    mass: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal mass
+    flexibility: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal flexibility [s2]
+    chain: FloatArray  #: (n_alternatives, n_channels, n_channels) what the channels say over what is true
+
+    def rows(self, rows: IndexArray) -> "Effect":
+        """Return some alternatives."""
+        return Effect(self.mass[rows], self.flexibility[rows], self.chain[rows])
+
+    def then(self, other: "Effect") -> "Effect":
+        """Return both together."""
+        return Effect(self.mass + other.mass, self.flexibility + other.flexibility, other.chain @ self.chain)
+
+
+def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
+    """Return the effect of nothing, to be filled."""
+    n_channels, n_modes = comparison.at_channels.shape
+    return Effect(
+        np.zeros((n_alternatives, n_modes, n_modes)),
+        np.zeros((n_alternatives, n_modes, n_modes)),
+        np.tile(np.eye(n_channels), (n_alternatives, 1, 1)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """The changed structure's modes, those that answer to the compared ones first among equals."""
+
+    value: FloatArray  #: (n_alternatives, n_modes) 1/omega'^2 [s2]
+    vector: FloatArray  #: (n_alternatives, n_modes, n_modes) in the reference's modes, columns mass-normalised
+    weighed: FloatArray  #: (n_alternatives, n_modes, n_modes) M' times the vectors
+    pick: IndexArray  #: (n_alternatives, n) column of each compared mode
+
+    def rows(self, rows: IndexArray) -> "Changed":
+        """Return some alternatives."""
+        return Changed(self.value[rows], self.vector[rows], self.weighed[rows], self.pick[rows])
+
+
+def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
+    """Solve the eigenproblem of each alternative.
+
+    A mode's successor is the one with most of it: the changed mode that holds the largest component of the old one.
+    """
+    flexibility = np.diag((2 * np.pi * comparison.frequency) ** -2.0) + effect.flexibility
+    mass = np.eye(len(comparison.frequency)) + effect.mass
+    root = np.linalg.cholesky(flexibility)  # of F', not of M': more mass may be taken off than the modes can hold
+    value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
+    value = np.maximum(value, _LEAST * value[:, -1:])
+    vector, weighed = root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
+    share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
+    pick = np.argmax(share[:, comparison.paired, :], axis=2)
+    scale = np.sqrt(value)[:, None, :]
+    return Changed(value, vector / scale, weighed * scale, pick)
+
+
+def predict(
+    comparison: Comparison, value: FloatArray, vector: FloatArray, chain: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return log frequency ratios (n_alternatives, n) and shapes at the channels (n_alternatives, n, n_channels).
+
+    The measured baseline shape is changed by what the reference says about the change, then read by the channels.
+
+    Parameters
+    ----------
+    value : (n_alternatives, n) 1/omega'^2 of the compared modes [s2]
+    vector : (n_alternatives, n_modes, n) theirs
+    chain : (n_alternatives, n_channels, n_channels)
+    """
+    old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
+    shape = np.einsum("cr,pri->pic", comparison.at_channels, vector)
+    along = (shape * comparison.model_base).sum(-1, keepdims=True)
+    along = np.where(np.abs(along) < 1e-6, 1e-6, along)
+    true = comparison.base + shape / along - comparison.model_base
+    return -0.5 * np.log(value / old), true @ chain.transpose(0, 2, 1)
+
+
+def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
+    """Return value (n_alternatives, n) and vector (n_alternatives, n_modes, n) of the compared modes."""
+    value = np.take_along_axis(changed.value, changed.pick, axis=1)
+    return value, np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
+
+
+def derivative(changed: Changed, mass: FloatArray, flexibility: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return d value (n_alternatives, n) and d vector (n_alternatives, n_modes, n) of the compared modes.
+
+    With left vectors M' x: d mu_i = (M' x_i)^T dF (M' x_i) + mu_i x_i^T dM x_i, and the component of d x_i along
+    x_k is ((M' x_k)^T dF (M' x_i) + mu_k x_k^T dM x_i) / (mu_i - mu_k).
+
+    Parameters
+    ----------
+    mass, flexibility : (n_alternatives, n_modes, n_modes) derivatives dM, dF
+    """
+    x = np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
+    y = np.take_along_axis(changed.weighed, changed.pick[:, None, :], axis=2)
+    by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ x)  # (p, k, i)
+    by_flexibility = changed.weighed.transpose(0, 2, 1) @ (flexibility @ y)
+    numerator = by_flexibility + changed.value[:, :, None] * by_mass
+    own = changed.pick[:, None, :]
+    d_value = np.take_along_axis(numerator, own, axis=1)[:, 0]
+    gap = np.take_along_axis(changed.value, changed.pick, axis=1)[:, None, :] - changed.value[:, :, None]
+    np.put_along_axis(gap, own, np.inf, axis=1)
+    component = numerator / np.where(gap == 0, np.inf, gap)
+    np.put_along_axis(component, own, -0.5 * np.take_along_axis(by_mass, own, axis=1), axis=1)
+    return d_value, changed.vector @ component
