@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds clean
+.PHONY: demo test check lint typecheck seeds flags clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -21,6 +21,10 @@ check: $(VENV)/.done
 # Five demos with five seeds; writes the table in docs/seeds.md.
 seeds: $(VENV)/.done
 	$(BIN)/python benchmarks/seeds.py
+
+# False flags of the one-step update and what it flags of masses: the tables in docs/updater.md, some minutes.
+flags: $(VENV)/.done
+	PYTHONPATH=tests $(BIN)/python benchmarks/flags.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

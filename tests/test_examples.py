@@ -32,3 +32,22 @@ def test_report_log() -> None:
     assert abs(answer.position[0] - truth["position"][0]) < 3 * answer.position_std
     assert f"{1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g added on the crossbeam" in found["verdict"]
     assert found["verdict"] in found["report"]
+
+
+def test_paper_t_structure() -> None:
+    """Totals without noise to 10 % of the mass of what this frame gives; with noise within 4 deviations of those."""
+    found = run("paper_t_structure.py")
+    expected = {"location 1": (0.342, 0.373, 0.362), "location 2": (0.207, 0.156, 0.0)}
+    for place, body in found["BODIES"].items():
+        exact, noisy = (found["updates"][place, said] for said in found["NOISE"])
+        np.testing.assert_allclose(exact.totals, expected[place], atol=0.1 * body.mass)
+        assert (np.abs(noisy.totals - exact.totals) < 4 * noisy.totals_std).all()
+        paper = [1e-3 * grams for grams in found["PAPER"][place] if grams]
+        ratio = exact.totals[: len(paper)] / paper
+        assert (ratio > 1 / 1.6).all()
+        assert (ratio < 1.6).all()
+        assert np.linalg.norm(found["nodes"][exact.flagged[0].node] - np.array(body.at)) < 0.11
+        answer = found["answers"][place, "0.1 % / 2 %"]
+        assert abs(answer.mass - body.mass) < 4 * answer.mass_std
+        start = {"crossbeam": np.array([-0.4, 0.0, 1.48]), "column": np.zeros(3)}[answer.member]
+        assert abs(answer.distance - np.linalg.norm(np.array(body.at) - start)) < 4 * answer.distance_std

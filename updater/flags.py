@@ -31,23 +31,23 @@ def moderated_variance(z: FloatArray) -> FloatArray:
     return np.asarray((_PRIOR_WINDOWS * pooled + n_windows * own) / (_PRIOR_WINDOWS + n_windows))
 
 
-def z_limit(noise: FloatArray, degrees_of_freedom: int) -> float:
-    """Return the |z| over its moderated deviation that one undisturbed event in 100 passes anywhere.
+def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> float:
+    """Return the |z| that one undisturbed event in 100 passes anywhere.
 
     Parameters
     ----------
     noise : (n, n_inputs) what one standard deviation of each input moves each increment by
+    common : (n,) what one of a common change of all frequencies does, which windows teach nothing of
     degrees_of_freedom : of the variances learnt from windows: one fewer than there are; 0 if none were
     """
-    left, value, _ = np.linalg.svd(noise / np.linalg.norm(noise, axis=1, keepdims=True), full_matrices=False)
+    scale = np.linalg.norm(noise, axis=1)
+    left, value, _ = np.linalg.svd(noise / scale[:, None], full_matrices=False)
     root = (left * value)[:, value > _NEGLIGIBLE * value[0]]
     random = np.random.default_rng(_SEED)
-    largest = [_largest(random.standard_normal((_CHUNK, degrees_of_freedom + 1, root.shape[1])) @ root.T)
-               for _ in range(_DRAWS // _CHUNK)]  # fmt: skip
+    largest = []
+    for _ in range(_DRAWS // _CHUNK):
+        z = random.standard_normal((_CHUNK, degrees_of_freedom + 1, root.shape[1])) @ root.T
+        variance = moderated_variance(z[:, 1:]) if degrees_of_freedom else 1.0
+        event = z[:, 0] + random.standard_normal((_CHUNK, 1)) * (common / scale)
+        largest.append((np.abs(event) / np.sqrt(variance + (common / scale) ** 2)).max(-1))
     return float(np.quantile(np.concatenate(largest), 1 - _FALSE_FLAGS))
-
-
-def _largest(z: FloatArray) -> FloatArray:
-    """Return the largest of the first row's n over the deviation of the others, (n_draws, 1 + windows, n)."""
-    variance = moderated_variance(z[:, 1:]) if z.shape[1] > 1 else np.ones(z[:, 0].shape)
-    return np.asarray((np.abs(z[:, 0]) / np.sqrt(variance)).max(-1))

@@ -4,7 +4,7 @@ What is expanded is the change of each shape since the baseline, in a cluster of
 what the clusters cannot hold of the baseline's own shapes cancels, and unchanged data give no increment at all.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -85,8 +85,15 @@ class MassUpdater:
         normalised = normalised_increments(found.value, 1 / self._at.mass, share / self._at.mass)
         # a direction that the updated modes hardly move says nothing: its share is endless, its increment none
         share = np.where(np.isfinite(normalised), share, np.inf)
-        variance, limit = self._learnt(tuple(tracks.tolist()))
+        variance, n_windows = self._learnt(tuple(tracks.tolist()))
+        limit = self._limit(event, tracks, np.flatnonzero(np.isfinite(normalised)), n_windows)
         return self._as_nodes(found, normalised, share, variance, limit)
+
+    def _limit(self, event: ModalMean, tracks: IndexArray, told: IndexArray, n_windows: int) -> float:
+        """Return the limit for an event as sure as this one in which nothing has changed."""
+        base = self._reference.baseline
+        nothing = self._increments(replace(event, log_frequency=base.log_frequency, shape=base.shape), base, tracks)
+        return z_limit(nothing.noise[told], nothing.common[told], max(n_windows - 1, 0))
 
     def _as_nodes(
         self, found: _Increments, normalised: FloatArray, share: FloatArray, variance: FloatArray, limit: float
@@ -97,7 +104,7 @@ class MassUpdater:
         std = np.linalg.norm(root, axis=1)
         by_input = [(root / share[:, None])[at.direction == axis].sum(0) for axis in range(3)]
         z = np.where(told, found.value / std, 0.0)
-        order = np.argsort(-np.abs(np.where(told, normalised, 0)) / at.mass, kind="stable")
+        order = np.argsort(-self._strength(np.where(told, normalised, 0.0)), kind="stable")
         return MassUpdate(
             increment=at.by_node(found.value, 0.0),
             increment_std=at.by_node(std, 0.0),
@@ -112,6 +119,12 @@ class MassUpdater:
                 if abs(z[j]) > limit
             ),
         )
+
+    def _strength(self, normalised: FloatArray) -> FloatArray:
+        """Return the increments (n,) over their nodes' own masses, summed over the directions of each node."""
+        at = self._at
+        by_node = np.bincount(at.node, normalised / at.mass, minlength=len(at.model.nodes))
+        return np.abs(by_node)[at.node]
 
     def _seen(self, event: ModalMean) -> IndexArray:
         expected = self._reference.baseline.channels
@@ -159,8 +172,8 @@ class MassUpdater:
                 break
         return changes
 
-    def _learn(self, tracks: tuple[int, ...]) -> tuple[FloatArray, float]:
-        """Return the variance of z (n,) that the baseline's windows show, and the limit, for some tracks.
+    def _learn(self, tracks: tuple[int, ...]) -> tuple[FloatArray, int]:
+        """Return the variance of z (n,) that the baseline's windows show for some tracks, and their number.
 
         Each window is judged as an event against the mean of the others.
         """
@@ -168,16 +181,10 @@ class MassUpdater:
         windows = self._reference.windows
         whole = np.isfinite(windows.log_frequency[:, chosen]) & np.isfinite(windows.shape[:, chosen, 0])
         usable = np.flatnonzero(whole.all(1))
-        base = self._reference.baseline
-        share = self._at.share(self._at.paired[chosen])
-        told = np.isfinite(normalised_increments(share, 1 / self._at.mass, share / self._at.mass))
-        noise = self._increments(base, base, chosen).noise[told]
-        variance = np.ones(len(told))
         if len(usable) < _LEAST_WINDOWS:
-            return variance, z_limit(noise, 0)
-        z = np.array([self._window_z(int(w), usable, chosen)[told] for w in usable])
-        variance[told] = moderated_variance(z)
-        return variance, z_limit(noise, len(usable) - 1)
+            return np.ones(len(self._at.mass)), 0
+        z = np.array([self._window_z(int(w), usable, chosen) for w in usable])
+        return moderated_variance(z), len(usable)
 
     def _window_z(self, window: int, usable: IndexArray, tracks: IndexArray) -> FloatArray:
         windows, mean_of = self._reference.windows, self._reference.mean_of

@@ -4,46 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fe_helpers import Truth, t_frame, t_truth, unmoved
+from fe_helpers import unmoved
+from one_step_helpers import LOCATION_1, N_BASELINE, N_EVENT, Rig
 
 from daq import FloatArray
-from oma import ModalEstimate
-from updater import (
-    Body,
-    MassUpdater,
-    Modes,
-    PairingError,
-    Reference,
-    learn_reference,
-    learn_scatter,
-    mean_modes,
-    stack_tracks,
-)
+from updater import MassUpdater, PairingError, mean_modes, stack_tracks
 from updater.statistics import COMMON_STD
-
-LOCATION_1 = Body(at=(0.25, 0, 1.48), mass=0.304)
-N_BASELINE, N_EVENT = 8, 4
-
-
-class Rig:
-    """A true structure, bare and loaded, and the reference that its baseline taught."""
-
-    def __init__(self, seed: int) -> None:
-        self.truth: Truth = t_truth(seed)
-        bare, loaded = self.truth.model(), self.truth.model(LOCATION_1)
-        self.rows = bare.sensor_rows
-        self.bare, self.loaded = bare.modes(8), loaded.modes(8)
-        self.reference = learn_reference(t_frame(), self.windows(self.bare, N_BASELINE, 1), unmoved(N_BASELINE))
-
-    def windows(self, modes: Modes, n: int, seed: int, noise: float = 1.0) -> list[ModalEstimate]:
-        return self.truth.windows(modes, self.rows, n, seed, noise)
-
-    def relearnt(self, windows: list[ModalEstimate]) -> Reference:
-        """Return the reference with another baseline and all that follows from it but the calibration."""
-        tracked = stack_tracks(windows, unmoved(len(windows)))
-        scatter = learn_scatter(tracked)
-        factors = {"frequency_factor": scatter.frequency_factor, "shape_factor": scatter.shape_factor}
-        return replace(self.reference, baseline=mean_modes(tracked, **factors), scatter=scatter, windows=tracked)
 
 
 @pytest.fixture(scope="module")
@@ -125,28 +91,32 @@ def test_increments_scatter_as_they_say(rig: Rig, loaded: bool, monkeypatch: pyt
 
 
 def test_undisturbed_events_are_flagged_once_in_a_hundred(rig: Rig) -> None:
-    """30 baselines with 4 events each: more than 6 flagged of 1.2 expected has a chance of 2e-4."""
-    flagged = 0
+    """30 baselines with 4 events each: more than 6 flagged of 1.2 expected has a chance of 2e-4.
+
+    Frequencies drift together as far as is allowed for; without drift (0 of 800) there are fewer flags.
+    """
+    flagged, random = 0, np.random.default_rng(12)
     for seed in range(30):
         updater = MassUpdater(rig.relearnt(rig.windows(rig.bare, N_BASELINE, 2000 + seed)))
         windows = rig.windows(rig.bare, 4 * N_EVENT, 7000 + seed)
         for event in (windows[i::4] for i in range(4)):
             mean = rig.reference.mean_of(stack_tracks(event, unmoved(N_EVENT)))
-            flagged += bool(updater.update(mean).flagged)
+            drifted = mean.log_frequency + COMMON_STD * random.standard_normal()
+            flagged += bool(updater.update(replace(mean, log_frequency=drifted)).flagged)
     print(flagged)
     assert flagged <= 6
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_mass_is_flagged_where_it_is(seed: int) -> None:
-    """304 g at location 1: on the beam's side of it, by the increment over the node's own mass and by direction."""
+    """304 g at location 1: within two nodes of it, in all directions."""
     rig = Rig(20 + seed)
     event = rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, N_EVENT, seed), unmoved(N_EVENT)))
     found = MassUpdater(rig.reference).update(event)
     nodes = rig.reference.calibration.model.nodes
     strongest: FloatArray = nodes[found.flagged[0].node]
-    assert np.linalg.norm(strongest - LOCATION_1.at) < 0.16
-    assert found.flagged[0].z > 2 * found.z_limit
+    assert np.linalg.norm(strongest - LOCATION_1.at) < 0.11
+    assert max(f.z for f in found.flagged) > 5 * found.z_limit
     assert {"xyz"[f.direction] for f in found.flagged} == {"x", "y", "z"}
 
 

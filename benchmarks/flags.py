@@ -1,0 +1,117 @@
+"""How often the one-step update flags what did not change, and what it flags of masses that were added.
+
+Eight windows teach the reference, four make an event, as in a demo; noise by the uncertainty law. Prints the two tables
+of docs/updater.md.
+
+Usage: PYTHONPATH=tests python benchmarks/flags.py [BASELINES], or make flags
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from fe_helpers import unmoved
+from one_step_helpers import N_BASELINE, N_EVENT, Rig
+from scipy.stats import beta
+
+from oma import ModalEstimate
+from updater import Body, MassUpdater, Reference, stack_tracks
+from updater.statistics import COMMON_STD, ModalMean
+
+EVENTS = 8  # a baseline
+RIGS = (3, 4, 5, 6)  # seeds of true frames
+PLACE = (0.25, 0.0, 1.48)
+GRAMS = (10, 20, 30, 40, 76, 152, 304)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Undisturbed:
+    """What moves the modes of a frame on which nothing hangs."""
+
+    said: str
+    noise: float = 1.0  # over what the windows state of themselves
+    common: float = 0.0  # standard deviation of a change of all frequencies alike
+    mixing: float = 0.0  # standard deviation of how far the two lowest, close modes turn into each other [rad]
+
+
+CASES = (
+    Undisturbed(said="noise as it is stated"),
+    Undisturbed(said="noise twice what is stated", noise=2.0),
+    Undisturbed(said="all frequencies drift together by 0.3 %", common=COMMON_STD),
+    Undisturbed(said="the two close modes mix by 0.05 rad", mixing=0.05),
+)
+
+
+def mix(window: ModalEstimate, angle: float) -> ModalEstimate:
+    """Turn the two lowest shapes into each other."""
+    shape = window.shape.copy()
+    shape[0], shape[1] = window.shape[0] + angle * window.shape[1], window.shape[1] - angle * window.shape[0]
+    return replace(window, shape=shape / np.linalg.norm(shape, axis=1, keepdims=True))
+
+
+def undisturbed(rig: Rig, case: Undisturbed, seed: int) -> tuple[Reference, Iterator[ModalMean]]:
+    """Return a reference learnt anew and events in which nothing has changed."""
+    random = np.random.default_rng(seed)
+    n = N_BASELINE + EVENTS * N_EVENT
+    stated = rig.windows(rig.bare, n, seed, case.noise)
+    windows = [
+        mix(replace(w, frequency_std=w.frequency_std / case.noise, shape_std=w.shape_std / case.noise), angle)
+        for w, angle in zip(stated, case.mixing * random.standard_normal(n), strict=True)
+    ]
+    learnt = rig.relearnt(windows[:N_BASELINE])
+    return learnt, (event_of(learnt, windows[N_BASELINE + i :: EVENTS], case.common, random) for i in range(EVENTS))
+
+
+def event_of(learnt: Reference, windows: list[ModalEstimate], common: float, random: np.random.Generator) -> ModalMean:
+    """Return the mean of an event's windows."""
+    mean = learnt.mean_of(stack_tracks(windows, unmoved(len(windows))))
+    return replace(mean, log_frequency=mean.log_frequency + common * random.standard_normal())
+
+
+def false_flags(rigs: list[Rig], case: Undisturbed, baselines: int) -> str:
+    """Return the table's line of one case."""
+    flagged = 0
+    for i in range(baselines):
+        learnt, events = undisturbed(rigs[i % len(rigs)], case, 1000 + i)
+        updater = MassUpdater(learnt)
+        flagged += sum(bool(updater.update(event).flagged) for event in events)
+    n = baselines * EVENTS
+    low = beta.ppf(0.025, flagged, n - flagged + 1) if flagged else 0.0  # Clopper-Pearson
+    high = beta.ppf(0.975, flagged + 1, n - flagged)
+    return f"| {case.said} | {flagged} of {n} | {100 * flagged / n:.2f} % | {100 * low:.2f} to {100 * high:.2f} % |"
+
+
+def detection(rigs: list[Rig], grams: int, baselines: int) -> str:
+    """Return the table's line of one mass."""
+    counts, distances = [], []
+    for i in range(baselines):
+        rig = rigs[i % len(rigs)]
+        learnt, _ = undisturbed(rig, CASES[0], 5000 + i)
+        loaded = rig.truth.model(Body(at=PLACE, mass=1e-3 * grams)).modes(8)
+        windows = rig.windows(loaded, N_EVENT, 9000 + i)
+        found = MassUpdater(learnt).update(learnt.mean_of(stack_tracks(windows, unmoved(N_EVENT)))).flagged
+        counts.append(len(found))
+        if found:
+            distances.append(float(np.linalg.norm(learnt.calibration.model.nodes[found[0].node] - PLACE)))
+    share = 100 * np.mean(np.array(counts) > 0)
+    away = f"{np.median(distances):.2f} m" if distances else ""
+    return f"| {grams} g | {share:.0f} % | {np.median(counts):.0f} | {away} |"
+
+
+def main() -> int:
+    """Print both tables."""
+    baselines = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    rigs = [Rig(seed) for seed in RIGS]
+    print("| nothing changed, but | events flagged | | 95 % interval |\n| --- | ---: | ---: | ---: |")
+    for case in CASES:
+        print(false_flags(rigs, case, baselines), flush=True)
+    print("\n| added at (0.25, 0, 1.48) | flagged | flags, median | strongest flag off by, median |")
+    print("| ---: | ---: | ---: | ---: |")
+    for grams in GRAMS:
+        print(detection(rigs, grams, min(baselines, 40)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
