@@ -1,11 +1,10 @@
-"""Arrays of the analysis put into the plain values of the log, and into words."""
+"""Arrays of the analysis put into the plain values of the log."""
 
 from typing import Any, Literal
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
-from monitor.alarms import State
 from monitor.results import (
     FlaggedDof,
     Interval,
@@ -17,7 +16,6 @@ from monitor.results import (
     ReferenceResult,
     Spectrum,
     Vector,
-    WindowResult,
 )
 from oma import ModalEstimate, OmaError, Stabilization, singular_values
 from updater import MassChange, MassUpdate, Model, Reference, Structure, build_model, real_shape
@@ -155,34 +153,3 @@ def _said(values: FloatArray) -> tuple[float | None, float | None, float | None]
 def _vector(values: FloatArray) -> Vector:
     x, y, z = (float(v) for v in values)
     return x, y, z
-
-
-def mass_text(answer: MassAnswer) -> str:
-    """Say what was found in one line."""
-    what = "added" if answer.mass > 0 else "removed"
-    x, y, z = answer.position
-    return (
-        f"{1000 * abs(answer.mass):.0f} ± {1000 * answer.mass_std:.0f} g {what} on the {answer.member} "
-        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * answer.position_std:.0f} mm"
-    )
-
-
-def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:
-    """Say where the one-step update flags a change; nodes (n_nodes, 3) [m]."""
-    flagged = len({f.node for f in increments.flagged})
-    if not flagged:
-        return "one-step update flags no node"
-    x, y, z = nodes[increments.flagged[0].node]
-    return f"one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
-
-
-def alarm_text(state: State, result: WindowResult, nodes: FloatArray) -> str:
-    """Say why the alarm changed its state, and where, at nodes (n_nodes, 3) [m] of the reference."""
-    score = result.novelty
-    figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
-    if state == "alarm":
-        found = [mass_text(result.answer)] if result.answer else []
-        found += [increment_text(result.increments, nodes)] if result.increments else []
-        where = f": {'; '.join(found)}" if found else "; where, the next windows will tell"
-        return f"ALARM: the structure has changed ({figures}){where}"
-    return f"over the limit once: {figures}" if state == "watch" else f"back to normal: {figures}"

@@ -8,7 +8,6 @@ import numpy as np
 from daq import Assembler, Block, Event, FloatArray, Recording
 from monitor.alarms import Alarm
 from monitor.describe import (
-    alarm_text,
     increment_result,
     mass_answer,
     mode_results,
@@ -18,15 +17,18 @@ from monitor.describe import (
 from monitor.fusion import choose_tracks
 from monitor.results import AlarmResult, MassAnswer, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
+from monitor.words import alarm_text
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
     NO_DELAYS,
     DeviceDelays,
+    Diagnosis,
     MassUpdater,
     ModalMean,
     PairingError,
     Reference,
     Structure,
+    diagnose,
     estimate_delays,
     learn_delays,
     learn_reference,
@@ -154,22 +156,21 @@ class Pipeline:
         if self._alarm.state != before.state:
             yield self._said(window, alarm_text(self._alarm.state, result, watch.reference.calibration.model.nodes))
 
-    def _explain(self, watch: _Watch) -> dict[str, MassAnswer | MassIncrements | None]:
+    def _explain(self, watch: _Watch) -> dict[str, Diagnosis | MassAnswer | MassIncrements | None]:
         """Explain by the windows that begin after the first one over the limit: that one may hold both states."""
         pure = [w.estimate for w in self._out if w.recording.start >= self._out[0].recording.end]
         if not pure:
             return {}
         event = watch.reference.mean_of(stack_tracks(pure, [watch.tracker.assign(e) for e in pure]))
-        return {
-            "answer": self._locate(watch, event, len(pure)),
-            "increments": _increments(watch, event, len(pure)),
-        }
-
-    def _locate(self, watch: _Watch, event: ModalMean, n_windows: int) -> MassAnswer | None:
+        found: dict[str, Diagnosis | MassAnswer | MassIncrements | None]
+        found = {"increments": _increments(watch, event, len(pure))}
         try:
-            return mass_answer(self._structure, locate_mass(watch.reference, event), n_windows)
+            found["diagnosis"] = diagnosis = diagnose(watch.reference, event).diagnosis
         except ValueError:
-            return None  # fewer than three modes left to compare: there is an alarm, but no place
+            return found  # fewer than three modes left to compare: there is an alarm, but no cause
+        if is_one_mass(diagnosis):
+            found["answer"] = mass_answer(self._structure, locate_mass(watch.reference, event), len(pure))
+        return found
 
     def _said(self, window: _Window, text: str) -> AlarmResult:
         return AlarmResult(time=window.recording.end, state=self._alarm.state, text=text, window=window.index)
@@ -180,6 +181,11 @@ def _increments(watch: _Watch, event: ModalMean, n_windows: int) -> MassIncremen
         return increment_result(watch.updater.update(event), n_windows)
     except (PairingError, ValueError):
         return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments
+
+
+def is_one_mass(diagnosis: Diagnosis) -> bool:
+    """Tell whether one added or removed mass, and nothing else, explains what has changed."""
+    return diagnosis.verdict == "explained" and [c.cause for c in diagnosis.causes] == ["added_mass"]
 
 
 def _rms(recording: Recording) -> dict[str, float]:

@@ -1,11 +1,12 @@
-"""Findings in sentences: shared by the report, the viewer and the terminal."""
+"""Findings in sentences: shared by the loop, the report, the viewer and the terminal."""
 
 import math
 
 import numpy as np
 
-from monitor.describe import mass_text
-from monitor.results import WindowResult
+from daq import FloatArray
+from monitor.alarms import State
+from monitor.results import MassAnswer, MassIncrements, WindowResult
 from monitor.story import Story
 from updater import Cause, Diagnosis, Quantity, Where
 
@@ -84,6 +85,50 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
 
 
+def mass_text(answer: MassAnswer) -> str:
+    """Say what was found in one line."""
+    what = "added" if answer.mass > 0 else "removed"
+    x, y, z = answer.position
+    return (
+        f"{1000 * abs(answer.mass):.0f} ± {1000 * answer.mass_std:.0f} g {what} on the {answer.member} "
+        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * answer.position_std:.0f} mm"
+    )
+
+
+def change_text(diagnosis: Diagnosis) -> str:
+    """Say what has changed where something has, as a part of a sentence."""
+    if diagnosis.verdict == "nothing_to_explain":
+        return "too little to name a cause"
+    if not diagnosis.causes:
+        return "no cause known here explains how"
+    return "; ".join(cause_text(c) + _aliases(c) for c in diagnosis.causes)
+
+
+def _aliases(cause: Cause) -> str:
+    return "".join(f" or {plain(name)}" for name in cause.cannot_be_told_from)
+
+
+def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:
+    """Say where the one-step update flags a change; nodes (n_nodes, 3) [m]."""
+    flagged = len({f.node for f in increments.flagged})
+    if not flagged:
+        return "one-step update flags no node"
+    x, y, z = nodes[increments.flagged[0].node]
+    return f"one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+def alarm_text(state: State, result: WindowResult, nodes: FloatArray) -> str:
+    """Say why the alarm changed its state, and where, at nodes (n_nodes, 3) [m] of the reference."""
+    score = result.novelty
+    figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
+    if state == "alarm":
+        found = [change_text(result.diagnosis)] if result.diagnosis else []
+        found += [increment_text(result.increments, nodes)] if result.increments else []
+        where = f": {'; '.join(found)}" if found else "; where, the next windows will tell"
+        return f"ALARM: the structure has changed ({figures}){where}"
+    return f"over the limit once: {figures}" if state == "watch" else f"back to normal: {figures}"
+
+
 def utc(time: int, *, date: bool = True) -> str:
     """Return a time [ns UTC] to the second."""
     text = str(np.datetime64(time, "ns"))[:19].replace("T", " ")
@@ -124,10 +169,8 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
 
 
 def _what(story: Story, diagnosis: Diagnosis | None) -> str:
-    if diagnosis and diagnosis.causes:
-        return "; ".join(cause_text(c) for c in diagnosis.causes)
-    if diagnosis and diagnosis.verdict == "unexplained":
-        return "no cause known here explains how"
+    if diagnosis:
+        return change_text(diagnosis)
     if not story.answers:
         return "where is not known yet"
     answer = story.answers[-1][1]

@@ -7,11 +7,11 @@ from rich.console import Console
 from rich.markup import escape
 
 from monitor.daemon import load_site, run, stop_on_signals
-from monitor.describe import mass_text
 from monitor.live import LiveView, live_view
 from monitor.mending import mend_logs
 from monitor.replay import replay
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.words import change_text
 from monitor.worker import Result
 
 console = Console(highlight=False)
@@ -38,7 +38,7 @@ def _window_line(window: WindowResult) -> str:
     text = f"{start} {len(window.modes)} modes"
     if window.novelty:
         text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
-    return f"{text}, {mass_text(window.answer)}" if window.answer else text
+    return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text
 
 
 def run_command(path: Path) -> int:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from monitor.describe import mass_text
 from monitor.logged import Run
 from monitor.report import fits, places, trends
 from monitor.report.svg import data_uri
@@ -19,6 +18,7 @@ from monitor.words import (
     diagnosis_text,
     headline,
     last_state,
+    mass_text,
     number_text,
     plain,
     quantity_text,

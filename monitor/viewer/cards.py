@@ -2,11 +2,10 @@
 
 import rerun as rr
 
-from monitor.describe import mass_text
 from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
 from monitor.viewer.draw import at, clock
-from monitor.words import cause_text, diagnosis_text, plain, share_text
+from monitor.words import cause_text, diagnosis_text, mass_text, plain, share_text
 from updater import Diagnosis
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
