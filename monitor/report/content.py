@@ -132,11 +132,19 @@ def _increments(story: Story) -> dict[str, Any] | None:
     }
 
 
-def _flagged(story: Story, increments: MassIncrements) -> list[tuple[str, str, str, str]]:
+def _flagged(story: Story, increments: MassIncrements) -> list[dict[str, str]]:
+    """Return a row a direction that has flagged nodes: how many, and the surest."""
     nodes = story.reference.nodes if story.reference else []
-    surest = sorted(increments.flagged, key=lambda f: -abs(f.z))[:8]
-    places_of = [", ".join(f"{v:.3f}" for v in nodes[f.node]) for f in surest]
-    return [(str(f.node), f.direction, place, f"{f.z:+.1f}") for f, place in zip(surest, places_of, strict=True)]
+    rows = []
+    for direction in ("x", "y", "z"):
+        flagged = [f for f in increments.flagged if f.direction == direction]
+        if not flagged:
+            continue
+        surest = max(flagged, key=lambda f: abs(f.z))
+        place = ", ".join(f"{v:.3f}" for v in nodes[surest.node])
+        row = {"direction": direction, "n": str(len(flagged)), "node": str(surest.node)}
+        rows.append(row | {"place": place, "z": f"{surest.z:+.1f}"})
+    return rows
 
 
 def _modes(story: Story) -> list[dict[str, str]]:

@@ -7,13 +7,14 @@ from matplotlib.colors import LinearSegmentedColormap
 
 from daq import FloatArray
 from monitor.geometry import Geometry, screen
-from monitor.report.svg import ADDED, INK, REGION, REMOVED, SENSOR, SOFT, bare
+from monitor.report.svg import ADDED, INK, REGION, REMOVED, SENSOR, SOFT, WARN, bare
 from monitor.results import Interval, MassAnswer, MassIncrements, ReferenceResult, Vector
 from monitor.unrolled import sigmas
 
 _SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye
 _AMPLITUDE = 0.16  # of the structure's size: the largest increment
 _HEAT = LinearSegmentedColormap.from_list("heat", ["#cc3340", "#f08a3c", "#f2c35c", "#c9d0d8"])
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 _FAR = 6.0  # sigmas: from here on a place is drawn as cold
 
 
@@ -106,11 +107,11 @@ class Frame:
         if not flagged:
             return
         places = self.flat(self.geometry.nodes[[f.node for f in flagged]])
-        axes.plot(*places.T, "o", markersize=4.5, markerfacecolor="none", markeredgecolor=INK, zorder=5)
+        axes.plot(*places.T, "o", markersize=3, color=WARN, markeredgecolor=INK, markeredgewidth=0.5, zorder=5)
         best = max(flagged, key=lambda f: abs(f.z))
         text = f"node {best.node}: z = {best.z:+.1f}"
         x, y = self.flat(self.geometry.nodes[best.node])
-        axes.annotate(text, (x, y), (10, -24), textcoords="offset points", fontsize=7, zorder=6)
+        axes.annotate(text, (x, y), (10, -24), textcoords="offset points", fontsize=7, zorder=6, bbox=_PAPER)
 
 
 def _across(base: FloatArray) -> FloatArray:

@@ -71,12 +71,11 @@ def increments_figure(reference: ReferenceResult, increments: MassIncrements) ->
     frame, grid = Frame(reference), figure.subplots(2, 3)
     rows = (("raw", np.array(increments.increment, float)), ("normalised", _numbers(increments.normalised)))
     for (name, values), row in zip(rows, grid, strict=True):
-        scale = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
         for column, (direction, axes) in enumerate(zip(_DIRECTIONS, row, strict=True)):
-            frame.draw_increments(axes, values[:, column], scale)
+            seen = np.abs(values[np.isfinite(values[:, column]), column])
+            frame.draw_increments(axes, values[:, column], float(seen.max(initial=0.0)) or 1.0)
             frame.draw_flags(axes, increments, direction, values[:, column])
             axes.set_title(f"{direction}, {name}: {_total(increments, values, column, name)}", fontsize=8.5)
-            seen = np.abs(values[np.isfinite(values[:, column]), column])
             text = f"largest {1000 * seen.max():.1f} g a node" if len(seen) else "says nothing in this direction"
             axes.annotate(text, (0.5, -0.02), xycoords="axes fraction", ha="center", fontsize=7, color=SOFT)
     return figure

@@ -36,7 +36,6 @@ def write_recording(path: Path, story: Story) -> None:
     with recording_file(path, f"{story.name}-{story.start}", layout(story)) as recording:
         recording.send_recording_name(story.name)
         draw_structure(recording, story)
-        draw_mode_shapes(recording, story)
         draw_spectra(recording, story)
         draw_trends(recording, story)
         draw_states(recording, story)
@@ -46,5 +45,6 @@ def write_recording(path: Path, story: Story) -> None:
         write_cards(recording, story)
         if story.reference:
             write_reference(recording, story.reference)
+            draw_mode_shapes(recording, story.reference, story.start)
         if story.signals:
             draw_signals(recording, story.signals)

@@ -99,7 +99,7 @@ class LiveResults:
             self._reference = result
             draw_bare_structure(self._recording, result, result.time)
             write_reference(self._recording, result)
-            draw_mode_shapes(self._recording, self._story(self._windows))
+            draw_mode_shapes(self._recording, result, result.time)
         elif isinstance(result, AlarmResult):
             self._alarms.append(result)
         elif result:

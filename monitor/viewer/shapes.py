@@ -7,8 +7,7 @@ import rerun as rr
 
 from daq import FloatArray
 from monitor.geometry import Geometry, screen
-from monitor.results import ReferenceMode
-from monitor.story import Story
+from monitor.results import ReferenceMode, ReferenceResult
 from monitor.viewer.draw import PHASE, at
 from monitor.viewer.palette import DIM, GREY, TEXT, mode_colour
 from monitor.viewer.scene import TUBE
@@ -21,14 +20,12 @@ _SECONDS = 2.0  # of one cycle
 _GHOSTS = (-1.0, -0.5, 0.5)
 
 
-def draw_mode_shapes(recording: rr.RecordingStream, story: Story) -> None:
-    """Draw each mode of the reference: rest, both extremes, and the motion."""
-    if story.reference is None:
-        return
-    geometry = Geometry(story.reference)
-    sensors = _nearest(geometry, np.array([place for place, _ in story.reference.sensors.values()]))
-    under = _below(geometry, seen(geometry, story.reference.modes), -_LABEL_ROOM / 2)
-    for mode in story.reference.modes:
+def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
+    """Draw each mode of the reference: rest, both extremes from a time on [ns UTC], and the motion."""
+    geometry = Geometry(reference)
+    sensors = _nearest(geometry, np.array([place for place, _ in reference.sensors.values()]))
+    under = _below(geometry, seen(geometry, reference.modes), -_LABEL_ROOM / 2)
+    for mode in reference.modes:
         base = f"/modes/mode_{mode.id}"
         recording.log(base, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         _still(recording, base, geometry, mode)
@@ -36,7 +33,7 @@ def draw_mode_shapes(recording: rr.RecordingStream, story: Story) -> None:
             [under], radii=0.0, colors=[mode_colour(mode.id)], labels=[mode_label(mode)], show_labels=True
         )
         recording.log(f"{base}/name", name, static=True)
-        at(recording, story.start)
+        at(recording, time)
         swing = _swing(geometry, mode)
         recording.log(f"{base}/shape", _shape(geometry, mode, swing))
         places = (geometry.nodes + swing)[sensors]

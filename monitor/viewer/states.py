@@ -63,10 +63,11 @@ def daemon_states(story: Story) -> Iterator[tuple[int, str]]:
 
 def structure_states(story: Story) -> Iterator[tuple[int, str]]:
     """Return when the structure's state changed [ns UTC], and to which; unknown until a baseline is learnt."""
-    changes = [(story.start, "unknown")]
-    if story.reference:
-        changes.append((story.reference.time, "normal"))
-    changes += [(alarm.time, alarm.state) for alarm in story.alarms if story.reference or alarm.state != "normal"]
+    reference = story.reference
+    changes = [(story.start, "unknown")] if reference is None or reference.time > story.start else []
+    if reference:
+        changes.append((max(reference.time, story.start), "normal"))
+    changes += [(alarm.time, alarm.state) for alarm in story.alarms if reference or alarm.state != "normal"]
     before = None
     for time, state in changes:
         if state != before:

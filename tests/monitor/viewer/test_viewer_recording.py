@@ -177,6 +177,13 @@ def test_lanes_change_when_the_state_does(rrd: Rrd) -> None:
     assert times.tolist() == [WINDOWS[0].start, *(a.time for a in RUN["alarms"])]
 
 
+def test_a_reference_of_an_earlier_run_leaves_nothing_unknown(tmp_path: Path) -> None:
+    earlier = RUN["reference"].model_copy(update={"time": WATCHED[0].start - 10**9})
+    rrd = written(tmp_path, shortened(reference=earlier, windows=WATCHED, alarms=[]))
+    times, states = rrd.rows("/state/structure", "StateChange:state")
+    assert (times.tolist(), [s[0] for s in states]) == ([WATCHED[0].start], ["normal"])
+
+
 def test_events_are_told_in_order_and_long_ones_go_on(rrd: Rrd) -> None:
     times, bodies = rrd.rows("/events", "TextLog:text")
     texts = [body[0] for body in bodies]
