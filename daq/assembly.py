@@ -257,6 +257,12 @@ class Assembler:
             data=data,
             rate=self._rate,
             start=start,
-            temperature=float(np.mean([np.mean(values) for values in temperatures if values])),
+            temperature=_mean([_mean(values) for values in temperatures]),
             gaps=find_gaps(self._channels, data),
         )
+
+
+def _mean(values: list[float]) -> float:
+    """Return the mean of what is known, NaN if nothing is: not every device has a thermometer."""
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")

@@ -167,7 +167,7 @@ def _clock(settings: Settings) -> HostClock:
 
 def device_driver(device: DeviceSettings) -> Driver:
     """Return the unopened driver of a device; ValueError if there is none of that name, or it has no such rate."""
-    return make_driver(device.driver, device.port, device.rate)
+    return make_driver(device.driver, device.place, device.rate)
 
 
 def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list[DeviceReader]:

@@ -3,11 +3,11 @@
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from daq import Channel
+from daq import CanAddress, Channel
 from monitor.errors import SettingsError
 
 Positive = Annotated[float, Field(gt=0)]
@@ -18,14 +18,37 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class CanSettings(_Section):
+    """Where a CAN node is."""
+
+    interface: str  #: "slcan", or any that python-can knows
+    channel: str  #: serial port of the adapter, can0, ...
+    node: Annotated[int, Field(ge=1, le=127)]
+    bitrate: Annotated[int, Field(gt=0)] = 1_000_000  #: [bit/s]
+
+
 class DeviceSettings(_Section):
     """One accelerometer."""
 
     name: str
     driver: str
-    port: str
+    port: str | None = None  #: serial port; a device has either this ...
+    can: CanSettings | None = None  #: ... or this
     rate: Positive = 1000.0  #: [Hz]
     channels: dict[Literal["x", "y", "z"], str]  #: device axis -> sensor; the rest is logged, not analysed
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.port is None) == (self.can is None):
+            raise ValueError(f"expected one of `port` and `can`, found {'none' if self.port is None else 'both'}")
+        return self
+
+    @property
+    def place(self) -> str | CanAddress:
+        """Where it is connected."""
+        if self.can is not None:
+            return CanAddress(**self.can.model_dump())
+        return self.port or ""
 
 
 class RecorderSettings(_Section):
@@ -111,6 +134,9 @@ def parse_settings(text: str, path: Path | str = "SITE.toml") -> Settings:
     names = [device.name for device in settings.device] + [channel.name for channel in settings.channels]
     for repeated in sorted({name for name in names if names.count(name) > 1}):
         raise SettingsError(path, f"device: the name {repeated!r} is given twice")
+    places = [str(device.place) for device in settings.device]
+    for repeated in sorted({place for place in places if places.count(place) > 1}):
+        raise SettingsError(path, f"device: two are connected to {repeated}")
     return settings
 
 
@@ -131,6 +157,7 @@ def _explain(error: ValidationError) -> str:
     sections = (
         Settings,
         DeviceSettings,
+        CanSettings,
         RecorderSettings,
         AnalysisSettings,
         AlarmSettings,

@@ -2,8 +2,8 @@
 
 Usage: python replay_data/make.py [SEED]
 
-A demo with slow devices and short windows, so that the log stays small: six emulated M-A352 at 500 scans a second on
-real ptys, logged by the daemon. Nothing in it is edited.
+A demo with slow devices and short windows, so that the log stays small: four emulated M-A352 and two M-A552 on a CAN
+bus, 500 scans a second on real ptys, logged by the daemon. Nothing in it is edited.
 """
 
 import json
@@ -21,7 +21,7 @@ MANIFEST = """# What happened in the logs of this folder; written by make.py.
 
 [[log]]
 file = "t_frame_added_mass.mcap"
-what = "T-frame, six emulated M-A352 at 500 Hz, ambient forces; a body is added to it"
+what = "T-frame, four emulated M-A352 and two M-A552 at 500 Hz, ambient forces; a body is added to it"
 seed = {seed}
 event_time = {time}    # ns UTC
 mass = {mass:.4f}    # kg

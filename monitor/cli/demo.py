@@ -1,5 +1,6 @@
 """`demo`: a rig nobody knows, watched as any site is, and the truth beside the answer."""
 
+import json
 import secrets
 import shutil
 from dataclasses import dataclass
@@ -44,7 +45,9 @@ def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> in
     seed = secrets.randbelow(10_000) if seed is None else seed
     seconds = plan.windows * plan.window / speed
     console.print(f"[bold]modalwatch demo[/], seed {seed}: a virtual T-frame plays for {seconds:.0f} s")
-    console.print("Six emulated Epson M-A352 on six ptys. Sometime, somewhere, the rig will add a body;")
+    console.print(
+        "Six emulated Epson accelerometers: four serial, two CAN. Sometime, somewhere, the rig will add a body;"
+    )
     console.print("nobody tells the monitor when, where or how heavy.\n")
     _clear(out)
     scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
@@ -90,6 +93,14 @@ def _site(ready: dict[str, Any], plan: Plan) -> str:
     ]
     for name, (_, axes) in T_DEVICES.items():
         mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
-        lines += ["", "[[device]]", f'name = "{name}"', 'driver = "epson-uart"', f'port = "{ready["ports"][name]}"']
+        lines += ["", "[[device]]", f'name = "{name}"', *_place(ready["ports"][name])]
         lines += [f"rate = {plan.rate}", f"channels = {{{mapped}}}"]
     return "\n".join(lines) + "\n"
+
+
+def _place(place: str | dict[str, Any]) -> list[str]:
+    """Return driver and place of a device as the rig says it."""
+    if isinstance(place, str):
+        return ['driver = "epson-uart"', f'port = "{place}"']
+    fields = ", ".join(f"{key} = {json.dumps(value)}" for key, value in place.items())
+    return ['driver = "epson-can"', f"can = {{{fields}}}"]

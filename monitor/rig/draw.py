@@ -14,6 +14,8 @@ T_DEVICES: dict[str, tuple[Vector, str]] = {
     "beam_left": ((-0.40, 0.0, 1.48), "yz"),
     "beam_right": ((0.40, 0.0, 1.48), "yz"),
 }
+#: which of them sit on a CAN bus, and their ids on it; the others have serial ports
+T_NODES = {"beam_left": 2, "beam_right": 3}
 #: where a body may be clamped on: the whole crossbeam, and the column above 0.5 m
 _STRETCHES: tuple[tuple[Vector, Vector], ...] = (
     ((-0.40, 0.0, 1.48), (0.40, 0.0, 1.48)),
@@ -51,7 +53,8 @@ def draw_t_frame(
     truth = _draw_truth(random)
     errors = random.uniform(-20e-6, 20e-6, len(T_DEVICES)).tolist()
     devices = [
-        RigDevice(name=n, at=at, clock_error=e) for (n, (at, _)), e in zip(T_DEVICES.items(), errors, strict=True)
+        RigDevice(name=n, at=at, clock_error=e, node=T_NODES.get(n))
+        for (n, (at, _)), e in zip(T_DEVICES.items(), errors, strict=True)
     ]
     body = _draw_body(random)
     events = () if between is None else (RigEvent(at=float(random.uniform(*between)), body=body),)

@@ -1,5 +1,6 @@
 """What a device makes of the motion: it filters, samples by its own clock, scatters in gain, adds noise and rounds."""
 
+import zlib
 from typing import Protocol
 
 import numpy as np
@@ -122,6 +123,11 @@ def make_sources(structure: Structure, scenario: Scenario) -> tuple[World, list[
     """Return the world and one source a device."""
     world = World(structure, scenario)
     return world, [DeviceSource(world, scenario, i) for i in range(len(scenario.device))]
+
+
+def serial_word(device: RigDevice) -> int:
+    """Return a CAN node's serial number, 32 bits made of its name."""
+    return zlib.crc32(device.name.encode())
 
 
 def serial_number(device: RigDevice) -> str:

@@ -3,11 +3,20 @@
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from daq import EmulatedEpson, HostClock, serve_all, unplugging
-from monitor.rig.measured import make_sources, serial_number
-from monitor.rig.scenario import Scenario
+from daq import (
+    CanAddress,
+    EmulatedEpson,
+    EmulatedEpsonCan,
+    EmulatedPort,
+    EmulatedSlcan,
+    HostClock,
+    serve_all,
+    unplugging,
+)
+from monitor.rig.measured import DeviceSource, make_sources, serial_number, serial_word
+from monitor.rig.scenario import RigDevice, Scenario
 from monitor.rig.truth import World
 from updater import Structure
 
@@ -15,13 +24,16 @@ _TICK = 0.004  # s of wall time between servings
 _LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may make up for: what a pty just holds; a third of a FIFO
 _SMOOTHING = 0.1  # of the time between servings
 
+Place = str | CanAddress  #: serial port or CAN node
+Emulated = EmulatedEpson | EmulatedEpsonCan
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlayReport:
     """What the rig did."""
 
-    sent: int  #: frames handed to the ptys
-    dropped: int  #: frames that found a full pty
+    sent: int  #: scans handed to the ptys
+    dropped: int  #: scans that found a full pty
     dropped_by_device: dict[str, int]  #: the same, one by one
     events: tuple[int, ...]  #: times of the scenario's events that came to pass [ns UTC]
 
@@ -55,7 +67,7 @@ def play(
     structure: Structure,
     scenario: Scenario,
     clock: HostClock,
-    ready: Callable[[dict[str, str]], None],
+    ready: Callable[[dict[str, Place]], None],
     stop: threading.Event,
 ) -> PlayReport:
     """Play a scenario until its duration is over or `stop` is set.
@@ -68,26 +80,56 @@ def play(
     structure : nominal
     scenario : of the rig
     clock : of the world
-    ready : called once with device -> port
+    ready : called once with device -> where it is connected
     stop : ends it early
     """
     world, sources = make_sources(structure, scenario)
     leashed = _LeashedClock(clock)
-    with unplugging([]) as devices:
+    rig = _Rig()
+    with unplugging(rig.ports):
         for device, source in zip(scenario.device, sources, strict=True):
-            number, error = serial_number(device), device.clock_error
-            devices.append(EmulatedEpson(source, leashed, serial_number=number, clock_error=error))
-        names = [device.name for device in scenario.device]
-        ready(dict(zip(names, (emulated.port for emulated in devices), strict=True)))
-        events = _serve(devices, scenario.duration, world, leashed, stop)
-        dropped = {name: emulated.dropped for name, emulated in zip(names, devices, strict=True)}
-    sent = sum(emulated.sent for emulated in devices)
+            rig.add(device, source, leashed)
+        rig.plug_adapter()
+        ready(rig.places)
+        events = _serve(rig, scenario.duration, world, leashed, stop)
+    dropped = {name: emulated.dropped for name, emulated in rig.devices.items()}
+    sent = sum(emulated.sent for emulated in rig.devices.values())
     return PlayReport(sent=sent, dropped=sum(dropped.values()), dropped_by_device=dropped, events=events)
 
 
-def _serve(
-    devices: list[EmulatedEpson], duration: float, world: World, clock: _LeashedClock, stop: threading.Event
-) -> tuple[int, ...]:
+@dataclass(eq=False)
+class _Rig:
+    """Emulated devices, and the ports they are behind: a serial one each, or one adapter for all CAN nodes."""
+
+    devices: dict[str, Emulated] = field(default_factory=dict)
+    ports: list[EmulatedPort] = field(default_factory=list)
+    places: dict[str, Place] = field(default_factory=dict)
+
+    def add(self, device: RigDevice, source: DeviceSource, clock: HostClock) -> None:
+        """Put a device where the scenario wants it."""
+        error = device.clock_error
+        if device.node is None:
+            serial = EmulatedEpson(source, clock, serial_number=serial_number(device), clock_error=error)
+            self.devices[device.name] = serial
+            self.ports.append(serial)
+            self.places[device.name] = serial.port
+        else:
+            number = serial_word(device)
+            self.devices[device.name] = EmulatedEpsonCan(
+                source, clock, node=device.node, serial_number=number, clock_error=error
+            )
+
+    def plug_adapter(self) -> None:
+        """Give the CAN nodes their adapter, if there are any."""
+        nodes = {name: device for name, device in self.devices.items() if isinstance(device, EmulatedEpsonCan)}
+        if nodes:
+            adapter = EmulatedSlcan(list(nodes.values()))
+            self.ports.append(adapter)
+            for name, device in nodes.items():
+                self.places[name] = CanAddress(interface="slcan", channel=adapter.port, node=device.node)
+
+
+def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop: threading.Event) -> tuple[int, ...]:
     """Serve until the end; return the times of the events that happened [ns UTC]."""
     begun: int | None = None
     planned: tuple[int, ...] = ()
@@ -96,16 +138,16 @@ def _serve(
         turn += 1
         clock.lengthen()
         world.keep_up(clock.now())
-        serve_all(devices, turn)
+        serve_all(rig.ports, turn)
         if begun is None:
-            begun = _last_begun(devices)
+            begun = _last_begun(list(rig.devices.values()))
             planned = () if begun is None else world.begin(begun)
         elif duration and clock.now() - begun > duration * 1e9:
             break
     return tuple(time for time in planned if time <= clock.now())
 
 
-def _last_begun(devices: list[EmulatedEpson]) -> int | None:
+def _last_begun(devices: list[Emulated]) -> int | None:
     """Return when the last device began to sample [ns UTC]; None if one has not."""
     times = [time for device in devices if (time := device.sampling_since) is not None]
     return max(times) if len(times) == len(devices) else None

@@ -5,13 +5,13 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
 from daq import ScaledClock
 from monitor.errors import SettingsError, StartError
-from monitor.rig.play import PlayReport, play
+from monitor.rig.play import Place, PlayReport, play
 from monitor.rig.scenario import Scenario, Vector, load_scenario
 from monitor.rig.truth import passes
 from updater import Structure, load_structure, parse_structure, t_structure_toml
@@ -27,8 +27,8 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
     ----------
     path : SCENARIO.toml
     speed : seconds of data a second of wall time
-    ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path}}; the clock is
-        ScaledClock's fields, by which rig and monitor share one time scale
+    ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path of a serial port, or
+        CanAddress's fields}}; the clock is ScaledClock's fields, by which rig and monitor share one time scale
     report : file that gets the report at the end
 
     Raises
@@ -49,7 +49,7 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
     now = time.time_ns()
     clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
     stop = _stopped_by_signals()
-    done = play(structure, scenario, clock, lambda found: _write(ports, {"clock": asdict(clock), "ports": found}), stop)
+    done = play(structure, scenario, clock, lambda found: _write(ports, _ready(clock, found)), stop)
     _write(report, asdict(done))
     return done
 
@@ -77,6 +77,11 @@ def _points(scenario: Scenario) -> Iterator[tuple[str, Vector]]:
         yield f"device.{i}.at", device.at
     for i, event in enumerate(scenario.event):
         yield f"event.{i}.body.at", event.body.at
+
+
+def _ready(clock: ScaledClock, places: Mapping[str, Place]) -> dict[str, object]:
+    ports = {name: place if isinstance(place, str) else asdict(place) for name, place in places.items()}
+    return {"clock": asdict(clock), "ports": ports}
 
 
 def _stopped_by_signals() -> threading.Event:

@@ -27,6 +27,7 @@ class RigDevice(_Section):
     name: Annotated[str, Field(min_length=1)]
     at: Vector  #: on a member [m]
     clock_error: Annotated[float, Field(gt=-0.01, lt=0.01)] = 0.0  #: of its oscillator, 1e-6 = 1 ppm fast
+    node: Annotated[int, Field(ge=1, le=127)] | None = None  #: on the rig's CAN bus; None: it has a serial port
 
 
 class Truth(_Section):
@@ -67,6 +68,9 @@ class Scenario(_Section):
         names = [device.name for device in self.device]
         for repeated in sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"device: the name {repeated!r} is given twice")
+        nodes = [device.node for device in self.device if device.node is not None]
+        for node in sorted({node for node in nodes if nodes.count(node) > 1}):
+            raise ValueError(f"device: the CAN node {node} is given twice")
         return self
 
 
@@ -92,7 +96,7 @@ def load_scenario(path: Path) -> Scenario:
 
 def dump_scenario(scenario: Scenario) -> str:
     """Return a scenario as TOML that `load_scenario` reads back equal."""
-    data = scenario.model_dump(mode="json")
+    data = scenario.model_dump(mode="json", exclude_none=True)
     lines = [f"{key} = {_toml(data[key])}" for key in ("structure", "seed", "rate", "duration")]
     lines += ["", "[truth]", *(f"{key} = {_toml(value)}" for key, value in data["truth"].items())]
     for name in ("device", "event"):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from daq import CanAddress
 from monitor.errors import SettingsError
 from monitor.settings import load_settings, parse_settings
 
@@ -16,6 +17,14 @@ driver = "epson-uart"
 port = "/dev/ttyUSB0"
 channels = {y = "beam_left_y", z = "beam_left_z"}
 """
+CAN = 'can = {interface = "slcan", channel = "/dev/ttyACM0", node = 3}\n'
+OTHER = '[[device]]\nname = "b"\ndriver = "epson-uart"\nport = "/dev/ttyUSB0"\nchannels = {x = "col_037_x"}\n'
+
+
+def test_a_device_is_on_a_port_or_on_a_bus() -> None:
+    assert parse_settings(GOOD).device[0].place == "/dev/ttyUSB0"
+    on_can = parse_settings(GOOD.replace("port =", "# port =") + CAN).device[0].place
+    assert on_can == CanAddress(interface="slcan", channel="/dev/ttyACM0", node=3, bitrate=1_000_000)
 
 
 def test_channels_keep_device_and_axis() -> None:
@@ -38,6 +47,11 @@ def test_channels_keep_device_and_axis() -> None:
         (GOOD.replace('"beam_left_z"', '"beam_left_y"'), "beam_left_y"),
         ("structure = 't.toml'\ndevice = []\n", "device"),
         ("structure = \n", "line 1"),
+        (GOOD.replace("port =", "# port ="), "device.0: Value error, expected one of `port` and `can`, found none"),
+        (GOOD + CAN, "device.0: Value error, expected one of `port` and `can`, found both"),
+        (GOOD.replace("port =", "# port =") + CAN.replace("node = 3", "node = 200"), "device.0.can.node"),
+        (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
+        (GOOD + OTHER, "device: two are connected to /dev/ttyUSB0"),
     ],
 )
 def test_errors_name_file_and_key(text: str, says: str) -> None:

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +15,21 @@ import numpy as np
 import pytest
 from rig_helpers import ORIGIN, nominal, t_frame
 
-from daq import EPSON_SCALE, Block, DeviceReader, Event, HostClock, Item, ScaledClock, SystemClock, make_driver
+from daq import (
+    EPSON_SCALE,
+    Block,
+    CanAddress,
+    DeviceReader,
+    Driver,
+    Event,
+    HostClock,
+    Item,
+    ScaledClock,
+    SystemClock,
+    make_driver,
+)
 from monitor.errors import SettingsError, StartError
-from monitor.rig import PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
+from monitor.rig import Place, PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
 from updater import Body
 
 SPEED = 10.0
@@ -64,14 +76,18 @@ def rig(folder: Path, scenario: Scenario) -> Iterator[RigProcess]:
         started.process.communicate()
 
 
+def driver_of(place: Place | dict[str, Any]) -> Driver:
+    """Return the driver of a device, from where the rig or its file says it is."""
+    if isinstance(place, dict):
+        place = CanAddress(**place)
+    return make_driver("epson-can" if isinstance(place, CanAddress) else "epson-uart", place, 1000.0)
+
+
 @contextmanager
-def reading(ports: dict[str, str], clock: HostClock) -> Iterator[list[Item]]:
+def reading(ports: Mapping[str, Place | dict[str, Any]], clock: HostClock) -> Iterator[list[Item]]:
     """Read all ports with the driver until the end of the block."""
     items: list[Item] = []
-    readers = [
-        DeviceReader(name, make_driver("epson-uart", port, 1000.0), 1000.0, clock, items.append)
-        for name, port in ports.items()
-    ]
+    readers = [DeviceReader(name, driver_of(place), 1000.0, clock, items.append) for name, place in ports.items()]
     for reader in readers:
         reader.connect()
         reader.start()
@@ -112,7 +128,9 @@ def played(folder: Path, scenario: Scenario, n_scans: int) -> tuple[dict[str, An
         return process.report(), items, clock
 
 
-def test_six_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(tmp_path: Path) -> None:
+def test_serial_and_can_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(
+    tmp_path: Path,
+) -> None:
     scenario = draw_t_frame("t_structure", 31, duration=0, between=(6.0, 7.0))
     for _ in range(3):  # a port holds 170 ms; neighbours on this machine may take it for longer, though not every time
         report, items, _ = played(tmp_path, scenario, 30_000)
@@ -195,7 +213,7 @@ class Playing:
     """A rig in a thread of this process, its time set by hand."""
 
     clock: HandClock
-    ports: dict[str, str]
+    ports: dict[str, Place]
     stop: threading.Event
     done: list[PlayReport]
     thread: threading.Thread
@@ -210,9 +228,9 @@ class Playing:
 @contextmanager
 def playing(scenario: Scenario, speed: float = 1.0) -> Iterator[Playing]:
     clock, stop, asked = HandClock(speed), threading.Event(), threading.Event()
-    ports, done = dict[str, str](), list[PlayReport]()
+    ports, done = dict[str, Place](), list[PlayReport]()
 
-    def ready(found: dict[str, str]) -> None:
+    def ready(found: dict[str, Place]) -> None:
         ports.update(found)
         asked.set()
 
@@ -244,7 +262,7 @@ def test_a_stall_of_the_rig_loses_nothing() -> None:
 def test_what_a_host_does_not_fetch_is_dropped_and_counted() -> None:
     scenario = nominal(9).model_copy(update={"duration": 59.5})
     with playing(scenario, speed=20.0) as rig:
-        drivers = [make_driver("epson-uart", port, 1000.0) for port in rig.ports.values()]
+        drivers = [driver_of(place) for place in rig.ports.values()]
         for driver in drivers:
             driver.open()
         rig.clock.jump(60.0)
