@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import can
 import numpy as np
@@ -52,6 +52,7 @@ class SlcanBus(can.BusABC):
             raise can.CanInitializationError(f"{channel}: {error}") from error
         self._decoder = slcan.SlcanDecoder()
         self._waiting: deque[can.Message] = deque()
+        self.arrived = 0  #: when the last read's bytes were here, by time.perf_counter_ns
         self._is_shutdown = False
         self.channel_info = f"SLCAN adapter on {channel}"
         super().__init__(channel, **kwargs)  # type: ignore[arg-type]
@@ -77,9 +78,18 @@ class SlcanBus(can.BusABC):
             return frames_of(messages)
         try:
             ready, _, _ = select.select([self._port.fileno()], [], [], timeout)
-            return self._decoder.feed(self._port.read(_CHUNK) if ready else b"")
+            return self._decoder.feed(self._read() if ready else b"")
         except OSError as error:
             raise can.CanOperationError(f"{self._port.name}: {error}") from error
+
+    def _read(self) -> bytes:
+        """Return what the port holds: a pty gives no more than 4 kB at a time."""
+        data = part = self._port.read(_CHUNK)
+        while part:
+            self.arrived = time.perf_counter_ns()  # before they are decoded: at its own pace, not the bus's
+            part = self._port.read(_CHUNK) if len(data) < _CHUNK else b""
+            data += part
+        return data
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._waiting:
@@ -115,7 +125,15 @@ class SlcanBus(can.BusABC):
         self._port.close()
 
 
-def read_frames(bus: can.BusABC, timeout: float) -> CanFrames:
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Frames from one read of a bus."""
+
+    frames: CanFrames
+    arrived: int  #: when the last of them was here, by time.perf_counter_ns
+
+
+def read_frames(bus: can.BusABC, timeout: float) -> Chunk:
     """Return the frames that a bus has, waiting for the first one; none after `timeout` [s].
 
     Raises
@@ -124,13 +142,15 @@ def read_frames(bus: can.BusABC, timeout: float) -> CanFrames:
         If the bus is gone.
     """
     if isinstance(bus, SlcanBus):
-        return bus.recv_frames(timeout)
+        frames = bus.recv_frames(timeout)
+        return Chunk(frames, bus.arrived)
     messages: list[can.Message] = []
     message = bus.recv(timeout)
     while message is not None and len(messages) < _MOST_MESSAGES:
         messages.append(message)
         message = bus.recv(0)
-    return frames_of(messages)
+    arrived = time.perf_counter_ns()
+    return Chunk(frames_of(messages), arrived)
 
 
 def frames_of(messages: Sequence[can.Message]) -> CanFrames:

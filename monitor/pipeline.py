@@ -99,7 +99,7 @@ class Pipeline:
         except IdentificationError as error:
             yield self._bare(index, recording, str(error))
             return
-        known = self._watch.reference.delays if self._watch else NO_DELAYS
+        known = self._watch.reference.delays.beyond(found.delays) if self._watch else NO_DELAYS
         window = _Window(index, recording, found, undelayed(found.estimate, self._devices, known))
         yield from self._learn(window) if self._watch is None else self._judge(window, self._watch)
 
@@ -135,7 +135,7 @@ class Pipeline:
         if len(self._baseline) < self._settings.analysis.baseline_windows:
             return
         try:
-            found = [w.identification.estimate for w in self._baseline]
+            found = [w.identification for w in self._baseline]
             self._watch = learn_baseline(self._structure, found, self._devices)
         except PairingError as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
@@ -198,8 +198,10 @@ def undelayed(estimate: ModalEstimate, devices: Mapping[str, str], known: Device
     return remove_delays(estimate, devices, estimate_delays(estimate, devices, known))
 
 
-def learn_baseline(structure: Structure, found: list[ModalEstimate], devices: Mapping[str, str]) -> _Watch:
+def learn_baseline(structure: Structure, found: list[Identification], devices: Mapping[str, str]) -> _Watch:
     """Choose the modes to track and learn the reference, the devices' delays first.
+
+    Identification has removed what it saw of them in each window; here all windows lose the same, the median.
 
     The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode
     stay.
@@ -209,12 +211,15 @@ def learn_baseline(structure: Structure, found: list[ModalEstimate], devices: Ma
     PairingError
         If fewer than three stay.
     """
-    delays = learn_delays(found, devices)
-    estimates = [undelayed(e, devices, delays) for e in found]
+    removed = {d: float(np.median([f.delays[d] for f in found])) for d in set(devices.values())}
+    alike = [_with_delays_removed(f, removed, devices) for f in found]
+    delays = learn_delays(alike, devices)
+    estimates = [undelayed(e, devices, delays) for e in alike]
     seed, often, tracks = choose_tracks(estimates)
     if len(often) < 3:
         raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
-    reference = learn_reference(structure, estimates, tracks, delays)
+    total = delays.beyond({d: -late for d, late in removed.items()})
+    reference = learn_reference(structure, estimates, tracks, total)
     chosen = reference.calibration.tracks
     kept = often[chosen]
     mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
@@ -222,6 +227,13 @@ def learn_baseline(structure: Structure, found: list[ModalEstimate], devices: Ma
     fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
     tracker = Tracker(reference=replace(seed, channels=mean.channels, **fields))
     return _Watch(tracker, reference, MassUpdater(reference))
+
+
+def _with_delays_removed(
+    found: Identification, removed: Mapping[str, float], devices: Mapping[str, str]
+) -> ModalEstimate:
+    """Return an estimate as it would be had these delays been removed from the recording, and no others."""
+    return remove_delays(found.estimate, devices, {d: late - found.delays[d] for d, late in removed.items()})
 
 
 _MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")

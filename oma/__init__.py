@@ -1,5 +1,6 @@
 """Recordings in, modes with uncertainty out: operational modal analysis without a user."""
 
+from oma.alignment import aligned, device_delays
 from oma.conditioning import channel_faults
 from oma.errors import IdentificationError, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
@@ -24,7 +25,9 @@ __all__ = [
     "TooFewModes",
     "TooShort",
     "Tracker",
+    "aligned",
     "channel_faults",
+    "device_delays",
     "identify",
     "identify_all",
     "mac",

@@ -126,14 +126,14 @@ def decimated(data: FloatArray, factor: int, half_length: int = HALF_LENGTH, max
     taps = signal.firwin(2 * half_length * factor + 1, 1.0 / factor, window=("kaiser", 7.5))
     weight = np.abs(taps) / np.sum(np.abs(taps))
     missing = np.isnan(data)
-    smooth = signal.upfirdn(taps, _bridged(data, missing), down=factor, axis=0)
+    smooth = signal.upfirdn(taps, bridged(data, missing), down=factor, axis=0)
     if missing.any():
         smooth[signal.upfirdn(weight, missing.astype(np.float64), down=factor, axis=0) > max_missing] = np.nan
     result: FloatArray = smooth[2 * half_length : len(smooth) - 2 * half_length]
     return result
 
 
-def _bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
+def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
     """Fill gaps with straight lines."""
     result = data.copy()
     time = np.arange(len(data))

@@ -1,10 +1,12 @@
 """The front of identification: a recording in, modes out, nothing to choose."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from daq import FloatArray, Recording
+from oma.alignment import aligned, device_delays
 from oma.conditioning import PASS, Level, detrended, pyramid, usable
 from oma.correlation import correlation_sums
 from oma.errors import TooFewModes, TooShort
@@ -34,9 +36,10 @@ class Mode:
 class Identification:
     """Modes, and the poles they were chosen from."""
 
-    estimate: ModalEstimate
+    estimate: ModalEstimate  #: with the devices' `delays` removed
     poles: Stabilization
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
+    delays: Mapping[str, float]  #: device -> how late it was, 0 if that does not matter (`device_delays`) [s]
 
 
 def identify(
@@ -55,8 +58,8 @@ def identify(
     Returns
     -------
     ModalEstimate
-        Of the channels that carry a signal (`channel_faults` names the others). Where gaps leave too little for the
-        lowest frequencies, these are passed over.
+        Of the channels that carry a signal (`channel_faults` names the others), without their devices' delays
+        (`device_delays`). Where gaps leave too little for the lowest frequencies, these are passed over.
 
     Raises
     ------
@@ -79,6 +82,9 @@ def identify_all(
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
     method = method or CovarianceSSI()
     band = _band(recording, method, band)
+    delays = device_delays(recording)
+    if any(delays.values()):
+        recording = aligned(recording, delays)
     names, data = usable(recording)
     modes: list[Mode] = []
     poles = []
@@ -96,7 +102,7 @@ def identify_all(
     if not kept:
         raise TooFewModes(len(diagram))
     harmonics = np.array([tone.frequency for tone in tones])
-    return Identification(estimate=_estimate(recording, names, kept), poles=diagram, harmonics=harmonics)
+    return Identification(estimate=_estimate(recording, names, kept), poles=diagram, harmonics=harmonics, delays=delays)
 
 
 def _band(recording: Recording, method: CovarianceSSI, band: tuple[float, float] | None) -> tuple[float, float]:

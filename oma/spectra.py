@@ -47,12 +47,12 @@ def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray
     data = usable(recording)[1]
     if len(data) < n_fft:
         raise TooShort(recording.duration, n_fft / recording.rate)
-    spectrum = _spectral_matrix(detrended(data), recording.rate, n_fft)
+    spectrum = spectral_matrix(detrended(data), recording.rate, n_fft)
     values = np.linalg.svd(spectrum, compute_uv=False, hermitian=True)
     return fft.rfftfreq(n_fft, 1 / recording.rate), values.astype(np.float64)
 
 
-def _spectral_matrix(data: FloatArray, rate: float, n_fft: int) -> ComplexArray:
+def spectral_matrix(data: FloatArray, rate: float, n_fft: int) -> ComplexArray:
     """Return the one-sided spectral density matrix, (n_frequencies, n_channels, n_channels)."""
     window = signal.get_window("hann", n_fft)
     valid = np.isfinite(data)

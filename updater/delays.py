@@ -28,6 +28,10 @@ class DeviceDelays:
     wander: float  #: standard deviation of a window's delay about the constant [s]
     noise_factor: float  #: real over stated standard deviation of phases [-]
 
+    def beyond(self, removed: Mapping[str, float]) -> "DeviceDelays":
+        """Return what is left of them where delays [s] have been removed already."""
+        return replace(self, seconds={name: late - removed[name] for name, late in self.seconds.items()})
+
 
 NO_DELAYS = DeviceDelays(seconds={}, std={}, wander=0.0, noise_factor=1.0)
 

@@ -16,7 +16,7 @@ import canopen
 import numpy as np
 
 from daq.can_address import OURS, CanAddress
-from daq.can_bus import SlcanBus, read_frames
+from daq.can_bus import Chunk, SlcanBus, read_frames
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.epson_can import TPDO1, TPDO2
 from daq.protocol.frames import CanFrames
@@ -30,14 +30,6 @@ _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
 _BUS_ERRORS = (can.CanError, OSError, ValueError, ImportError)
 for _name in ("can", "canopen"):
     logging.getLogger(_name).addHandler(logging.NullHandler())  # what goes wrong is raised, not printed
-
-
-@dataclass(frozen=True, eq=False)
-class Chunk:
-    """Process data of one node from one read."""
-
-    frames: CanFrames
-    arrived: int  #: by time.perf_counter_ns
 
 
 @dataclass(eq=False)
@@ -104,9 +96,9 @@ class CanHub:
     def _run(self) -> None:
         try:
             while not self._ending.is_set():
-                frames = read_frames(self._bus, _WAIT)
-                if len(frames):
-                    self._split(frames, time.perf_counter_ns())
+                chunk = read_frames(self._bus, _WAIT)
+                if len(chunk.frames):
+                    self._split(chunk.frames, chunk.arrived)
         except _BUS_ERRORS as error:
             self._shutdown()
             self.failure = error

@@ -1,6 +1,8 @@
 """An SLCAN adapter on a pty, with emulated nodes on its bus."""
 
 import os
+import select
+import threading
 import tty
 
 from daq.emulator.epson_can import EmulatedEpsonCan, Frame
@@ -11,6 +13,7 @@ from daq.protocol.frames import can_frames, concatenate
 _LINE_END = b"\r"
 _BYTES_A_SCAN = 40  # a line of 8 bytes and one of 6
 _LONGEST = 64
+_ROOM_MS = 20  # that the thread waits for room before it looks whether it is unplugged
 _FRAMES = {ord("t"): b"z\r", ord("r"): b"z\r", ord("T"): b"Z\r", ord("R"): b"Z\r"}  #: line -> answer
 _ANSWERS = {ord("V"): b"V1013\r", ord("N"): b"N0042\r", ord("F"): b"F00\r"}
 _SETTINGS = b"SsZXWMmAPYQ"
@@ -21,7 +24,8 @@ class EmulatedSlcan:
 
     What nodes send before the channel is open is lost, as on a bus that nobody listens to. It never waits for a
     reader: beyond the pty's own buffer it holds as much as the kernel would of a real port's bytes, and then drops
-    whole scans, which their node counts.
+    whole scans, which their node counts. A thread hands on what is held as soon as there is room: the nodes of a bus
+    fill a pty (4 to 18 kB) within some 10 ms at ten times real time, and are not served that often on a busy machine.
 
     Parameters
     ----------
@@ -36,11 +40,17 @@ class EmulatedSlcan:
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
         self._unplugged = self._open = False
         self._commands, self._pending = bytearray(), bytearray()
+        self._changed = threading.Condition()  # guards what is pending
+        self._pump = threading.Thread(target=self._hand_on, name=f"adapter {self.port}", daemon=True)
+        self._pump.start()
 
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
         if not self._unplugged:
-            self._unplugged = True
+            with self._changed:
+                self._unplugged = True
+                self._changed.notify()
+            self._pump.join()
             os.close(self._slave)
             os.close(self._master)
 
@@ -48,11 +58,14 @@ class EmulatedSlcan:
         """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
         if self._unplugged:
             return
-        self._listen()
-        for node in self.nodes:
-            self._send(node.beats())
-        self._sample()
-        self._drain()
+        with self._changed:
+            self._listen()
+            for node in self.nodes:
+                self._send(node.beats())
+            self._sample()
+            self._drain()
+            if self._pending:
+                self._changed.notify()
 
     def _listen(self) -> None:
         try:
@@ -102,3 +115,16 @@ class EmulatedSlcan:
                 del self._pending[: os.write(self._master, self._pending)]
             except OSError:
                 return  # full: a real line would hold it too
+
+    def _hand_on(self) -> None:
+        """Drain between servings, in a thread of its own, until unplugged."""
+        room = select.poll()
+        room.register(self._master, select.POLLOUT)
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._pending or self._unplugged)
+                if self._unplugged:
+                    return
+            room.poll(_ROOM_MS)
+            with self._changed:
+                self._drain()

@@ -33,7 +33,7 @@ def test_what_was_not_fetched_one_by_one_is_in_the_next_block() -> None:
     with pty() as (device, port), SlcanBus(port) as bus:
         os.write(device, encode(can_frames(FRAMES)))
         assert bus.recv(1.0) is not None
-        assert list(read_frames(bus, 1.0)) == FRAMES[1:]
+        assert list(read_frames(bus, 1.0).frames) == FRAMES[1:]
 
 
 def test_no_damage_leaves_it_deaf() -> None:
