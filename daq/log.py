@@ -283,7 +283,9 @@ def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
         except (StopIteration, EndOfFile):
             return
         except (McapError, ZstdError, struct.error, ValueError) as error:
-            raise LogError(path, f"is damaged before byte {file.tell()}: {error}") from error
+            raise LogError(
+                path, f"is damaged before byte {file.tell()} (`modalwatch repair` keeps every whole chunk): {error}"
+            ) from error
         if isinstance(record, Header) and record.profile != PROFILE:
             raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r}")
         yield record

@@ -104,7 +104,7 @@ class MassIncrements(_Result):
     totals: Vector  #: sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: Vector  #: [kg]
     z_limit: float  #: |z| that one undisturbed window in 100 passes anywhere (family-wise 1 %) [-]
-    flagged: list[FlaggedDof]
+    flagged: list[FlaggedDof]  #: the node first whose normalised increments are largest over its own mass
     n_windows: int  #: windows that entered
 
 

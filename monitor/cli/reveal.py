@@ -65,13 +65,13 @@ def _table(summary: dict[str, Any], answer: MassAnswer | None) -> Table:
     place = ", ".join(f"{v:.3f}" for v in truth["position"])
     said = ", ".join(f"{v:.3f}" for v in answer.position)
     table.add_row(
-        "where [m]",
+        r"where \[m]",
         place,
         f"{said} ± {answer.position_std:.3f} ({answer.member})",
         f"{1000 * summary['distance']:.0f} mm",
     )
     table.add_row(
-        "how much [g]",
+        r"how much \[g]",
         f"{1000 * truth['mass']:.0f}",
         f"{1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f}",
         f"{100 * summary['mass_error']:+.1f} %",

@@ -23,6 +23,7 @@ def report_command(path: Path, out: Path | None, diagnosis: Path | None) -> int:
     found = load_diagnosis(diagnosis) if diagnosis else None
     run = load_run(path)
     page = out or (path / "report.html" if path.is_dir() else path.with_suffix(".html"))
+    _spare(run.log, page)
     run_report(run, page, found)
     console.print(f"report: {page}", soft_wrap=True, markup=False)
     return 0
@@ -34,7 +35,7 @@ def view_command(target: str, out: Path | None, *, show: bool) -> int:
         sources = _live_sources(target)
     else:
         file = out or _cache(Path(target))
-        _write(Path(target), file)
+        _write(Path(target), file, in_cache=out is None)
         console.print(f"recording: {file}", soft_wrap=True, markup=False)
         sources = [str(file)]
     if show:
@@ -42,15 +43,23 @@ def view_command(target: str, out: Path | None, *, show: bool) -> int:
     return 0
 
 
-def _write(path: Path, file: Path) -> None:
+def _write(path: Path, file: Path, *, in_cache: bool) -> None:
     run = load_run(path)
+    _spare(run.log, file)
     from monitor.viewer import write_recording  # loads rerun: not before the log is known to be good
 
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
+        if in_cache:
+            file.parent.mkdir(parents=True, exist_ok=True)
         write_recording(file, run.story)
     except OSError as error:
         raise ResultsError(file, f"cannot be written: {error.strerror}") from error
+
+
+def _spare(log: Path, out: Path) -> None:
+    """Refuse to write over the log."""
+    if out.exists() and out.samefile(log):
+        raise ArgumentError("--out", f"{out} is the log itself")
 
 
 def _cache(path: Path) -> Path:

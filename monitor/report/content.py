@@ -133,17 +133,17 @@ def _increments(story: Story) -> dict[str, Any] | None:
 
 
 def _flagged(story: Story, increments: MassIncrements) -> list[dict[str, str]]:
-    """Return a row a direction that has flagged nodes: how many, and the surest."""
+    """Return a row a direction that has flagged nodes: how many, and the strongest."""
     nodes = story.reference.nodes if story.reference else []
     rows = []
     for direction in ("x", "y", "z"):
         flagged = [f for f in increments.flagged if f.direction == direction]
         if not flagged:
             continue
-        surest = max(flagged, key=lambda f: abs(f.z))
-        place = ", ".join(f"{v:.3f}" for v in nodes[surest.node])
-        row = {"direction": direction, "n": str(len(flagged)), "node": str(surest.node)}
-        rows.append(row | {"place": place, "z": f"{surest.z:+.1f}"})
+        strongest = flagged[0]
+        place = ", ".join(f"{v:.3f}" for v in nodes[strongest.node])
+        row = {"direction": direction, "n": str(len(flagged)), "node": str(strongest.node)}
+        rows.append(row | {"place": place, "z": f"{strongest.z:+.1f}"})
     return rows
 
 

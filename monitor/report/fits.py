@@ -25,7 +25,7 @@ def fits_figure(diagnosis: Diagnosis) -> Figure | None:
     left.errorbar(number, np.zeros(len(number)), 2 * np.array(std), fmt="none", ecolor=SOFT, capsize=4)
     _pairs(left, number, [_off(m, m.frequency.before) for m in diagnosis.modes], "without", ALARM)
     _pairs(left, number, [_off(m, m.frequency.after) for m in diagnosis.modes], "with the causes", OK)
-    left.set_ylabel("model off by [%], bars: measured ± 2σ")
+    left.set_ylabel("model off by [%]")
     _pairs(right, number, [_far(m.mac.before) for m in diagnosis.modes], "without", ALARM)
     _pairs(right, number, [_far(m.mac.after) for m in diagnosis.modes], "with the causes", OK)
     right.set_yscale("log")

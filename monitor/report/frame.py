@@ -15,6 +15,7 @@ _SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye
 _AMPLITUDE = 0.16  # of the structure's size: the largest increment
 _HEAT = LinearSegmentedColormap.from_list("heat", ["#cc3340", "#f08a3c", "#f2c35c", "#c9d0d8"])
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
+_LEADER = {"arrowstyle": "-", "color": INK, "linewidth": 0.7, "shrinkB": 4}
 _FAR = 6.0  # sigmas: from here on a place is drawn as cold
 
 
@@ -102,16 +103,19 @@ class Frame:
             axes.plot(*tip.T, color=INK, linewidth=0.9, zorder=4)
 
     def draw_flags(self, axes: Axes, increments: MassIncrements, direction: str, values: FloatArray) -> None:
-        """Mark the flagged nodes of one direction, the surest one with its node and z."""
+        """Mark the flagged nodes of one direction, the strongest one with its node and z."""
         flagged = [f for f in increments.flagged if f.direction == direction and np.isfinite(values[f.node])]
         if not flagged:
             return
         places = self.flat(self.geometry.nodes[[f.node for f in flagged]])
         axes.plot(*places.T, "o", markersize=3, color=WARN, markeredgecolor=INK, markeredgewidth=0.5, zorder=5)
-        best = max(flagged, key=lambda f: abs(f.z))
+        best = flagged[0]
         text = f"node {best.node}: z = {best.z:+.1f}"
         x, y = self.flat(self.geometry.nodes[best.node])
-        axes.annotate(text, (x, y), (10, -24), textcoords="offset points", fontsize=7, zorder=6, bbox=_PAPER)
+        axes.plot(x, y, "o", markersize=8, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.1, zorder=6)
+        axes.annotate(
+            text, (x, y), (16, -28), textcoords="offset points", fontsize=7, zorder=7, bbox=_PAPER, arrowprops=_LEADER
+        )
 
 
 def _across(base: FloatArray) -> FloatArray:

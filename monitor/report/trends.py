@@ -15,6 +15,7 @@ from monitor.story import Story, find_mode
 
 _COLUMNS = 3
 _LEAST_RATIO = 1e-2  # novelty over limit that is drawn at the least
+_ROOM = 0.4  # under the lowest novelty or the limit, for its name
 _ABOVE = 1.12  # of the highest mode: end of the frequency axis
 
 
@@ -64,8 +65,17 @@ def novelty_figure(story: Story) -> Figure | None:
     axes.scatter(dates, ratio, c=[ALARM if r > 1 else OK for r in ratio], s=18, zorder=3)
     axes.axhline(1.0, color=ALARM, linewidth=1.2, linestyle="--")
     axes.annotate(
-        "alarm limit", (0.005, 1.0), xycoords=("axes fraction", "data"), va="bottom", color=ALARM, fontsize=7.5
+        "alarm limit",
+        (1.0, 1.0),
+        (-3, -3),
+        ("axes fraction", "data"),
+        "offset points",
+        ha="right",
+        va="top",
+        color=ALARM,
+        fontsize=7.5,
     )
+    axes.set_ylim(bottom=_ROOM * min(1.0, float(ratio.min())))
     _alarm_line(axes, story)
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))

@@ -36,7 +36,7 @@ def window_card(window: WindowResult, story: Story) -> str:
         parts.append(_answer(window.answer))
     elif window.phase == "alarm":
         parts.append("**The structure has changed.** Where, the next windows will tell.")
-    if window.diagnosis:
+    if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):
         parts.append(diagnosis_text(window.diagnosis))
     if window.problem:
         parts.append(f"**No modes in this window**: {window.problem}.")

@@ -57,14 +57,14 @@ def _scene(
     scale: float,
     largest: float,
 ) -> None:
-    """Draw the members, red where mass was added, blue where removed; flagged nodes as balls, the surest named."""
+    """Draw the members, red where mass was added, blue where removed; flagged nodes as balls, the strongest named."""
     base, values = f"/increments/{DIRECTIONS[column]}", scale * numbers(increments.normalised)[:, column]
     pairs = [pair for nodes in geometry.lines.values() for pair in itertools.pairwise(nodes)]
     level = np.array([np.mean(values[list(pair)]) for pair in pairs]) / largest
     segments = [geometry.nodes[list(pair)] for pair in pairs]
     tube = TUBE * geometry.size
     recording.log(f"{base}/members", rr.LineStrips3D(segments, colors=signed_heat(level), radii=1.4 * tube))
-    flagged = sorted((f for f in increments.flagged if f.direction == DIRECTIONS[column]), key=lambda f: -abs(f.z))
+    flagged = [f for f in increments.flagged if f.direction == DIRECTIONS[column]]
     places = geometry.nodes[[f.node for f in flagged]].reshape(-1, 3) + 2.2 * tube * geometry.side(*SIDE)
     recording.log(f"{base}/flagged", rr.Points3D(places, radii=0.7 * tube, colors=[REGION]))
     named = flagged[:1]

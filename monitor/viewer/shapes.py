@@ -12,8 +12,8 @@ from monitor.viewer.draw import PHASE, at
 from monitor.viewer.palette import DIM, GREY, TEXT, mode_colour
 from monitor.viewer.scene import TUBE
 
-SIDE = (38.0, 24.0)  # degrees: azimuth and elevation of the viewer
-_SWING = 0.17  # of the structure's size, largest displacement
+SIDE = (32.0, 28.0)  # degrees: azimuth and elevation of the viewer
+_SWING = 0.12  # of the structure's size, largest displacement: more, and a beam that bends towards the eye folds
 _LABEL_ROOM = 0.12  # of its size, under all shapes
 _FRAMES = 48
 _SECONDS = 2.0  # of one cycle
