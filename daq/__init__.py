@@ -16,7 +16,7 @@ from daq.log import Event, Item, LogThread, LogWriter, read_attachments, read_lo
 from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import load_recordings, read_channel_map
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
-from daq.registry import driver_names, make_driver
+from daq.registry import can_interfaces, driver_names, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.timebase import ClockFit
 
@@ -58,6 +58,7 @@ __all__ = [
     "ScaledClock",
     "Scans",
     "SystemClock",
+    "can_interfaces",
     "driver_names",
     "export_recording",
     "has_end",

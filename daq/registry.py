@@ -3,7 +3,7 @@
 from importlib import import_module
 from importlib.metadata import entry_points
 
-from daq.can_address import CanAddress
+from daq.can_address import OURS, CanAddress
 from daq.drivers.base import Driver
 
 #: name -> (where it is, what its devices are connected to)
@@ -17,6 +17,11 @@ _GROUP = "modalwatch.drivers"
 def driver_names() -> tuple[str, ...]:
     """Return the names of all drivers, installed plug-ins included."""
     return tuple(sorted({*_DRIVERS, *entry_points(group=_GROUP).names}))
+
+
+def can_interfaces() -> tuple[str, ...]:
+    """Return the names of all kinds of CAN interfaces; what each of them needs may not be installed."""
+    return tuple(sorted({OURS, *import_module("can.interfaces").BACKENDS}))
 
 
 def make_driver(name: str, place: str | CanAddress, rate: float) -> Driver:

@@ -5,9 +5,9 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from daq import CanAddress, Channel
+from daq import CanAddress, Channel, can_interfaces
 from monitor.errors import SettingsError
 
 Positive = Annotated[float, Field(gt=0)]
@@ -25,6 +25,13 @@ class CanSettings(_Section):
     channel: str  #: serial port of the adapter, can0, ...
     node: Annotated[int, Field(ge=1, le=127)]
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000  #: [bit/s]
+
+    @field_validator("interface")
+    @classmethod
+    def _known(cls, interface: str) -> str:
+        if interface not in (known := can_interfaces()):
+            raise ValueError(f"expected one of {', '.join(known)}")
+        return interface
 
 
 class DeviceSettings(_Section):
@@ -137,6 +144,12 @@ def parse_settings(text: str, path: Path | str = "SITE.toml") -> Settings:
     places = [str(device.place) for device in settings.device]
     for repeated in sorted({place for place in places if places.count(place) > 1}):
         raise SettingsError(path, f"device: two are connected to {repeated}")
+    rates: dict[tuple[str, str], int] = {}
+    for address in (device.place for device in settings.device):
+        if isinstance(address, CanAddress) and rates.setdefault(address.bus, address.bitrate) != address.bitrate:
+            raise SettingsError(
+                path, f"device: {address} is at {address.bitrate} bit/s, its bus at {rates[address.bus]}"
+            )
     return settings
 
 

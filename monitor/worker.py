@@ -14,6 +14,7 @@ from monitor.results import AlarmResult, ReferenceResult, WindowResult
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
 Result = WindowResult | ReferenceResult | AlarmResult
 _THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+_SIGNALS = {signal.SIGINT, signal.SIGTERM}  # terminals and service managers send them to all processes at once
 
 
 class AnalysisError(RuntimeError):
@@ -39,11 +40,11 @@ class Worker:
     def __enter__(self) -> Self:
         before = {name: os.environ.get(name) for name in _THREADS}
         os.environ.update(_THREADS)  # read by the child when it loads numpy: one thread, the same sums on every run
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's business
+        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # inherited: stopping is the parent's business
         try:
             self._process.start()
         finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
             for name, value in before.items():
                 if value is None:
                     del os.environ[name]
@@ -54,7 +55,7 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         """End the process if it has not ended by itself."""
         self._inbox.cancel_join_thread()
-        self._process.terminate()
+        self._process.kill()  # it does not heed SIGTERM
         self._process.join()
 
     def feed(self, item: Item) -> None:

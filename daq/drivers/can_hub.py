@@ -27,7 +27,9 @@ _REPLY_SECONDS = 0.5
 _FUNCTION = 0x780  # bits of an id that say what it is for; the others are the node
 #: what canopen is told, and the least data that it can read: emergencies, service data, heartbeats
 _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
-_BUS_ERRORS = (can.CanError, OSError, ValueError, ImportError)
+_BUS_ERRORS = (can.CanError, OSError, ValueError)
+#: python-can's backends raise the others where a vendor's library is missing
+_OPEN_ERRORS = (*_BUS_ERRORS, ImportError, NameError, AttributeError, TypeError, NotImplementedError)
 for _name in ("can", "canopen"):
     logging.getLogger(_name).addHandler(logging.NullHandler())  # what goes wrong is raised, not printed
 
@@ -131,7 +133,7 @@ def _open_bus(address: CanAddress) -> can.BusABC:
         if address.interface == OURS:
             return SlcanBus(address.channel, address.bitrate)
         return can.Bus(interface=address.interface, channel=address.channel, bitrate=address.bitrate)
-    except _BUS_ERRORS as error:
+    except _OPEN_ERRORS as error:
         raise DriverError(str(address), f"the bus cannot be opened: {error}") from error
 
 

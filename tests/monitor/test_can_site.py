@@ -1,0 +1,131 @@
+"""Devices on a CAN bus in the settings: `check` and `run` with them, and one line for what is wrong."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from can_helpers import can_process, wait_for
+from cli_helpers import Commands, assert_refused
+
+from daq import Block, Event, LogError, read_log
+from updater import t_structure_toml
+
+SITE = """structure = "t_structure.toml"
+[analysis]
+window_seconds = 60
+baseline_windows = 10
+[[device]]
+name = "beam_left"
+driver = "epson-can"
+can = {interface = "slcan", channel = "PORT", node = 1}
+rate = 500
+channels = {y = "beam_left_y", z = "beam_left_z"}
+[[device]]
+name = "beam_right"
+driver = "epson-can"
+can = {interface = "slcan", channel = "PORT", node = 2}
+rate = 500
+channels = {y = "beam_right_y", z = "beam_right_z"}
+"""
+WRONG_SETTINGS = {
+    "no such node": (
+        "node = 2",
+        "node = 128",
+        "device.1.can.node: Input should be less than or equal to 127, found 128",
+    ),
+    "one node twice": ("node = 2", "node = 1", "device: two are connected to slcan:PORT node 1"),
+    "no such interface": ('"slcan"', '"slcann"', "device.0.can.interface: Value error, expected one of "),
+    "two bit rates": (
+        "node = 2",
+        "node = 2, bitrate = 500000",
+        "device: slcan:PORT node 2 is at 500000 bit/s, its bus at",
+    ),
+    "misspelt": ("node = 2", "nod = 2", "device.1.can.nod: no such setting, did you mean 'node'?"),
+    "missing": ('channel = "PORT", ', "", "device.0.can.channel: Field required"),
+    "two places": ("node = 1}", 'node = 1}\nport = "PORT"', "expected one of `port` and `can`, found both"),
+}
+CANNOT_START = {
+    "no such port": ("node = 1", "node = 1", "slcan:PORT node 1: the bus cannot be opened: PORT: "),
+    "no such bit rate": ("node = ", "bitrate = 123, node = ", "bitrate of PORT: expected one of [10000, "),
+    "no such network": ('"slcan"', '"socketcan"', "socketcan:PORT node 1: the bus cannot be opened: "),
+    "no vendor's library": ('"slcan"', '"kvaser"', "kvaser:PORT node 1: the bus cannot be opened: "),
+    "a serial driver": ('"epson-can"', '"epson-uart"', "driver epson-uart: expected `port`, found `can`: slcan:PORT"),
+    "no such rate": (
+        "rate = 500",
+        "rate = 300",
+        "rate of slcan:PORT node 1: expected one of [50, 100, 200, 500, 1000] Hz",
+    ),
+}
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    return tmp_path / "site.toml"
+
+
+@pytest.mark.parametrize(("old", "new", "says"), WRONG_SETTINGS.values(), ids=WRONG_SETTINGS)
+def test_wrong_settings_are_one_line_with_file_and_field(
+    modalwatch: Commands, site: Path, old: str, new: str, says: str
+) -> None:
+    site.write_text(SITE.replace(old, new))
+    for command in ("check", "run"):
+        assert_refused(modalwatch(command, site), f"{site}: ", says)
+
+
+@pytest.mark.parametrize(("old", "new", "says"), CANNOT_START.values(), ids=CANNOT_START)
+def test_what_cannot_be_opened_is_one_line_with_device_and_bus(
+    modalwatch: Commands, site: Path, old: str, new: str, says: str
+) -> None:
+    site.write_text(SITE.replace(old, new))
+    done = modalwatch("check", site)
+    assert done.code == 3, done
+    assert done.err.startswith("error: device beam_left: "), done
+    assert says in done.err
+    assert done.err.count("\n") == 1
+
+
+def test_check_finds_the_nodes_and_names_the_one_that_does_not_answer(
+    modalwatch: Commands, site: Path, tmp_path: Path
+) -> None:
+    with can_process(tmp_path, 2) as bus:
+        site.write_text(SITE.replace("PORT", bus.channel))
+        done = modalwatch("check", site)
+        assert (done.code, done.err) == (0, ""), done
+        assert "A552 AC10 1.00 100" in done.out
+        assert "A552 AC10 1.00 101" in done.out
+        site.write_text(SITE.replace("PORT", bus.channel).replace("node = 2", "node = 9"))
+        done = modalwatch("check", site)
+        assert done.code == 3
+        assert done.err == (
+            f"error: device beam_right: slcan:{bus.channel} node 9: no M-A552 answers: No SDO response received\n"
+        )
+
+
+def test_run_logs_the_nodes_and_a_signal_to_all_its_processes_ends_it(site: Path, tmp_path: Path) -> None:
+    """As a service manager does it: SIGTERM to the analysis too."""
+    with can_process(tmp_path, 2) as bus:
+        site.write_text(SITE.replace("PORT", bus.channel))
+        command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "run", str(site)]
+        environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+        ) as process:
+            wait_for(lambda: [block for log in tmp_path.glob("log/*") for block in blocks_of(log)] != [])
+            os.killpg(process.pid, signal.SIGTERM)
+            _, said = process.communicate(timeout=20)
+        assert (process.returncode, said) == (0, "")
+    (log,) = tmp_path.glob("log/*")
+    assert {block.device for block in blocks_of(log)} == {"beam_left", "beam_right"}
+    assert not [item for item in read_log(log) if isinstance(item, Event) and item.topic == "/event/gap"]
+
+
+def blocks_of(log: Path) -> list[Block]:
+    """Return the blocks so far; a log that has just begun has none."""
+    try:
+        return [item for item in read_log(log) if isinstance(item, Block)]
+    except LogError:
+        return []
