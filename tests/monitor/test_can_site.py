@@ -114,7 +114,7 @@ def test_run_logs_the_nodes_and_a_signal_to_all_its_processes_ends_it(site: Path
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
         ) as process:
-            wait_for(lambda: [block for log in tmp_path.glob("log/*") for block in blocks_of(log)] != [])
+            wait_for(lambda: len({block.device for log in tmp_path.glob("log/*") for block in blocks_of(log)}) == 2)
             os.killpg(process.pid, signal.SIGTERM)
             _, said = process.communicate(timeout=20)
         assert (process.returncode, said) == (0, "")
