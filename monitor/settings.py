@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from daq import CanAddress, Channel, can_interfaces
 from monitor.errors import SettingsError
@@ -18,20 +18,19 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+def _known_interface(interface: str) -> str:
+    if interface not in (known := can_interfaces()):
+        raise ValueError(f"expected one of {', '.join(known)}")
+    return interface
+
+
 class CanSettings(_Section):
     """Where a CAN node is."""
 
-    interface: str  #: "slcan", or any that python-can knows
+    interface: Annotated[str, AfterValidator(_known_interface)]  #: "slcan", or any that python-can knows
     channel: str  #: serial port of the adapter, can0, ...
     node: Annotated[int, Field(ge=1, le=127)]
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000  #: [bit/s]
-
-    @field_validator("interface")
-    @classmethod
-    def _known(cls, interface: str) -> str:
-        if interface not in (known := can_interfaces()):
-            raise ValueError(f"expected one of {', '.join(known)}")
-        return interface
 
 
 class DeviceSettings(_Section):
