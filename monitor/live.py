@@ -6,13 +6,13 @@ counted. Only the serving process loads rerun.
 
 import multiprocessing
 import queue
-import signal
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.queues import Queue
 
 from daq import Block, Item
+from monitor.processes import deaf_to_stop_signals, received
 from monitor.settings import Settings
 
 _HOST = "127.0.0.1"
@@ -40,6 +40,7 @@ class LiveView:
         self._process: multiprocessing.context.SpawnProcess | None = None
         self.problem: str | None = None  #: why nothing is served any more, or never was
         self.dropped = 0  #: items the view could not take
+        self.served = False  #: whether it ever was
 
     def start(self) -> None:
         """Start serving; a port in use is told in `problem`, as the server itself would only log it."""
@@ -53,11 +54,9 @@ class LiveView:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = context.Queue(_WAITING)
         self._process = context.Process(target=_serve, args=(*self._arguments, self._inbox), name="viewer", daemon=True)
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's business
-        try:
+        with deaf_to_stop_signals():
             self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        self.served = True
 
     def show(self, item: Item) -> None:
         """Hand on what was logged; never waits and never fails."""
@@ -79,7 +78,7 @@ class LiveView:
         self.show_last()
         self._process.join(_END_SECONDS)
         self._inbox.cancel_join_thread()
-        self._process.terminate()
+        self._process.kill()
         self._process.join()
         self._process = None
 
@@ -131,4 +130,11 @@ def _serve(structure: str, site: str, inbox: "Queue[Item | None]") -> None:
     """Serve until the last item."""
     from monitor.viewer.live import serve  # loads rerun, in this process only
 
-    serve(structure, site, iter(inbox.get, None))
+    serve(structure, site, _until_none(received(inbox)))
+
+
+def _until_none(items: Iterator[Item | None]) -> Iterator[Item]:
+    for item in items:
+        if item is None:
+            return
+        yield item

@@ -3,18 +3,17 @@
 import multiprocessing
 import os
 import queue
-import signal
 from collections.abc import Iterator
 from multiprocessing.queues import Queue
 from typing import Self
 
 from daq import Block, Event, Item
+from monitor.processes import deaf_to_stop_signals, received
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
 Result = WindowResult | ReferenceResult | AlarmResult
 _THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-_SIGNALS = {signal.SIGINT, signal.SIGTERM}  # terminals and service managers send them to all processes at once
 
 
 class AnalysisError(RuntimeError):
@@ -40,11 +39,10 @@ class Worker:
     def __enter__(self) -> Self:
         before = {name: os.environ.get(name) for name in _THREADS}
         os.environ.update(_THREADS)  # read by the child when it loads numpy: one thread, the same sums on every run
-        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # inherited: stopping is the parent's business
         try:
-            self._process.start()
+            with deaf_to_stop_signals():
+                self._process.start()
         finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
             for name, value in before.items():
                 if value is None:
                     del os.environ[name]
@@ -88,8 +86,7 @@ def _analyse(structure: str, site: str, inbox: "Queue[Item]", outbox: "Queue[Res
     from updater import parse_structure
 
     pipeline = Pipeline(parse_structure(structure), parse_settings(site))
-    while True:
-        item = inbox.get()
+    for item in received(inbox):
         if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
             break
         for result in pipeline.push(item):

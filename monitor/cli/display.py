@@ -43,7 +43,8 @@ class Display:
             self._console.print(f"[{style}]{escape(line(result))}[/]")
             return
         self.n_windows = result.index + 1
-        self._bar.update(self._task, completed=self.n_windows, description=result.phase.ljust(9))
+        total = max(self._planned, self.n_windows)  # one may be on its way when the watch is told to stop
+        self._bar.update(self._task, completed=self.n_windows, total=total, description=result.phase.ljust(9))
         latest = Table.grid(padding=(0, 2))
         for mode in result.modes:
             shift = f"{mode.shift_percent:+.2f} %" if mode.shift_percent is not None else ""

@@ -64,7 +64,7 @@ def tell_live(console: Console, live: LiveView) -> None:
 
 def tell_live_end(console: Console, live: LiveView) -> None:
     """Say what the live view missed."""
-    if live.dropped or live.problem:
+    if live.served and (live.dropped or live.problem):
         console.print(
             f"live view: {live.dropped} items not shown; {live.problem or 'ok'}", soft_wrap=True, markup=False
         )

@@ -150,6 +150,10 @@ def test_clients_come_and_go_and_a_killed_server_does_no_harm(tmp_path: Path) ->
         check_signals(
             Client(raw, tmp_path / "raw.rrd").saved(lambda r: len(r.scalars("/signal/beam_left_y")[0]) >= 1000)
         )
+        for number in (signal.SIGINT, signal.SIGTERM):  # of a whole group: the parent's business
+            os.kill(live.pid, number)
+        time.sleep(0.2)
+        shown(live, items[-1:])
         assert live.problem is None
         os.kill(live.pid, signal.SIGKILL)
         end = time.monotonic() + 10
@@ -194,6 +198,7 @@ def test_a_port_in_use_is_told_and_nothing_is_served() -> None:
         with live_view(parse_settings(text), t_structure_toml(), text) as live:
             assert live.text == f"no live view: port {port + 1} of 127.0.0.1 is in use"
             live.show(block(0))
+            assert not live.served
 
 
 def test_without_a_viewer_section_nothing_is_served() -> None:

@@ -1,0 +1,86 @@
+"""The analysis process and the signals that a group of processes is sent."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from end_to_end_helpers import START, site_toml
+
+from daq import Event
+from monitor.worker import TOPIC_STOPPED, AnalysisError, Result, Worker
+from updater import t_structure_toml
+
+STOPPED = Event(topic=TOPIC_STOPPED, time=START, payload={})
+
+
+def worker() -> Worker:
+    return Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0))
+
+
+def pid() -> int:
+    (process,) = (p for p in multiprocessing.active_children() if p.name == "analysis")
+    return process.pid or 0
+
+
+def results(running: Worker) -> list[Result | None]:
+    """Wait for results, 40 s at the most."""
+    end = time.monotonic() + 40
+    while time.monotonic() < end:
+        if found := list(running.results(0.5)):
+            return found
+    raise AssertionError("nothing came within 40 s")
+
+
+def test_analysis_goes_on_when_the_group_is_told_to_stop() -> None:
+    """As a service manager and Ctrl-C do; what waits is still analysed, and the last item ends it."""
+    with worker() as running:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            os.kill(pid(), number)
+        running.feed(STOPPED)
+        assert results(running) == [None]
+
+
+def test_analysis_that_was_killed_is_an_error() -> None:
+    with worker() as running:
+        os.kill(pid(), signal.SIGKILL)
+        with pytest.raises(AnalysisError, match="ended with code -9"):
+            results(running)
+
+
+ORPHAN = """
+import os, signal
+from end_to_end_helpers import site_toml
+from monitor.worker import Worker
+from updater import t_structure_toml
+import multiprocessing
+if __name__ == "__main__":
+    with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0)):
+        print(multiprocessing.active_children()[0].pid, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_analysis_ends_when_its_parent_was_killed(tmp_path: Path) -> None:
+    """It looks every 2 s, after a start of some seconds on a busy machine."""
+    root = Path(__file__).parents[2]
+    (tmp_path / "orphan.py").write_text(ORPHAN, encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": f"{root}:{root / 'tests'}"}
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "orphan.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        timeout=60,
+    )
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    stat = Path(f"/proc/{int(done.stdout)}/stat")
+    end = time.monotonic() + 60
+    while stat.exists() and " Z " not in stat.read_text() and time.monotonic() < end:
+        time.sleep(0.2)
+    assert not stat.exists() or " Z " in stat.read_text()
