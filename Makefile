@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags clean
+.PHONY: demo test check lint typecheck seeds flags bench clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -25,6 +25,10 @@ seeds: $(VENV)/.done
 # False flags of the one-step update and what it flags of masses: the tables in docs/updater.md, some minutes.
 flags: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/flags.py
+
+# Our SLCAN bus beside python-can's: the tables in docs/daq.md, half a minute.
+bench: $(VENV)/.done
+	$(BIN)/python benchmarks/can_bus.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -51,3 +51,13 @@ def test_paper_t_structure() -> None:
         assert abs(answer.mass - body.mass) < 4 * answer.mass_std
         start = {"crossbeam": np.array([-0.4, 0.0, 1.48]), "column": np.zeros(3)}[answer.member]
         assert abs(answer.distance - np.linalg.norm(np.array(body.at) - start)) < 4 * answer.distance_std
+
+
+def test_emulated_can() -> None:
+    """Nothing is lost; both devices see the shaker, at the same time but for what the way of some frames takes."""
+    found = run("emulated_can.py")
+    assert found["gaps"] == []
+    assert all(scans >= 0.5 * found["rate"] * found["seconds"] for scans in found["scans"].values())
+    # the part of a period at the ends: 1 / (2 n_periods) of the power, for at least a second of data
+    np.testing.assert_allclose(found["rms"], 0.5 / np.sqrt(2), rtol=0.015)
+    assert abs(found["late"]) < 3e-3

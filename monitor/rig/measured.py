@@ -42,7 +42,8 @@ class DeviceSource:
 
     Scan k is the filtered motion at start + k / rate, between simulated samples where its clock says so. The filter
     passes 0.35 of the rate within 0.001 dB, stops -80 dB from 0.51 of it on, and being of linear phase delays every
-    scan alike, by 16 scans and 3 simulated samples: 16.75 ms at 1000 Hz, as the filter of a device does.
+    scan alike, by 16 scans and 3 simulated samples: 16.75 ms at 1000 Hz, as the filter of a device does; and by the
+    device's own `delay` beyond that.
 
     Parameters
     ----------
@@ -53,6 +54,7 @@ class DeviceSource:
 
     def __init__(self, world: Motion, scenario: Scenario, number: int) -> None:
         self._world, self._number, self._scenario = world, number, scenario
+        self._delay = scenario.device[number].delay
         self._random = np.random.default_rng((scenario.seed, 3, number))
         self._gain = 1 + scenario.truth.gain_scatter * self._random.standard_normal(3)
 
@@ -64,13 +66,14 @@ class DeviceSource:
         ValueError
             If the rate is one that the scenario cannot feed.
         """
+        delay = self._delay * self._world.rate
         step = self._world.rate / rate
         half = round(_HALF_TAPS * step)
-        if step < 0.98 * OVERSAMPLING or 2 * half + len(_NODES) > LEAD:
+        if step < 0.98 * OVERSAMPLING or 2 * half + delay + len(_NODES) > LEAD:
             slowest = 2 * _HALF_TAPS * self._world.rate / (LEAD - len(_NODES))
             raise ValueError(f"rate: expected {slowest:.3g} to {self._scenario.rate:g} Hz, found {rate:g}")
         self._taps = firwin(2 * half + 1, _CUTOFF * rate, fs=self._world.rate, window=("kaiser", _KAISER))[:, None]
-        self._start, self._step, self._half = self._world.sample(time), step, half
+        self._start, self._step, self._half = self._world.sample(time) - delay, step, half
         self._noise = self._scenario.truth.noise_density * np.sqrt(rate / 2)
         self._size = max(1, round(_BLOCK * rate))
         self._block = np.zeros((0, 3), np.int32)

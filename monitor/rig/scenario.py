@@ -27,6 +27,7 @@ class RigDevice(_Section):
     name: Annotated[str, Field(min_length=1)]
     at: Vector  #: on a member [m]
     clock_error: Annotated[float, Field(gt=-0.01, lt=0.01)] = 0.0  #: of its oscillator, 1e-6 = 1 ppm fast
+    delay: Annotated[float, Field(ge=0, lt=0.02)] = 0.0  #: of its filter beyond what all devices have [s]
     node: Annotated[int, Field(ge=1, le=127)] | None = None  #: on the rig's CAN bus; None: it has a serial port
 
 
