@@ -21,7 +21,7 @@ _LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DeviceDelays:
-    """Constant delays of devices, relative to their mean, and how far a window's stray from them."""
+    """Constant delays of devices, of which only differences mean anything, and how far a window's stray from them."""
 
     seconds: Mapping[str, float]  #: device -> delay [s]
     std: Mapping[str, float]  #: device -> standard deviation of it [s]
