@@ -32,8 +32,9 @@ def number_text(value: float, std: float) -> str:
     if not (math.isfinite(std) and std > 0):
         return f"{value:.4g}"
     power = math.floor(math.log10(std))
-    digits = max(0, -power + (std < 2.95 * 10.0**power))
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
+    digits = -power + (std < 2.95 * 10.0**power)
+    shown = max(0, digits)
+    return f"{round(value, digits):.{shown}f} ± {round(std, digits):.{shown}f}"
 
 
 def share_text(probability: float) -> str:

@@ -34,7 +34,7 @@ def window_card(window: WindowResult, story: Story) -> str:
         parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
     if window.answer:
         parts.append(_answer(window.answer))
-    elif window.phase == "alarm":
+    elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
         parts.append("**The structure has changed.** Where, the next windows will tell.")
     if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):
         parts.append(diagnosis_text(window.diagnosis))
