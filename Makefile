@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags bench clean
+.PHONY: demo test check lint typecheck seeds flags causes bench clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -29,6 +29,10 @@ flags: $(VENV)/.done
 # Our SLCAN bus beside python-can's: the tables in docs/daq.md, half a minute.
 bench: $(VENV)/.done
 	$(BIN)/python benchmarks/can_bus.py
+
+# What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
+causes: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

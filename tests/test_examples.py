@@ -61,3 +61,15 @@ def test_emulated_can() -> None:
     # the part of a period at the ends: 1 / (2 n_periods) of the power, for at least a second of data
     np.testing.assert_allclose(found["rms"], 0.5 / np.sqrt(2), rtol=0.015)
     assert abs(found["late"]) < 3e-3
+
+
+def test_diagnose_change() -> None:
+    found = run("diagnose_change.py")
+    diagnosis, truth = found["diagnosis"], found["truth"]
+    (cause,) = diagnosis.causes
+    assert (diagnosis.verdict, cause.cause) == ("explained", "added_mass")
+    mass = cause.parameters["mass"]
+    assert abs(mass.value - truth["mass"]) < 3 * mass.std
+    assert np.linalg.norm(np.subtract(cause.where.position, truth["position"])) < 3 * cause.where.position_std
+    assert diagnosis.gain.heldout
+    assert diagnosis.gain.frequency_error_percent.after < 0.3 * diagnosis.gain.frequency_error_percent.before

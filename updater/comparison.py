@@ -12,7 +12,8 @@ from daq import FloatArray, IndexArray
 from updater.reference import Reference
 from updater.statistics import COMMON_STD, ModalMean
 
-_MODEL_ERROR = 0.06  # of each change: what the reference gets wrong about it
+_MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
+_SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Comparison:
     drifting: Whitener  #: the same with a change common to all, which temperature brings
     shape: FloatArray  #: (n, n_channels) measured now, unit norm
     base: FloatArray  #: (n, n_channels) measured before, unit norm
-    shape_std: FloatArray  #: (n, n_channels) of the difference
+    shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
     overdispersion: float  #: components of a shape that err as one [-]
     model_base: FloatArray  #: (n, n_channels) of the reference, unit norm
     at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
@@ -70,12 +71,14 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
     if len(tracks) < 3:
         raise ValueError(f"modes to compare: expected at least 3, found {len(tracks)}")
     ratio = (event.log_frequency - base.log_frequency)[tracks]
-    variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks] + (_MODEL_ERROR * ratio) ** 2
+    shift = np.abs(ratio)
+    variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks]
+    variance += (2 * _MODEL_ERROR) ** 2 * shift * shift.mean()
     shape, before = event.shape[tracks], base.shape[tracks]
     shape = shape * np.where((shape * before).sum(1) < 0, -1, 1)[:, None]
     # components that err together are so much less data: each is believed less, all together as much as they are worth
     overdispersion = reference.scatter.shape_overdispersion
-    own = np.sqrt(overdispersion * (event.shape_std**2 + base.shape_std**2)[tracks])
+    own = overdispersion * (event.shape_std**2 + base.shape_std**2)[tracks] + _SHAPE_BIAS**2
     at_channels = reference.at_channels(event.channels)
     expected = at_channels[:, reference.paired[tracks]].T
     return Comparison(
@@ -88,7 +91,7 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
         drifting=_whitener(np.diag(variance) + COMMON_STD**2),
         shape=shape,
         base=before,
-        shape_std=np.hypot(own, _MODEL_ERROR * np.abs(_beside(shape, before))),
+        shape_whitener=_shape_whiteners(own, before, _foreign(reference, tracks, shift, at_channels)),
         overdispersion=overdispersion,
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
@@ -99,6 +102,44 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
 def _whitener(covariance: FloatArray) -> Whitener:
     lower = np.linalg.cholesky(covariance)
     return Whitener(np.linalg.inv(lower), -float(np.log(np.diag(lower)).sum()))
+
+
+def _foreign(reference: Reference, tracks: IndexArray, shift: FloatArray, at_channels: FloatArray) -> FloatArray:
+    """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
+
+    A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
+    and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If each u is
+    wrong by e times its typical size, d_i is wrong by 2 e (d_i d)^1/2 and the coupling by 2 e (d (d_i + d_k))^1/2, d
+    the mean of all: most where modes are close, and not nothing where a mode has its node.
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's share in unit shapes, times the mode.
+    """
+    paired = reference.paired[tracks]
+    shifts = np.full(len(reference.frequency), shift.mean())
+    shifts[paired] = shift
+    own, others = reference.frequency[paired, None] ** 2, reference.frequency**2
+    gap = np.where(others == own, np.inf, others - own)
+    coupling = 2 * _MODEL_ERROR * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
+    turned = np.minimum(coupling * own / np.abs(gap), _MODEL_ERROR)
+    length = np.linalg.norm(at_channels[:, paired], axis=0)
+    return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
+
+
+def _shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
+    """Return inverse Cholesky factors (n, n_channels, n_channels) of the shapes' covariances.
+
+    Parameters
+    ----------
+    variance : (n, n_channels) of what is measured
+    base : (n, n_channels) unit shapes
+    foreign : (n, n_modes, n_channels) of other modes, by what the reference gets wrong
+    """
+    error = _beside(foreign, base[:, None])
+    covariance = variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def _beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
@@ -116,5 +157,5 @@ def residual(comparison: Comparison, log_ratio: FloatArray, shape: FloatArray, w
     shape : (n_alternatives, n, n_channels) predicted, of any norm and sign
     """
     frequency = (comparison.log_ratio - log_ratio) @ whitener.matrix.T
-    beside = _beside(comparison.shape, shape) / comparison.shape_std
+    beside = np.einsum("icd,pid->pic", comparison.shape_whitener, _beside(comparison.shape, shape))
     return np.concatenate([frequency, beside.reshape(len(shape), -1)], axis=1)

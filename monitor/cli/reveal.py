@@ -11,6 +11,7 @@ from rich.table import Table
 from monitor.daemon import RunReport
 from monitor.results import AlarmResult, MassAnswer, WindowResult
 from monitor.rig import Scenario
+from monitor.words import change_text
 from monitor.worker import Result
 
 _RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: what the demo calls found
@@ -48,7 +49,8 @@ def reveal(
         "sent": rig["sent"],
     }
     (out / "answer.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    console.print(_table(summary, answer))
+    said = [change_text(w.diagnosis) for w in windows if w.diagnosis]
+    console.print(_table(summary, answer, said[-1] if said else "nothing said"))
     verdict = "[bold green]found[/]" if right else "[bold red]MISSED[/]" if answer is None else "[bold red]WRONG[/]"
     console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {rig['sent']}\n")
     _write_pictures(out, report)
@@ -56,11 +58,11 @@ def reveal(
     return 0 if right else 1
 
 
-def _table(summary: dict[str, Any], answer: MassAnswer | None) -> Table:
+def _table(summary: dict[str, Any], answer: MassAnswer | None, said: str) -> Table:
     table = Table("", "truth", "the monitor's answer", "off by", title="What the rig did, and what the monitor said")
     truth = summary["truth"]
     if answer is None:
-        table.add_row("body added", f"{1000 * truth['mass']:.0f} g", "nothing said", "")
+        table.add_row("body added", f"{1000 * truth['mass']:.0f} g", said, "")
         return table
     place = ", ".join(f"{v:.3f}" for v in truth["position"])
     said = ", ".join(f"{v:.3f}" for v in answer.position)
