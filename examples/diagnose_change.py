@@ -5,7 +5,6 @@ from pathlib import Path
 
 from daq import load_recordings, read_attachments
 from monitor.diagnosing import explain_change, observe
-from monitor.recordings import log_channels
 from monitor.words import cause_text, plain
 from updater import parse_structure
 
@@ -14,7 +13,7 @@ truth = tomllib.loads((folder / "manifest.toml").read_text(encoding="utf-8"))["l
 log = folder / truth["file"]
 structure = parse_structure(read_attachments(log)["structure.toml"])
 
-recordings = list(load_recordings(log, window_seconds=9, channels=log_channels(log)))
+recordings = list(load_recordings(log, window_seconds=9))
 before = observe(r for r in recordings if r.end <= truth["event_time"])
 after = [r for r in recordings if r.start >= truth["event_time"]]
 

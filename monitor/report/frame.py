@@ -75,7 +75,7 @@ class Frame:
         self._region(axes, region)
         x, y = self.flat(np.array(position))
         axes.plot(x, y, "o", markersize=9, color=ADDED, markeredgecolor="white", zorder=6)
-        axes.annotate(name, (x, y), (8, 8), textcoords="offset points", fontsize=8, zorder=7)
+        axes.annotate(name, (x, y), (8, -16), textcoords="offset points", fontsize=8, zorder=7)
 
     def _region(self, axes: Axes, region: list[Interval]) -> None:
         for number, stretch in enumerate(region):

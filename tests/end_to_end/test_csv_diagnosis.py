@@ -11,7 +11,7 @@ from cli_helpers import Commands, assert_refused
 from measured_helpers import Rig, swapped, write_csv
 
 from daq import Recording
-from updater import Body, load_structure, t_structure_toml
+from updater import Body, build_model, load_structure, t_structure_toml
 
 SECONDS, RATE = 150.0, 1000.0
 SEED = 4711
@@ -50,6 +50,18 @@ def diagnosed(folder: Path, modalwatch: Commands) -> Diagnose:
         return code, json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
 
     return command
+
+
+def test_its_modes_are_those_of_the_rig(folder: Path, modalwatch: Commands) -> None:
+    out = folder / "modes.json"
+    named = ("--structure", folder / "structure.toml", "--json", out, "--window", "25")
+    assert modalwatch("identify", folder / "before.mcap", *named).code == 0
+    found = json.loads(out.read_text(encoding="utf-8"))["modes"]
+    true = build_model(Rig(seed=SEED).structure(), shear_flexible=True, mass="consistent").modes(12).frequency
+    assert len(found) >= 6
+    for mode in found:
+        frequency, std = mode["frequency"]["value"], mode["frequency"]["std"]
+        assert np.abs(true - frequency).min() < 4 * std
 
 
 def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
