@@ -21,7 +21,7 @@ from daq import Recording, load_recordings, write_recording
 from monitor.diagnosing import Observation, explain_change, observe, window_seconds
 from updater import Body, Cause, Diagnosis, parse_structure, t_structure_toml
 
-SECONDS, RATE, SEED = 240.0, 1000.0, 30000
+SECONDS, RATE, SEED = 240.0, 1000.0, 40000
 STRUCTURE = parse_structure(t_structure_toml())
 Random = np.random.Generator
 Right = Callable[[Cause], bool]

@@ -13,6 +13,8 @@ from updater.reference import Reference
 from updater.statistics import COMMON_STD, ModalMean
 
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
+_MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
+_LEAST_GAP = 1e-6  # of squared frequencies
 _SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
 
@@ -91,7 +93,7 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
         drifting=_whitener(np.diag(variance) + COMMON_STD**2),
         shape=shape,
         base=before,
-        shape_whitener=_shape_whiteners(own, before, _foreign(reference, tracks, shift, at_channels)),
+        shape_whitener=_shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels)),
         overdispersion=overdispersion,
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
@@ -104,7 +106,7 @@ def _whitener(covariance: FloatArray) -> Whitener:
     return Whitener(np.linalg.inv(lower), -float(np.log(np.diag(lower)).sum()))
 
 
-def _foreign(reference: Reference, tracks: IndexArray, shift: FloatArray, at_channels: FloatArray) -> FloatArray:
+def _foreign(reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray) -> FloatArray:
     """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
 
     A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
@@ -117,15 +119,27 @@ def _foreign(reference: Reference, tracks: IndexArray, shift: FloatArray, at_cha
     (n, n_modes, n_channels)
         Standard deviation of each mode's share in unit shapes, times the mode.
     """
-    paired = reference.paired[tracks]
+    paired, shift = reference.paired[tracks], np.abs(ratio)
     shifts = np.full(len(reference.frequency), shift.mean())
     shifts[paired] = shift
-    own, others = reference.frequency[paired, None] ** 2, reference.frequency**2
-    gap = np.where(others == own, np.inf, others - own)
     coupling = 2 * _MODEL_ERROR * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
-    turned = np.minimum(coupling * own / np.abs(gap), _MODEL_ERROR)
+    turned = np.minimum(coupling * _closeness(reference.frequency, paired, ratio), _MOST_TURNED)
     length = np.linalg.norm(at_channels[:, paired], axis=0)
     return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
+
+
+def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> FloatArray:
+    """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes), before or after the change, whichever is larger.
+
+    What is not seen after the change is taken as close as twice the mean of what the others moved allows.
+    """
+    reach = 2 * np.abs(ratio).mean()
+    own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
+    after = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
+    after[:, paired] = now.T
+    gap = np.minimum(np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
+    itself = np.arange(len(frequency)) == paired[:, None]
+    return np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP))
 
 
 def _shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
