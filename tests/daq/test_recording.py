@@ -69,7 +69,7 @@ class Entries(dict[str, Entry]):
 
 def test_installed_driver_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("daq.registry.entry_points", lambda group: Entries({group + ".mine": Entry()}))
-    assert driver_names() == ("epson-uart", "modalwatch.drivers.mine")
+    assert driver_names() == ("epson-can", "epson-uart", "modalwatch.drivers.mine")
     driver: object = make_driver("modalwatch.drivers.mine", "COM3", 42.0)
     assert isinstance(driver, PluggedIn)
     assert (driver.port, driver.rate) == ("COM3", 42.0)
