@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench clean
+.PHONY: demo test check lint typecheck seeds flags causes bench weimar clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -33,6 +33,10 @@ bench: $(VENV)/.done
 # What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
 causes: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
+
+# Set-ups of a measured steel frame merged: the tables of docs/weimar.md; `make weimar DATA=folder`, a second.
+weimar: $(VENV)/.done
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/weimar.py $(DATA)
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -5,6 +5,7 @@ from daq.can_address import CanAddress
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import export_recording, read_data, with_channels, write_recording
+from daq.derivative import differentiated
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan
@@ -59,6 +60,7 @@ __all__ = [
     "Scans",
     "SystemClock",
     "can_interfaces",
+    "differentiated",
     "driver_names",
     "export_recording",
     "has_end",

@@ -2,10 +2,12 @@
 
 from oma.alignment import aligned, device_delays
 from oma.conditioning import channel_faults
-from oma.errors import IdentificationError, OmaError, TooFewChannels, TooFewModes, TooShort
+from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.identification import Identification, identify, identify_all
 from oma.mac import mac, mac_matrix, mpc, mpd, normalise
+from oma.merging import match_setups, merge
+from oma.pairing import pair_modes
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
 from oma.ssi import CovarianceSSI
@@ -18,6 +20,7 @@ __all__ = [
     "Identification",
     "IdentificationError",
     "ModalEstimate",
+    "NoCommonModes",
     "OmaError",
     "Selection",
     "Stabilization",
@@ -32,9 +35,12 @@ __all__ = [
     "identify_all",
     "mac",
     "mac_matrix",
+    "match_setups",
+    "merge",
     "mpc",
     "mpd",
     "normalise",
+    "pair_modes",
     "singular_values",
     "uncertainty_law",
 ]

@@ -1,10 +1,11 @@
 """What can go wrong in identification.
 
 OmaError
-└── IdentificationError     the recording does not allow an estimate
-    ├── TooFewChannels      fewer usable channels than needed
-    ├── TooShort            fewer samples than needed
-    └── TooFewModes         nothing in the recording passed for a mode
+├── IdentificationError     the recording does not allow an estimate
+│   ├── TooFewChannels      fewer usable channels than needed
+│   ├── TooShort            fewer samples than needed
+│   └── TooFewModes         nothing in the recording passed for a mode
+└── NoCommonModes           set-ups have no mode in common that could be merged
 """
 
 
@@ -64,3 +65,19 @@ class TooFewModes(IdentificationError):  # noqa: N818
     def __init__(self, n_poles: int) -> None:
         super().__init__(f"none of {n_poles} poles is a mode: no resonance stands out in the recording")
         self.n_poles = n_poles
+
+
+class NoCommonModes(OmaError):  # noqa: N818
+    """No mode is seen in all set-ups.
+
+    Parameters
+    ----------
+    n_setups : int
+    n_modes : list of int
+        What each of them shows.
+    """
+
+    def __init__(self, n_setups: int, n_modes: list[int]) -> None:
+        super().__init__(f"none of the modes ({', '.join(map(str, n_modes))}) is seen in all {n_setups} set-ups")
+        self.n_setups = n_setups
+        self.n_modes = n_modes

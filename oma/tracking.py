@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray
 from oma.estimate import ModalEstimate
 from oma.mac import mac_matrix
+from oma.pairing import assign
 from oma.stabilization import IndexArray
 
 
@@ -56,12 +56,7 @@ class Tracker:
         possible = ((agreement >= self.min_mac) & (shift < self.max_shift)) | (
             (agreement >= self.min_mac_near) & (shift < self._gate(estimate))
         )
-        cost = np.where(possible, 1 - agreement + shift, 1e3)
-        rows, columns = linear_sum_assignment(cost)
-        result = np.full(self.reference.n_modes, -1, dtype=np.intp)
-        taken = possible[rows, columns]
-        result[rows[taken]] = columns[taken]
-        return result
+        return assign(1 - agreement + shift, possible)
 
     def _agreement(self, estimate: ModalEstimate) -> FloatArray:
         """Return the MAC of all pairs on the common channels."""

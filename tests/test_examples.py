@@ -25,6 +25,15 @@ def test_identify_csv() -> None:
     assert found["likeness"].min() > 0.999
 
 
+def test_merge_setups() -> None:
+    found = run("merge_setups.py")
+    merged = found["merged"]
+    assert merged.channels == tuple(f"floor_{k}" for k in (8, 3, 1, 2, 4, 5, 6, 7))
+    assert (np.abs(merged.frequency - found["exact"]) < 4 * merged.frequency_std).all()
+    # 1 - MAC is the sum of the shape's variances: of stated deviations up to 0.03 of the unit norm at eight floors
+    assert (1 - found["likeness"] < 8 * 0.03**2).all()
+
+
 def test_report_log() -> None:
     found = run("report_log.py")
     answer, truth = found["answer"], found["truth"]

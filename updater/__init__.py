@@ -4,7 +4,6 @@ from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.diagnosis import Explained, diagnose
 from updater.errors import ModelError, PairingError, StructureError, UpdaterError
-from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.localization import MassChange, Stretch, locate_mass
@@ -92,7 +91,6 @@ __all__ = [
     "nominal_reference",
     "novelty",
     "novelty_limit",
-    "pair_modes",
     "parse_structure",
     "real_shape",
     "remove_delays",

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from daq import FloatArray, IndexArray
+from oma import pair_modes
 from updater.errors import PairingError
-from updater.expansion import pair_modes
 from updater.fe.model import Model, Modes, build_model
 from updater.statistics import ModalMean
 from updater.structure import AXES, Joint, Member, Structure, Support

@@ -1,39 +1,13 @@
-"""Pairing of measured with model modes, and their expansion by the local correspondence principle."""
+"""Expansion of measured modes by the local correspondence principle."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
-from oma import mac_matrix
 
 LARGEST_CLUSTER = 4
 _WORST_CONDITION = 10.0  # of a cluster at the sensors: beyond it they cannot tell its modes apart
-
-
-def pair_modes(
-    frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
-) -> IndexArray:
-    """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
-
-    The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors.
-
-    Parameters
-    ----------
-    frequency, shape : (n,) [Hz] and (n, n_channels) measured; NaN for one that was never seen
-    model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels
-
-    A pair with a MAC under 0.5 or frequencies more than 30 % apart is none.
-    """
-    seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
-    assurance = mac_matrix(shape[seen], model_shape)
-    distance = np.abs(np.log(frequency[seen, None] / model_frequency))
-    row, column = linear_sum_assignment(1 - assurance + distance)
-    near = (assurance[row, column] >= 0.5) & (distance[row, column] <= 0.3)
-    answers = np.full(len(frequency), -1, np.intp)
-    answers[seen[row[near]]] = column[near]
-    return answers
 
 
 def expand(shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int) -> FloatArray:

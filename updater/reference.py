@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from oma import ModalEstimate
+from oma import ModalEstimate, pair_modes
 from updater.calibration import Calibration, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays
-from updater.expansion import LARGEST_CLUSTER, expand, orthonormal, pair_modes
+from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.fe.model import Model, Modes
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks
 from updater.structure import Structure

@@ -18,7 +18,7 @@ from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
-from oma import CovarianceSSI, IdentificationError, ModalEstimate, identify_all, mac_matrix, mpc, mpd
+from oma import CovarianceSSI, IdentificationError, ModalEstimate, identify_all, mac_matrix, mpc, mpd, pair_modes
 from updater import (
     Structure,
     StructureError,
@@ -26,7 +26,6 @@ from updater import (
     build_model,
     channel_rows,
     load_structure,
-    pair_modes,
     parse_structure,
     real_shape,
 )

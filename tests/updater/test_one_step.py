@@ -7,7 +7,7 @@ from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
 from updater import MassUpdater, PairingError, Reference, build_model, learn_reference, mean_modes, stack_tracks
-from updater.expansion import expand, orthonormal, pair_modes
+from updater.expansion import expand, orthonormal
 from updater.one_step import (
     LowRank,
     mass_slope,
@@ -199,20 +199,6 @@ def test_orthonormalised_modes_alter_no_mass() -> None:
     random = np.random.default_rng(1)
     t = orthonormal(np.eye(M) + 0.1 * random.standard_normal((M, M)))
     np.testing.assert_allclose(t.T @ t, np.eye(M), atol=1e-12)
-
-
-def test_pairing_is_one_to_one_where_mac_alone_ties() -> None:
-    """Two model modes with the same shape at the sensors: frequency tells them apart."""
-    shape = np.array([[1.0, 0.0, 0.2], [1.0, 0.0, 0.2]])
-    paired = pair_modes(np.array([10.0, 50.0]), shape, np.array([10.5, 49.0, 80.0]), np.vstack([shape, [[0, 1.0, 0]]]))
-    assert paired.tolist() == [0, 1]
-
-
-def test_a_mode_without_partner_is_left_out() -> None:
-    paired = pair_modes(
-        np.array([10.0]), np.array([[1.0, 0.0]]), np.array([10.0, 11.0]), np.array([[0.0, 1.0], [0.1, 1.0]])
-    )
-    assert paired.tolist() == [-1]
 
 
 def test_increments_are_divided_by_the_updated_share() -> None:

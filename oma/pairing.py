@@ -1,0 +1,59 @@
+"""Which mode of one set is which of another: one to one, by frequency and shape."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray, IndexArray
+from oma.conditioning import BoolArray
+from oma.mac import mac_matrix
+
+_IMPOSSIBLE = 1e6  # beside any cost
+_LEAST_MAC, _FARTHEST = 0.5, 0.3  # of a measured mode and the model's that answers to it; the latter of ln f
+
+
+def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
+    """Pair rows with columns one to one: as many possible pairs as there can be, and of these the cheapest.
+
+    Parameters
+    ----------
+    cost : (n_rows, n_columns) array
+        Far below 1e6 where a pair is possible.
+    possible : (n_rows, n_columns) array of bool
+
+    Returns
+    -------
+    (n_rows,) array of int
+        The column of each row, -1 where it has none.
+    """
+    rows, columns = linear_sum_assignment(np.where(possible, cost, _IMPOSSIBLE))
+    result = np.full(len(cost), -1, dtype=np.intp)
+    taken = possible[rows, columns]
+    result[rows[taken]] = columns[taken]
+    return result
+
+
+def pair_modes(
+    frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
+) -> IndexArray:
+    """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
+
+    The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors. A pair with a
+    MAC under 0.5 or frequencies more than 30 % apart is none.
+
+    Parameters
+    ----------
+    frequency, shape : (n,) [Hz] and (n, n_channels) measured; NaN for one that was never seen
+    model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels
+
+    Returns
+    -------
+    (n,) array of int
+    """
+    seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
+    assurance = mac_matrix(shape[seen], model_shape)
+    distance = np.abs(np.log(frequency[seen, None] / model_frequency))
+    row, column = linear_sum_assignment(1 - assurance + distance)
+    near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)
+    answers = np.full(len(frequency), -1, np.intp)
+    answers[seen[row[near]]] = column[near]
+    return answers

@@ -1,0 +1,17 @@
+import numpy as np
+
+from oma import pair_modes
+
+
+def test_pairing_is_one_to_one_where_mac_alone_ties() -> None:
+    """Two model modes with the same shape at the sensors: frequency tells them apart."""
+    shape = np.array([[1.0, 0.0, 0.2], [1.0, 0.0, 0.2]])
+    paired = pair_modes(np.array([10.0, 50.0]), shape, np.array([10.5, 49.0, 80.0]), np.vstack([shape, [[0, 1.0, 0]]]))
+    assert paired.tolist() == [0, 1]
+
+
+def test_a_mode_without_partner_is_left_out() -> None:
+    paired = pair_modes(
+        np.array([10.0]), np.array([[1.0, 0.0]]), np.array([10.0, 11.0]), np.array([[0.0, 1.0], [0.1, 1.0]])
+    )
+    assert paired.tolist() == [-1]
