@@ -16,7 +16,7 @@ def differentiated(recording: Recording, channels: Collection[str]) -> Recording
     """Return a recording with some channels replaced by their derivatives.
 
     The ideal differentiator, whose samples alternate as (-1)^n / n, cut off by a Kaiser window: of linear phase, so
-    that nothing moves in time, and right to 1.2e-3 at all frequencies up to 0.45 of the rate, to 1e-4 from 0.05 of it on.
+    that nothing moves in time, and right to 1.2e-3 up to 0.45 of the rate, to 1e-4 from 0.05 of it on.
 
     Parameters
     ----------

@@ -122,10 +122,8 @@ def _matched(seed: ModalEstimate, estimate: ModalEstimate, references: Sequence[
     ours, our_noise = _at_references(seed, references)
     theirs, their_noise = _at_references(estimate, references)
     shift = np.abs(np.log(estimate.frequency / seed.frequency[:, None]))
-    chance = np.hypot(
-        seed.frequency_std[:, None] / seed.frequency[:, None], estimate.frequency_std / estimate.frequency
-    )
-    reach = np.maximum(_SIGMAS * chance, _DRIFT)
+    ours_std, theirs_std = (e.frequency_std / e.frequency for e in (seed, estimate))
+    reach = np.maximum(_SIGMAS * np.hypot(ours_std[:, None], theirs_std), _DRIFT)
     loss = (1 - mac_matrix(ours, theirs)) / (_MAC_LOSS + _SIGMAS**2 * (our_noise[:, None] + their_noise))
     return assign((shift / reach) ** 2 + loss, (shift < reach) & (loss < 1))
 
@@ -149,7 +147,8 @@ def _picked(estimates: Sequence[ModalEstimate], matched: IndexArray, name: str) 
 
 def _mean(estimates: Sequence[ModalEstimate], matched: IndexArray, name: str) -> FloatArray:
     """Return the mean of a field over the set-ups (n_modes,)."""
-    return np.mean([getattr(e, name)[k] for e, k in zip(estimates, matched.T, strict=True)], axis=0, dtype=np.float64)
+    values = [getattr(e, name)[k] for e, k in zip(estimates, matched.T, strict=True)]
+    return np.asarray(np.mean(values, axis=0))
 
 
 def _means(value: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -172,8 +172,7 @@ def test_five_setups_of_a_measured_steel_frame_merge_to_its_published_modes() ->
         below = found[-1].frequency[found[-1].frequency < 15]
         np.testing.assert_allclose(below, PUBLISHED, rtol=3e-3)  # each of them, and nothing else
     merged = merge(found, ("ref_x", "ref_y"))
-    below = merged.frequency < 15
-    np.testing.assert_allclose(merged.frequency[below], PUBLISHED, rtol=1e-3)
+    np.testing.assert_allclose(merged.frequency[merged.frequency < 15], PUBLISHED, rtol=1e-3)
     assert all(a < b for a, b in pairwise(merged.frequency))
     # the reference at the top corner moves in x, in y, and in both when the frame twists
     first = np.abs(merged.shape[:3, :2])
