@@ -10,8 +10,8 @@ import numpy as np
 from daq import FloatArray, IndexArray, Recording
 from oma import (
     ComplexArray,
-    CovarianceSSI,
     IdentificationError,
+    Method,
     ModalEstimate,
     Tracker,
     channel_faults,
@@ -49,7 +49,7 @@ class FusedModes:
 
 def identify_windows(
     recordings: Iterable[Recording],
-    method: CovarianceSSI | None = None,
+    method: Method | None = None,
     band: tuple[float, float] | None = None,
     on_window: Callable[[Recording], None] = lambda _: None,
 ) -> Windows:

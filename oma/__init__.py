@@ -4,21 +4,26 @@ from oma.alignment import aligned, device_delays
 from oma.conditioning import channel_faults
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
-from oma.identification import Identification, identify, identify_all
+from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
 from oma.mac import mac, mac_matrix, mpc, mpd, normalise
 from oma.merging import match_setups, merge
+from oma.methods import Method
 from oma.pairing import pair_modes
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
-from oma.ssi import CovarianceSSI
+from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization
 from oma.tracking import Tracker
 
 __all__ = [
+    "METHODS",
     "ComplexArray",
     "CovarianceSSI",
+    "DataSSI",
     "Identification",
     "IdentificationError",
+    "IdentificationStream",
+    "Method",
     "ModalEstimate",
     "NoCommonModes",
     "OmaError",

@@ -18,8 +18,9 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray, IndexArray, Recording
-from oma.conditioning import PASS, BoolArray, bridged, detrended, usable
+from oma.conditioning import BoolArray, bridged, detrended, usable
 from oma.estimate import ComplexArray
+from oma.pyramid import PASS
 from oma.spectra import spectral_matrix
 
 _LARGEST = 0.01  # s: delay that is looked for

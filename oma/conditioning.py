@@ -1,31 +1,12 @@
-"""From a recording to clean channels, and down a pyramid of rates."""
-
-from collections.abc import Iterator
-from dataclasses import dataclass
+"""From a recording to clean channels."""
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 from daq import FloatArray, Recording
 from oma.errors import TooFewChannels
 
 BoolArray = npt.NDArray[np.bool_]
-
-PASS = 0.40  #: upper end of the band kept at each rate, as a share of that rate [-]
-HALF_LENGTH = 12  #: of the decimating filter [samples of the new rate]
-NOISE_LAGS = 4  #: left out after decimation: 3 % of white sensor noise is left beyond; 24 cost close modes [samples]
-OVERLAP = 0.9  #: a band begins at this share of the end of the next lower one [-]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Level:
-    """The recording at one rate, and the band that is analysed at this rate."""
-
-    data: FloatArray  #: (n_samples, n_channels), NaN where a gap is
-    rate: float  #: [Hz]
-    band: tuple[float, float]  #: [Hz]
-    noise_lags: int  #: lags up to this one hold white sensor noise, spread by the decimating filter
 
 
 def channel_faults(recording: Recording, min_complete: float = 0.5) -> dict[str, str]:
@@ -102,37 +83,6 @@ def detrended(data: FloatArray) -> FloatArray:
     return result
 
 
-def decimated(data: FloatArray, factor: int, half_length: int = HALF_LENGTH, max_missing: float = 0.25) -> FloatArray:
-    """Low-pass and keep every `factor`-th sample.
-
-    The filter is a Kaiser-windowed sinc: flat up to 0.40 of the new rate and 75 dB down from 0.60 on, so that not even
-    the image of a sharp resonance folds into the band kept. Gaps are bridged by straight lines; a new sample is missing
-    if too much of its weight rests on such a line.
-
-    Parameters
-    ----------
-    data : (n_samples, n_channels) array
-        NaN where a sample is missing.
-    factor : int
-    half_length : int
-        Of the filter, in samples of the new rate.
-    max_missing : float
-        Share of the filter's absolute weight that may be missing [-].
-
-    Returns
-    -------
-    (about n_samples / factor, n_channels) array
-    """
-    taps = signal.firwin(2 * half_length * factor + 1, 1.0 / factor, window=("kaiser", 7.5))
-    weight = np.abs(taps) / np.sum(np.abs(taps))
-    missing = np.isnan(data)
-    smooth = signal.upfirdn(taps, bridged(data, missing), down=factor, axis=0)
-    if missing.any():
-        smooth[signal.upfirdn(weight, missing.astype(np.float64), down=factor, axis=0) > max_missing] = np.nan
-    result: FloatArray = smooth[2 * half_length : len(smooth) - 2 * half_length]
-    return result
-
-
 def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
     """Fill gaps with straight lines."""
     result = data.copy()
@@ -141,34 +91,3 @@ def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
         if gap.any():
             column[gap] = np.interp(time[gap], time[~gap], column[~gap]) if not gap.all() else 0.0
     return result
-
-
-def pyramid(data: FloatArray, rate: float, band: tuple[float, float], factor: int) -> Iterator[Level]:
-    """Yield the data at falling rates until the lower end of the band is reached.
-
-    At each rate only the upper part of the spectrum is analysed, so that a fixed number of lags always spans a few
-    periods of the lowest mode in question; at one rate for all, the lags would span too little of a low mode or cost
-    too much.
-
-    Parameters
-    ----------
-    data : (n_samples, n_channels) array
-    rate : float
-        [Hz].
-    band : (float, float)
-        [Hz].
-    factor : int
-        Ratio of one rate to the next.
-
-    Yields
-    ------
-    Level
-    """
-    noise_lags, low, high = 0, max(band[0], PASS * OVERLAP * rate / factor), min(band[1], PASS * rate)
-    while True:
-        if high > low:
-            yield Level(data=data, rate=rate, band=(low, high), noise_lags=noise_lags)
-        if low <= band[0]:
-            return
-        data, rate, noise_lags = decimated(data, factor), rate / factor, NOISE_LAGS
-        low, high = max(band[0], PASS * OVERLAP * rate / factor), min(band[1], PASS * rate)

@@ -1,41 +1,109 @@
 """Correlation functions as sums over blocks: additive, masked where samples are missing, fast by FFT."""
 
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import fft
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from oma.errors import IdentificationError
+from oma.estimate import ComplexArray
+
+_PIECE = 3  # lag spans in a piece of one FFT: the overlap costs little, the transforms stay short
+_AT_ONCE = 1 << 20  # samples transformed at once, which bounds the memory
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CorrelationSums:
     """Sums and counts of lagged products, one set a block of time."""
 
-    sums: FloatArray  #: (n_blocks, n_lags, n_channels, n_channels): y_i(t + lag) y_j(t) summed over the t of the block
-    counts: FloatArray  #: (n_blocks, n_lags, 1, 1): number of products in each sum [-]
+    sums: Sequence[FloatArray]  #: a block: (n_lags, n_channels, n_references), y_i(t) y_j(t - lag) summed over its t
+    counts: FloatArray  #: (n_blocks, n_lags): number of products in each sum [-]
+
+    def __post_init__(self) -> None:
+        """Refuse what has no mean."""
+        if np.any(self.counts.sum(axis=0) < 1):
+            raise IdentificationError("gaps leave no two complete samples some lag apart: the correlation is unknown")
 
     @property
     def mean(self) -> FloatArray:
-        """Correlation function of the whole, (n_lags, n_channels, n_channels)."""
-        result: FloatArray = self.sums.sum(axis=0) / self.counts.sum(axis=0)
+        """Correlation function of the whole, (n_lags, n_channels, n_references)."""
+        total = np.zeros_like(self.sums[0])
+        for block in self.sums:
+            total += block
+        result: FloatArray = total / self.counts.sum(axis=0)[:, None, None]
         return result
+
+    def influences(self) -> Iterator[FloatArray]:
+        """Yield what each block moves the mean by, (n_lags, n_channels, n_references); they add up to zero."""
+        mean, total = self.mean, self.counts.sum(axis=0)[:, None, None]
+        for block, count in zip(self.sums, self.counts, strict=True):
+            yield (block - count[:, None, None] * mean) / total
+
+
+class CorrelationAccumulator:
+    """Correlation sums of a stream: blocks of any length are added at one end and dropped at the other.
+
+    Memory does not grow with the length of a block. Where one channel is missing all are left out. Sums over different
+    times for different pairs would use more of the data, but they see different amplitudes: a few per cent of scatter
+    between the pairs, which no longer is the correlation of any linear system, hid weak modes (measured).
+
+    Parameters
+    ----------
+    n_channels : int
+    n_lags : int
+        Lags 0 to ``n_lags - 1`` [samples].
+    references : sequence of int, optional
+        Channels that all are correlated with; all unless given.
+    """
+
+    def __init__(self, n_channels: int, n_lags: int, references: Sequence[int] | None = None) -> None:
+        self._references = np.arange(n_channels) if references is None else np.array(references, dtype=np.intp)
+        self._n_lags = n_lags
+        self._before = np.zeros((n_lags - 1, n_channels))
+        self._known_before = np.zeros((n_lags - 1, 1))
+        self.blocks: deque[tuple[FloatArray, FloatArray]] = deque()  # sums and counts
+
+    def add(self, data: FloatArray) -> None:
+        """Add a block.
+
+        Parameters
+        ----------
+        data : (n_samples, n_channels) array
+            The zero-mean signals that follow those of the last block, NaN where a sample is missing.
+        """
+        known = np.isfinite(data).all(axis=1, keepdims=True)
+        values = np.concatenate((self._before, np.where(known, data, 0.0)))
+        there = np.concatenate((self._known_before, known.astype(np.float64)))
+        sums = _lagged_sums(values, self._n_lags, self._references)
+        self.blocks.append((sums, _lagged_counts(there, self._n_lags)))
+        # copies: views would keep the block
+        self._before, self._known_before = (a[len(data) :].copy() for a in (values, there))
+
+    def drop(self, n_blocks: int = 1) -> None:
+        """Forget the oldest blocks."""
+        for _ in range(n_blocks):
+            self.blocks.popleft()
 
     @property
-    def influence(self) -> FloatArray:
-        """What each block moves the mean by, (n_blocks, n_lags, n_channels, n_channels); the blocks sum to zero."""
-        result: FloatArray = (self.sums - self.counts * self.mean) / self.counts.sum(axis=0)
-        return result
+    def n_complete(self) -> int:
+        """Samples that no channel lacks."""
+        return int(sum(counts[0] for _, counts in self.blocks))
+
+    @property
+    def sums(self) -> CorrelationSums:
+        """What the blocks held add up to."""
+        sums, counts = zip(*self.blocks, strict=True)
+        return CorrelationSums(sums=sums, counts=np.array(counts))
 
 
-def correlation_sums(data: FloatArray, n_lags: int, n_blocks: int) -> CorrelationSums:
-    """Sum lagged products of all channel pairs, block by block.
-
-    Where one channel is missing all are left out. Sums over different times for different pairs would use more of the
-    data, but they see different amplitudes: a few per cent of scatter between the pairs, which no longer is the
-    correlation of any linear system, hid weak modes (measured).
+def correlation_sums(
+    data: FloatArray, n_lags: int, n_blocks: int, references: Sequence[int] | None = None
+) -> CorrelationSums:
+    """Sum lagged products of all channels with the references, block by block.
 
     Parameters
     ----------
@@ -44,6 +112,8 @@ def correlation_sums(data: FloatArray, n_lags: int, n_blocks: int) -> Correlatio
     n_lags : int
         Lags 0 to ``n_lags - 1`` [samples].
     n_blocks : int
+    references : sequence of int, optional
+        Channels that all are correlated with; all unless given.
 
     Returns
     -------
@@ -54,36 +124,86 @@ def correlation_sums(data: FloatArray, n_lags: int, n_blocks: int) -> Correlatio
     IdentificationError
         If no two complete samples lie a lag apart.
     """
-    complete = np.isfinite(data).all(axis=1, keepdims=True)
-    counts = _lagged_sums(np.asarray(complete, dtype=np.float64), n_lags, n_blocks).round()
-    if np.any(counts.sum(axis=0) < 1):
-        raise IdentificationError("gaps leave no two complete samples some lag apart: the correlation is unknown")
-    return CorrelationSums(sums=_lagged_sums(np.where(complete, data, 0.0), n_lags, n_blocks), counts=counts)
+    accumulator = CorrelationAccumulator(data.shape[1], n_lags, references)
+    for block in np.array_split(data, n_blocks):
+        accumulator.add(block)
+    return accumulator.sums
 
 
-def _lagged_sums(data: FloatArray, n_lags: int, n_blocks: int) -> FloatArray:
-    """Sum products by FFT: each block in pieces of about three lag spans, added up as spectra."""
-    n_samples, n_channels = data.shape
-    block = -(-n_samples // n_blocks)
-    n_pieces = max(block // (3 * n_lags), 1)
-    piece = -(-block // n_pieces)
+def hankel(correlation: FloatArray, first_lag: int, block_rows: int) -> FloatArray:
+    """Arrange correlations as a block Hankel matrix: block (i, j) is the lag ``first_lag + i + j``.
+
+    Parameters
+    ----------
+    correlation : (n_lags, n_channels, n_references) array
+    first_lag : int
+        [samples].
+    block_rows : int
+
+    Returns
+    -------
+    (block_rows * n_channels, block_rows * n_references) array
+    """
+    used = correlation[first_lag : first_lag + 2 * block_rows - 1]
+    windows = sliding_window_view(used, block_rows, axis=0)
+    _, n_channels, n_references = correlation.shape
+    return windows.transpose(0, 1, 3, 2).reshape(block_rows * n_channels, block_rows * n_references)
+
+
+def covariance(correlation: FloatArray, block_rows: int) -> FloatArray:
+    """Return the covariance of `block_rows` successive samples: block (i, j) is the lag ``i - j``.
+
+    Parameters
+    ----------
+    correlation : (n_lags, n_channels, n_channels) array
+    block_rows : int
+
+    Returns
+    -------
+    (block_rows * n_channels, block_rows * n_channels) array
+    """
+    both = np.concatenate((correlation[block_rows - 1 : 0 : -1].transpose(0, 2, 1), correlation[:block_rows]))
+    lag = np.arange(block_rows)
+    size = block_rows * correlation.shape[1]
+    result: FloatArray = both[lag[:, None] - lag + block_rows - 1].transpose(0, 2, 1, 3).reshape(size, size)
+    return result
+
+
+def _lagged_counts(there: FloatArray, n_lags: int) -> FloatArray:
+    """Count the products at each lag."""
+    if there.all():
+        return np.full(n_lags, float(len(there) - n_lags + 1))
+    result: FloatArray = _lagged_sums(there, n_lags, np.array([0]))[:, 0, 0].round()
+    return result
+
+
+def _lagged_sums(values: FloatArray, n_lags: int, references: IndexArray) -> FloatArray:
+    """Sum products of samples with those before them, the first ``n_lags - 1`` being only `before`.
+
+    In pieces of a few lag spans, padded to the lag span before each piece; the pieces are added up as spectra.
+    """
+    n_channels = values.shape[1]
+    n_samples = len(values) - n_lags + 1
+    piece = min(_PIECE * n_lags, max(n_samples, 1))
     length = fft.next_fast_len(piece + n_lags - 1, real=True)
-    sums = np.empty((n_blocks, n_lags, n_channels, n_channels))
-    for b in range(n_blocks):
-        now, later = _pieces(data, b * block, min((b + 1) * block, n_samples), piece, n_pieces, n_lags)
-        spectrum = np.matmul(fft.rfft(later, length, axis=0), fft.rfft(now, length, axis=0).conj().transpose(0, 2, 1))
-        sums[b] = fft.irfft(spectrum, length, axis=0)[:n_lags]
-    return sums
+    n_pieces = -(-n_samples // piece)
+    at_once = max(_AT_ONCE // (length * n_channels), 1)
+    spectrum = np.zeros((length // 2 + 1, n_channels, len(references)), dtype=np.complex128)
+    for first in range(0, n_pieces, at_once):
+        stop = min(first + at_once, n_pieces)
+        span = values[first * piece : min(stop * piece, n_samples) + n_lags - 1]
+        spectrum += _cross_spectra(span, piece, stop - first, n_lags, length, references)
+    # a piece starts n_lags - 1 samples after its history: so late stands lag zero, and the others count down from there
+    return np.roll(fft.irfft(spectrum, length, axis=0), n_lags - 1, axis=0)[:n_lags]
 
 
-def _pieces(
-    data: FloatArray, start: int, stop: int, piece: int, n_pieces: int, n_lags: int
-) -> tuple[FloatArray, FloatArray]:
-    """Cut a block into pieces, and the same pieces with the lags that follow: (time, channel, piece) each."""
-    now = np.zeros((n_pieces * piece, data.shape[1]))
-    now[: max(stop - start, 0)] = data[start:stop]
-    later = np.zeros((n_pieces * piece + n_lags - 1, data.shape[1]))
-    follows = data[start : start + len(later)]
-    later[: len(follows)] = follows
-    windows = sliding_window_view(later, piece + n_lags - 1, axis=0)[::piece]
-    return now.reshape(n_pieces, piece, -1).transpose(1, 2, 0), windows.transpose(2, 1, 0)
+def _cross_spectra(
+    span: FloatArray, piece: int, n_pieces: int, n_lags: int, length: int, references: IndexArray
+) -> ComplexArray:
+    """Add up the cross spectra of pieces with the same pieces and what comes before them."""
+    whole = np.zeros((n_pieces * piece + n_lags - 1, span.shape[1]))
+    whole[: len(span)] = span
+    both = sliding_window_view(whole, piece + n_lags - 1, axis=0)[::piece].transpose(2, 1, 0)  # (time, channel, piece)
+    now = fft.rfft(both[n_lags - 1 :], length, axis=0)
+    earlier = fft.rfft(both[:, references], length, axis=0)
+    return np.asarray(np.matmul(now, np.conjugate(earlier, out=earlier).transpose(0, 2, 1)))

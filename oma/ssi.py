@@ -1,31 +1,51 @@
-"""Covariance-driven stochastic subspace identification, all orders from one decomposition.
+"""Stochastic subspace identification from correlations, all orders from one decomposition.
+
+`CovarianceSSI` decomposes the block Hankel matrix of correlations itself. `DataSSI` decomposes it between whitened past
+and whitened future, which is what data-driven SSI gets from the QR decomposition of data Hankel matrices: the same
+projection, from the same correlation sums.
 
 References
 ----------
 Peeters, B., De Roeck, G. (1999). Reference-based stochastic subspace identification for output-only modal analysis.
 Mechanical Systems and Signal Processing 13(6), 855-878.
-Döhler, M., Mevel, L. (2012). Fast multi-order computation of system matrices in subspace-based system identification.
-Control Engineering Practice 20(9), 882-894.
+Van Overschee, P., De Moor, B. (1996). Subspace identification for linear systems. Kluwer, chapter 3.
 Larimore, W. E. (1990). Canonical variate analysis in identification, filtering, and adaptive control. Proceedings of
 the 29th IEEE Conference on Decision and Control, 596-604.
+Döhler, M., Mevel, L. (2012). Fast multi-order computation of system matrices in subspace-based system identification.
+Control Engineering Practice 20(9), 882-894.
+Musco, C., Musco, C. (2015). Randomized block Krylov methods for stronger and faster approximate singular value
+decomposition. Advances in Neural Information Processing Systems 28.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
 
 from daq import FloatArray
-from oma.correlation import CorrelationSums
-from oma.estimate import ComplexArray
+from oma.correlation import CorrelationAccumulator, covariance, hankel
+from oma.errors import TooFewChannels
+from oma.methods import LevelModes
+from oma.modes import candidates
+from oma.pyramid import Level
+from oma.realisation import Subspace, realisations
 from oma.selection import Selection
+from oma.stabilization import stabilization
+from oma.uncertainty import perturbation, pole_influence
+
+_FLOOR = 1e-5  # of the largest variance: see `_root`
+_OVERSAMPLING, _POWERS = 10, 2  # of the randomized block Krylov iteration
 
 
 @dataclass(frozen=True, kw_only=True)
 class CovarianceSSI:
-    """Options of covariance-driven SSI."""
+    """Covariance-driven SSI: reference-based, unweighted."""
 
+    name: ClassVar[str] = "ssi-cov"
+
+    references: tuple[str, ...] | None = None  #: channels that all are correlated with; None: all
     block_rows: int | None = None  #: lags in rows and in columns of the block Hankel matrix; None: `rows` chooses [-]
     min_order: int = 2  #: smallest model order [-]
     max_order: int = 50  #: largest model order [-]
@@ -37,6 +57,8 @@ class CovarianceSSI:
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
+        if self.references is not None and len(self.references) == 0:
+            raise ValueError("references: expected at least one channel, found none")
         if self.block_rows is not None and self.block_rows < 2:
             raise ValueError(f"block_rows: expected at least 2, found {self.block_rows}")
         if not 2 <= self.min_order <= self.max_order or self.order_step < 1:
@@ -57,175 +79,173 @@ class CovarianceSSI:
         """
         return self.block_rows or max(12, -(-3 * self.max_order // (2 * n_channels)))
 
-    def lags(self, n_channels: int, first_lag: int) -> int:
-        """Return how many lags the block Hankel matrix needs, from zero on."""
-        return first_lag + 2 * self.rows(n_channels)
+    def least_samples(self, n_channels: int) -> int:
+        """Return how many samples at one rate are the least: four times the span of the block Hankel matrix."""
+        return 8 * self.rows(n_channels) + 4
 
     @property
     def orders(self) -> range:
         """All model orders."""
         return range(self.min_order, self.max_order + 1, self.order_step)
 
+    def start(self, channels: Sequence[str], level: Level) -> "SSILevel":
+        """Return an empty identifier for one rate.
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Subspace:
-    """Leading subspace of the block Hankel matrix of correlations, and what shift invariance needs of it."""
+        Raises
+        ------
+        TooFewChannels
+            If no reference is among the channels.
+        """
+        return SSILevel(self, channels, level)
 
-    left: FloatArray  #: (block_rows * n_channels, rank) observability matrix of the largest order
-    values: FloatArray  #: (rank,) canonical correlations of past and future, falling [-]
-    right: FloatArray  #: (block_rows * n_channels, rank): the Hankel matrix times `right` is `left` times `values`
-    n_channels: int
-    rate: float  #: [Hz]
+    def columns(self, references: Sequence[int], n_channels: int) -> tuple[Sequence[int], Sequence[int]]:
+        """Return the channels that all must be correlated with, and where the references are among these."""
+        del n_channels
+        return references, range(len(references))
 
-    @property
-    def up(self) -> FloatArray:
-        """All but the last block row of `left`."""
-        return self.left[: -self.n_channels]
+    def subspace(self, correlation: FloatArray, past: Sequence[int], rate: float, first_lag: int) -> Subspace:
+        """Return the leading subspace of the block Hankel matrix.
 
-    @property
-    def down(self) -> FloatArray:
-        """All but the first block row of `left`."""
-        return self.left[self.n_channels :]
+        Parameters
+        ----------
+        correlation : (n_lags, n_channels, n_columns) array
+        past : sequence of int
+            Columns that are references.
+        rate : float
+            [Hz].
+        first_lag : int
+            First lag used: those below hold sensor noise [samples].
 
-    @property
-    def output(self) -> FloatArray:
-        """The first block row of `left`, (n_channels, rank)."""
-        return self.left[: self.n_channels]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Realisation:
-    """State-space model of one order, in modal coordinates."""
-
-    order: int
-    rate: float  #: [Hz]
-    eigenvalue: ComplexArray  #: (order,) of the discrete state matrix
-    vector: ComplexArray  #: (order, order) right eigenvectors, columns
-    left_vector: ComplexArray  #: (order, order) left eigenvectors, rows; inverse of `vector`
-    gram_inverse: FloatArray  #: (order, order) inverse of up^T up
-    shape: ComplexArray  #: (order, n_channels) observed eigenvectors
-
-    @property
-    def continuous(self) -> ComplexArray:
-        """Eigenvalues in continuous time [rad/s]."""
-        result: ComplexArray = (np.log(self.eigenvalue) * self.rate).astype(np.complex128)
-        return result
+        Returns
+        -------
+        Subspace
+        """
+        n_channels = correlation.shape[1]
+        whole = hankel(correlation[:, :, past], first_lag, self.rows(n_channels))
+        left, values, right = leading_svd(whole, self.max_order)
+        return Subspace(left=left, values=values, right=right, n_channels=n_channels, rate=rate)
 
 
-def hankel(correlation: FloatArray, first_lag: int, block_rows: int) -> FloatArray:
-    """Arrange a correlation function as a block Hankel matrix: block (i, j) is the lag ``first_lag + i + j``.
+@dataclass(frozen=True, kw_only=True)
+class DataSSI(CovarianceSSI):
+    """Data-driven SSI with canonical variate weighting.
+
+    A weak mode counts as much as a strong one, and neither the gain of a channel nor its noise matters. The weights'
+    own uncertainty moves no mode to first order.
+    """
+
+    name: ClassVar[str] = "ssi-data"
+
+    def columns(self, references: Sequence[int], n_channels: int) -> tuple[Sequence[int], Sequence[int]]:
+        """Return all channels, which whitening the future needs, and where the references are among them."""
+        return range(n_channels), references
+
+    def subspace(self, correlation: FloatArray, past: Sequence[int], rate: float, first_lag: int) -> Subspace:
+        """Return the leading subspace between whitened past and whitened future; see `CovarianceSSI.subspace`."""
+        n_channels, rows = correlation.shape[1], self.rows(correlation.shape[1])
+        future = _root(covariance(correlation, rows))
+        before = _root(covariance(correlation[:, past][:, :, past].transpose(0, 2, 1), rows))
+        whole = hankel(correlation[:, :, past], first_lag, rows)
+        half = linalg.solve_triangular(future, whole, lower=True, check_finite=False)
+        white = linalg.solve_triangular(before, half.T, lower=True, check_finite=False).T
+        left, values, right = leading_svd(white, self.max_order)
+        return Subspace(
+            left=future @ left,
+            values=values,
+            right=linalg.solve_triangular(before, right, trans="T", lower=True, check_finite=False),
+            n_channels=n_channels,
+            rate=rate,
+        )
+
+
+class SSILevel:
+    """Correlation sums at one rate, and the modes in them; built by `CovarianceSSI.start`."""
+
+    def __init__(self, method: CovarianceSSI, channels: Sequence[str], level: Level) -> None:
+        self._method, self._level, self._n_channels = method, level, len(channels)
+        self._first_lag = level.noise_lags + 1
+        columns, self._past = method.columns(_references(method.references, channels), self._n_channels)
+        n_lags = self._first_lag + 2 * method.rows(self._n_channels)
+        self._correlations = CorrelationAccumulator(self._n_channels, n_lags, columns)
+
+    def add(self, data: FloatArray) -> None:
+        """Add a block, (n_samples, n_channels), zero-mean, NaN where a sample is missing."""
+        self._correlations.add(data)
+
+    def drop(self, n_blocks: int) -> None:
+        """Forget the oldest blocks."""
+        self._correlations.drop(n_blocks)
+
+    def identify(self) -> LevelModes | None:
+        """Return the modes in the blocks held; None if gaps leave too little to be worth a look."""
+        if self._correlations.n_complete < self._method.least_samples(self._n_channels):
+            return None
+        sums, method = self._correlations.sums, self._method
+        space = method.subspace(sums.mean, self._past, self._level.rate, self._first_lag)
+        models = realisations(space, method.orders)
+        poles = stabilization(models, self._level.band, method.selection)
+        moved = perturbation(space, sums, self._past, self._first_lag)
+        by_order = {model.order: model for model in models}
+        modes = candidates(
+            poles,
+            len(models),
+            lambda order, column: pole_influence(moved, by_order[order], column),
+            self._correlations.n_complete / self._level.rate,
+            method.selection,
+        )
+        return LevelModes(poles=poles, modes=modes)
+
+
+def leading_svd(matrix: FloatArray, rank: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the leading singular triplets: by LAPACK if that is quick, else by randomized block Krylov iteration.
 
     Parameters
     ----------
-    correlation : (n_lags, n_channels, n_channels) array
-    first_lag : int
-        [samples].
-    block_rows : int
+    matrix : (m, n) array
+    rank : int
 
     Returns
     -------
-    (block_rows * n_channels, block_rows * n_channels) array
+    left : (m, rank) array
+    values : (rank,) array
+        Falling.
+    right : (n, rank) array
     """
-    used = correlation[first_lag : first_lag + 2 * block_rows - 1]
-    windows = sliding_window_view(used, block_rows, axis=0)
-    size = block_rows * correlation.shape[1]
-    return windows.transpose(0, 1, 3, 2).reshape(size, size)
+    rank = min(rank, *matrix.shape)
+    width = rank + _OVERSAMPLING
+    if min(matrix.shape) <= (_POWERS + 1) * width:
+        left, values, right = linalg.svd(matrix, full_matrices=False, check_finite=False)
+        return left[:, :rank], values[:rank], right[:rank].T
+    block = matrix @ np.random.default_rng(0).standard_normal((matrix.shape[1], width))
+    blocks = [np.linalg.qr(block)[0]]
+    for _ in range(_POWERS):
+        blocks.append(np.linalg.qr(matrix @ (matrix.T @ blocks[-1]))[0])
+    basis = np.linalg.qr(np.concatenate(blocks, axis=1))[0]
+    left, values, right = linalg.svd(basis.T @ matrix, full_matrices=False, check_finite=False)
+    return basis @ left[:, :rank], values[:rank], right[:rank].T
 
 
-def covariance(correlation: FloatArray, block_rows: int) -> FloatArray:
-    """Return the covariance of `block_rows` successive samples: block (i, j) is the lag ``i - j``.
+def _root(matrix: FloatArray) -> FloatArray:
+    """Return the lower Cholesky factor of a covariance.
 
-    Parameters
-    ----------
-    correlation : (n_lags, n_channels, n_channels) array
-    block_rows : int
-
-    Returns
-    -------
-    (block_rows * n_channels, block_rows * n_channels) array
+    Every direction is given 1e-5 of the largest variance on top: behind an anti-alias filter the signals are nearly
+    predictable, and whitening what is left there was measured to hide most modes (1e-9: 3 of 8 found; 1e-6 to 1e-4:
+    8 of 8). Sums over samples with gaps may have directions of negative variance, which count as none.
     """
-    both = np.concatenate((correlation[block_rows - 1 : 0 : -1].transpose(0, 2, 1), correlation[:block_rows]))
-    lag = np.arange(block_rows)
-    size = block_rows * correlation.shape[1]
-    result: FloatArray = both[lag[:, None] - lag + block_rows - 1].transpose(0, 2, 1, 3).reshape(size, size)
-    return result
+    floor = _FLOOR * np.linalg.norm(matrix) * np.eye(len(matrix))  # largest variance <= norm <= a few times that
+    try:
+        return np.asarray(linalg.cholesky(matrix + floor, lower=True, check_finite=False))
+    except linalg.LinAlgError:
+        values, vectors = linalg.eigh(matrix, check_finite=False)
+        possible = (vectors * np.maximum(values, 0)) @ vectors.T
+        return np.asarray(linalg.cholesky(possible + floor, lower=True, check_finite=False))
 
 
-def subspace(sums: CorrelationSums, rate: float, first_lag: int, options: CovarianceSSI) -> Subspace:
-    """Return the leading subspace of the block Hankel matrix between whitened past and whitened future.
-
-    Canonical variate weighting: a weak mode counts as much as a strong one, and neither the gain of a channel nor its
-    noise matters. The weights' own uncertainty moves no mode to first order.
-
-    Parameters
-    ----------
-    sums : CorrelationSums
-    rate : float
-        [Hz].
-    first_lag : int
-        First lag used: those below hold sensor noise [samples].
-    options : CovarianceSSI
-
-    Returns
-    -------
-    Subspace
-    """
-    correlation = sums.mean
-    n_channels = correlation.shape[1]
-    rows = options.rows(n_channels)
-    future, future_root = _inverse_root(covariance(correlation, rows))
-    past, _ = _inverse_root(covariance(correlation.transpose(0, 2, 1), rows))
-    left, values, right = linalg.svd(future @ hankel(correlation, first_lag, rows) @ past, check_finite=False)
-    rank = min(options.max_order, len(values))
-    return Subspace(
-        left=future_root @ left[:, :rank],
-        values=values[:rank],
-        right=past @ right[:rank].T,
-        n_channels=n_channels,
-        rate=rate,
-    )
-
-
-def _inverse_root(matrix: FloatArray, floor: float = 1e-5) -> tuple[FloatArray, FloatArray]:
-    """Return the inverse square root of a covariance, and its root.
-
-    Directions with less than `floor` of the largest variance count as having that much: behind an anti-alias filter
-    the signals are nearly predictable, and whitening what is left there was measured to hide most modes (1e-9: 3 of
-    8 found; 1e-6 to 1e-4: 8 of 8).
-    """
-    values, vectors = linalg.eigh(matrix, check_finite=False)
-    root = np.sqrt(np.maximum(values, floor * values[-1]))
-    return (vectors / root) @ vectors.T, (vectors * root) @ vectors.T
-
-
-def realisations(space: Subspace, orders: range) -> list[Realisation]:
-    """Return the models of all orders by shift invariance of the observability matrix.
-
-    Parameters
-    ----------
-    space : Subspace
-    orders : range
-
-    Returns
-    -------
-    list of Realisation
-        Those orders that the rank of the subspace allows.
-    """
-    gram, cross = space.up.T @ space.up, space.up.T @ space.down
-    usable = [n for n in orders if n <= len(space.values) and space.values[n - 1] > 1e-12 * space.values[0]]
-    return [_realisation(space, gram[:n, :n], cross[:n, :n]) for n in usable]
-
-
-def _realisation(space: Subspace, gram: FloatArray, cross: FloatArray) -> Realisation:
-    """Solve the shift invariance of one order by least squares."""
-    gram_inverse = np.linalg.inv(gram).astype(np.float64)
-    eigenvalue, vector = (part.astype(np.complex128) for part in np.linalg.eig(gram_inverse @ cross))
-    return Realisation(
-        order=len(gram),
-        rate=space.rate,
-        eigenvalue=eigenvalue,
-        vector=vector,
-        left_vector=np.linalg.inv(vector),
-        gram_inverse=gram_inverse,
-        shape=(space.output[:, : len(gram)] @ vector).T,
-    )
+def _references(names: Sequence[str] | None, channels: Sequence[str]) -> Sequence[int]:
+    """Return the places of the references among the channels."""
+    if names is None:
+        return range(len(channels))
+    found = [channels.index(name) for name in names if name in channels]
+    if not found:
+        raise TooFewChannels((), 1, dict.fromkeys(names, "a reference that is not there or carries no signal"))
+    return found

@@ -14,8 +14,8 @@ from daq import FloatArray
 from oma.conditioning import BoolArray
 from oma.estimate import ComplexArray
 from oma.mac import mac_matrix, mpc, normalise
+from oma.realisation import Realisation
 from oma.selection import Selection
-from oma.ssi import Realisation
 
 IndexArray = npt.NDArray[np.intp]
 

@@ -12,15 +12,16 @@ subspace identification. Mechanical Systems and Signal Processing 22(4), 948-969
 Efron, B. (1982). The jackknife, the bootstrap and other resampling plans. SIAM, chapter 6.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from daq import FloatArray
-from oma.correlation import CorrelationSums
+from oma.correlation import CorrelationSums, hankel
 from oma.estimate import ComplexArray
 from oma.mac import normalise
-from oma.ssi import Realisation, Subspace, hankel
+from oma.realisation import Realisation, Subspace
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,23 +42,25 @@ class PoleInfluence:
     shape: ComplexArray  #: (n_blocks, n_channels), of the normalised shape
 
 
-def perturbation(space: Subspace, sums: CorrelationSums, first_lag: int, block_rows: int) -> Perturbation:
+def perturbation(space: Subspace, sums: CorrelationSums, past: Sequence[int], first_lag: int) -> Perturbation:
     """Follow each block's influence on the correlations to the singular subspace.
 
     Parameters
     ----------
     space : Subspace
     sums : CorrelationSums
+    past : sequence of int
+        Columns of the sums that are references.
     first_lag : int
-        As for `oma.ssi.subspace`.
-    block_rows : int
+        As for `oma.CovarianceSSI.subspace`.
 
     Returns
     -------
     Perturbation
     """
     right = space.right / space.values
-    left = np.stack([hankel(block, first_lag, block_rows) @ right for block in sums.influence])
+    rows = len(space.left) // space.n_channels
+    left = np.stack([hankel(block[:, :, past], first_lag, rows) @ right for block in sums.influences()])
     up, down = left[:, : -space.n_channels], left[:, space.n_channels :]
     gram = space.up.T @ up
     return Perturbation(

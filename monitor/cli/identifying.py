@@ -18,7 +18,7 @@ from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
-from oma import CovarianceSSI, IdentificationError, ModalEstimate, identify_all, mac_matrix, mpc, mpd, pair_modes
+from oma import METHODS, IdentificationError, Method, ModalEstimate, identify_all, mac_matrix, mpc, mpd, pair_modes
 from updater import (
     Structure,
     StructureError,
@@ -30,8 +30,6 @@ from updater import (
     real_shape,
 )
 
-METHODS = {"covariance-ssi": CovarianceSSI}
-
 console = Console(highlight=False)
 
 
@@ -39,7 +37,7 @@ console = Console(highlight=False)
 class Options:
     """What the command line asks for."""
 
-    method: str = "covariance-ssi"
+    method: str = "ssi-data"
     window: float | None = None  #: [s]; the log's settings', else the whole log
     band: tuple[float, float] | None = None  #: [Hz]; the log's settings', else chosen
     structure: Path | None = None  #: to compare with; the one attached to the log, if any
@@ -78,7 +76,7 @@ def identify_command(logs: Sequence[Path], options: Options, json_path: Path | N
 def _draw(
     path: Path,
     recordings: Iterable[Recording],
-    method: CovarianceSSI,
+    method: Method,
     band: tuple[float, float] | None,
     estimate: ModalEstimate,
 ) -> None:
@@ -107,7 +105,7 @@ def _attached_structure(log: Path) -> Structure | None:
 
 
 def _identify(
-    logs: Sequence[Path], window: float | None, method: CovarianceSSI, band: tuple[float, float] | None
+    logs: Sequence[Path], window: float | None, method: Method, band: tuple[float, float] | None
 ) -> tuple[Windows, FusedModes]:
     named = ", ".join(map(str, logs))
     try:

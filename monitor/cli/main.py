@@ -117,7 +117,7 @@ def import_(
 @app.command()
 def identify(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...")],
-    method: Annotated[str, typer.Option(help="Way of identification.")] = "covariance-ssi",
+    method: Annotated[str, typer.Option(help="Way of identification.")] = "ssi-data",
     window: Annotated[
         float | None,
         typer.Option(help="Length of a window [s]; that of the log's settings, else the whole log.", min=0.1),

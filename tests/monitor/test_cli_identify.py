@@ -50,7 +50,7 @@ def test_identify_writes_what_other_programs_read(modalwatch: Commands, log: Pat
     assert set(found) == {"modes", "harmonics", "channels", "window", "method"}
     assert found["channels"] == dict.fromkeys(CHAIN.channels, "ok")
     assert (found["window"]["end"] - found["window"]["start"], found["window"]["rate"]) == (600 * 10**9, RATE)
-    assert (found["method"]["name"], found["method"]["windows"]) == ("covariance-ssi", 4)
+    assert (found["method"]["name"], found["method"]["windows"]) == ("ssi-data", 4)
     assert [mode["id"] for mode in found["modes"]] == [1, 2, 3, 4]
     for mode, frequency, shape in zip(found["modes"], CHAIN.frequency, CHAIN.shapes, strict=True):
         assert set(mode) == {"id", "frequency", "damping", "shape", "shape_std", "quality"}
@@ -195,7 +195,7 @@ def test_what_cannot_be_identified_is_said(modalwatch: Commands, log: Path, tmp_
         ((white,), (white, "no resonance stands out")),
         ((none,), (none, "cannot be read: No such file")),
         ((log, white), (white, f"expected the channels of {log}; only one of the two has a, b, mass_1")),
-        ((log, "--method", "fdd"), ("--method: expected one of covariance-ssi, found 'fdd'",)),
+        ((log, "--method", "fdb"), ("--method: expected one of ssi-data, ssi-cov, found 'fdb'",)),
         ((log, "--band", 3, 2), ("--band: expected 0 < low < high, found 3 2",)),
         ((log, "--band", 1, 30), (log, "band: expected 0 < low < high <= 20.0 Hz")),
         ((log, "--json", tmp_path / "none" / "x"), ("--json: ", tmp_path / "none" / "x", "cannot be written")),

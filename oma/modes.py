@@ -1,0 +1,120 @@
+"""From groups of poles to modes with standard deviations, and from candidates to modes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from oma.estimate import ComplexArray
+from oma.mac import mac_matrix, normalise
+from oma.selection import Selection, groups, uncertainty_law
+from oma.stabilization import Stabilization
+from oma.uncertainty import PoleInfluence, block_std
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mode:
+    """One group of stable poles, summed up."""
+
+    frequency: float  #: [Hz]
+    frequency_std: float  #: [Hz]
+    damping: float  #: [-]
+    damping_std: float  #: [-]
+    shape: ComplexArray  #: (n_channels,)
+    shape_std: FloatArray  #: (n_channels,)
+    support: float  #: [-]
+    law_ratio: float  #: [-]
+
+
+def candidates(
+    poles: Stabilization,
+    n_orders: int,
+    influence: Callable[[int, int], PoleInfluence],
+    duration: float,
+    selection: Selection,
+) -> list[Mode]:
+    """Sum up every group of stable poles.
+
+    Parameters
+    ----------
+    poles : Stabilization
+    n_orders : int
+        Model orders that were tried.
+    influence : function
+        Order and column of a pole to what each block of time moves it by.
+    duration : float
+        Of the samples that entered [s].
+    selection : Selection
+
+    Returns
+    -------
+    list of Mode
+    """
+    stable = poles[poles.stable]
+    return [
+        _mode(stable[members], n_orders, influence, duration)
+        for members in groups(stable.frequency, stable.shape, selection.cut)
+        if len(members) > 2
+    ]
+
+
+def _mode(
+    members: Stabilization, n_orders: int, influence: Callable[[int, int], PoleInfluence], duration: float
+) -> Mode:
+    """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean.
+
+    The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's.
+    """
+    members = _one_an_order(members)
+    influences = [influence(int(o), int(c)) for o, c in zip(members.order, members.column, strict=True)]
+    weight = _weights(influences)
+    turned = weight * np.sign(np.real(members.shape @ members.shape[-1].conj()))
+    frequency, damping = float(weight @ members.frequency), float(weight @ members.damping)
+    frequency_std = float(block_std(weight @ np.stack([i.frequency for i in influences])))
+    damping_std = float(block_std(weight @ np.stack([i.damping for i in influences])))
+    shape_move = np.tensordot(turned, np.stack([i.shape for i in influences]), axes=1)
+    floor = uncertainty_law(frequency, damping, duration)
+    return Mode(
+        frequency=frequency,
+        frequency_std=max(frequency_std, floor[0]),
+        damping=damping,
+        damping_std=max(damping_std, floor[1]),
+        shape=normalise(turned @ members.shape),
+        shape_std=block_std(shape_move.real),
+        support=len(members) / n_orders,
+        law_ratio=frequency_std / floor[0],
+    )
+
+
+def _one_an_order(members: Stabilization) -> Stabilization:
+    """Keep the pole nearest to the group's median where an order has several."""
+    away = np.abs(members.frequency - np.median(members.frequency))
+    best = {members.order[i]: i for i in np.argsort(-away, kind="stable")}
+    return members[np.array([best[o] for o in sorted(best)])]
+
+
+def _weights(influences: list[PoleInfluence]) -> FloatArray:
+    """Weigh the orders by the variance of their poles."""
+    variance = np.array([np.sum(i.frequency**2) for i in influences])
+    result: FloatArray = 1 / variance / np.sum(1 / variance)
+    return result
+
+
+def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
+    """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
+    return [mode for mode in modes if mode.law_ratio < selection.max_law_ratio * mode.support]
+
+
+def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
+    """Keep the surer one of two modes that are the same one seen at two rates; in order of frequency."""
+    kept: list[Mode] = []
+    for mode in sorted(modes, key=lambda m: m.frequency_std):
+        twin = any(
+            abs(other.frequency - mode.frequency) < selection.max_shift * mode.frequency
+            and 1 - mac_matrix(other.shape[None], mode.shape[None])[0, 0] < selection.max_mac_loss
+            for other in kept
+        )
+        if not twin:
+            kept.append(mode)
+    return sorted(kept, key=lambda m: m.frequency)
