@@ -53,18 +53,23 @@ def candidates(
     """
     stable = poles[poles.stable]
     return [
-        _mode(stable[members], n_orders, influence, duration)
+        _mode(stable[members], n_orders, influence, duration, selection)
         for members in groups(stable.frequency, stable.shape, selection.cut)
         if len(members) > 2
     ]
 
 
 def _mode(
-    members: Stabilization, n_orders: int, influence: Callable[[int, int], PoleInfluence], duration: float
+    members: Stabilization,
+    n_orders: int,
+    influence: Callable[[int, int], PoleInfluence],
+    duration: float,
+    selection: Selection,
 ) -> Mode:
     """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean.
 
-    The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's.
+    The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's. A tone has
+    no law: it counts as a resonance of the least damping that a mode may have.
     """
     members = _one_an_order(members)
     influences = [influence(int(o), int(c)) for o, c in zip(members.order, members.column, strict=True)]
@@ -74,7 +79,7 @@ def _mode(
     frequency_std = float(block_std(weight @ np.stack([i.frequency for i in influences])))
     damping_std = float(block_std(weight @ np.stack([i.damping for i in influences])))
     shape_move = np.tensordot(turned, np.stack([i.shape for i in influences]), axes=1)
-    floor = uncertainty_law(frequency, damping, duration)
+    floor = uncertainty_law(frequency, max(damping, selection.min_damping), duration)
     return Mode(
         frequency=frequency,
         frequency_std=max(frequency_std, floor[0]),

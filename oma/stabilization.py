@@ -75,7 +75,7 @@ def _plausible(model: Realisation, band: tuple[float, float], limits: Selection)
         (pole.imag > 0)
         & (frequency > band[0])
         & (frequency < band[1])
-        & (damping > 0)
+        & (damping > -limits.min_damping)  # noise may drive a tone to either side of none
         & (damping < limits.max_damping)
         & (mpc(model.shape) >= limits.min_mpc)
     )
