@@ -68,8 +68,8 @@ def _mode(
 ) -> Mode:
     """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean.
 
-    The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's. A tone has
-    no law: it counts as a resonance of the least damping that a mode may have.
+    The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's. A tone
+    has no law: it counts as a resonance of the least damping that a mode may have.
     """
     members = _one_an_order(members)
     influences = [influence(int(o), int(c)) for o, c in zip(members.order, members.column, strict=True)]
