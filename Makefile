@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench weimar clean
+.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -33,6 +33,10 @@ bench: $(VENV)/.done
 # What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
 causes: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
+
+# Identities of modes through simulated months: the table in docs/oma.md, some minutes.
+tracking: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/tracking.py
 
 # Set-ups of a measured steel frame merged: the tables of docs/weimar.md; `make weimar DATA=folder`, a second.
 weimar: $(VENV)/.done

@@ -4,6 +4,7 @@ from oma.alignment import aligned, device_delays
 from oma.conditioning import channel_faults
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
+from oma.following import Followed, Follower
 from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
 from oma.mac import mac, mac_matrix, mpc, mpd, normalise
 from oma.merging import match_setups, merge
@@ -14,12 +15,15 @@ from oma.spectra import singular_values
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization
 from oma.tracking import Tracker
+from oma.tracks import Tracks
 
 __all__ = [
     "METHODS",
     "ComplexArray",
     "CovarianceSSI",
     "DataSSI",
+    "Followed",
+    "Follower",
     "Identification",
     "IdentificationError",
     "IdentificationStream",
@@ -33,6 +37,7 @@ __all__ = [
     "TooFewModes",
     "TooShort",
     "Tracker",
+    "Tracks",
     "aligned",
     "channel_faults",
     "device_delays",

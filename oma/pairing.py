@@ -32,6 +32,25 @@ def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
     return result
 
 
+def assign_gains(gain: FloatArray) -> IndexArray:
+    """Pair rows with columns one to one so that the sum of gains is largest; what gains nothing stays alone.
+
+    Parameters
+    ----------
+    gain : (n_rows, n_columns) array
+
+    Returns
+    -------
+    (n_rows,) array of int
+        The column of each row, -1 where it has none.
+    """
+    rows, columns = linear_sum_assignment(gain.clip(0), maximize=True)
+    result = np.full(len(gain), -1, dtype=np.intp)
+    taken = gain[rows, columns] > 0
+    result[rows[taken]] = columns[taken]
+    return result
+
+
 def pair_modes(
     frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
 ) -> IndexArray:
