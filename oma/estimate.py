@@ -1,11 +1,11 @@
 """What identification hands on: modes with their uncertainty."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -37,6 +37,11 @@ class ModalEstimate:
         for name in ("shape", "shape_std"):
             if getattr(self, name).shape != (n, len(self.channels)):
                 raise ValueError(f"{name}: expected ({n}, {len(self.channels)}), found {getattr(self, name).shape}")
+
+    def __getitem__(self, chosen: npt.NDArray[np.bool_] | IndexArray) -> "ModalEstimate":
+        """Return some of the modes."""
+        names = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     @property
     def n_modes(self) -> int:

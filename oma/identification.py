@@ -11,8 +11,9 @@ from oma.alignment import aligned, device_delays
 from oma.conditioning import usable
 from oma.errors import TooFewModes, TooShort
 from oma.estimate import ModalEstimate
+from oma.harmonics import steady_modes
 from oma.methods import LevelModes, Method
-from oma.modes import Mode, distinct, physical
+from oma.modes import Mode, distinct, is_tone, physical
 from oma.pyramid import PASS, Decimator, HighPass, levels
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
@@ -76,7 +77,16 @@ def identify_all(
     stream = IdentificationStream(names, recording.rate, band, method, start=recording.start)
     for block in np.array_split(data, method.n_blocks):
         stream.add(block)
-    return replace(stream.identify(), delays=delays)
+    return replace(_without_tones(stream.identify(), data, recording.rate), delays=delays)
+
+
+def _without_tones(found: Identification, data: FloatArray, rate: float) -> Identification:
+    """Put modes whose amplitude is too steady for a resonance among the harmonics."""
+    steady = steady_modes(data, rate, found.estimate, found.harmonics)
+    if steady.all():
+        raise TooFewModes(len(found.poles))
+    harmonics = np.sort(np.append(found.harmonics, found.estimate.frequency[steady]))
+    return replace(found, estimate=found.estimate[~steady], harmonics=harmonics)
 
 
 class IdentificationStream:
@@ -160,7 +170,7 @@ class IdentificationStream:
         """Return modes and tones."""
         limits = self._method.selection
         kept = distinct(physical([mode for level in found for mode in level.modes], limits), limits)
-        return [m for m in kept if m.damping >= limits.min_damping], [m for m in kept if m.damping < limits.min_damping]
+        return [m for m in kept if not is_tone(m, limits)], [m for m in kept if is_tone(m, limits)]
 
     def _estimate(self, modes: Sequence[Mode]) -> ModalEstimate:
         """Put modes into arrays."""

@@ -8,7 +8,7 @@ import numpy as np
 from daq import FloatArray
 from oma.estimate import ComplexArray
 from oma.mac import mac_matrix, normalise
-from oma.selection import Selection, groups, uncertainty_law
+from oma.selection import LEAST_MEMBERS, Selection, groups, uncertainty_law
 from oma.stabilization import Stabilization
 from oma.uncertainty import PoleInfluence, block_std
 
@@ -54,8 +54,8 @@ def candidates(
     stable = poles[poles.stable]
     return [
         _mode(stable[members], n_orders, influence, duration, selection)
-        for members in groups(stable.frequency, stable.shape, selection.cut)
-        if len(members) > 2
+        for members in groups(stable.frequency, stable.shape, stable.order, selection.cut)
+        if len(members) >= LEAST_MEMBERS
     ]
 
 
@@ -66,7 +66,7 @@ def _mode(
     duration: float,
     selection: Selection,
 ) -> Mode:
-    """Sum up a group: mean over the orders, and the scatter of the blocks' influences on this mean.
+    """Sum up a group: mean over the orders (median of shapes), and the scatter of the blocks' influences on it.
 
     The scatter of few blocks is itself uncertain; no standard deviation is claimed that lies under the law's. A tone
     has no law: it counts as a resonance of the least damping that a mode may have.
@@ -85,7 +85,7 @@ def _mode(
         frequency_std=max(frequency_std, floor[0]),
         damping=damping,
         damping_std=max(damping_std, floor[1]),
-        shape=normalise(turned @ members.shape),
+        shape=_median_shape(members.shape, weight),
         shape_std=block_std(shape_move.real),
         support=len(members) / n_orders,
         law_ratio=frequency_std / floor[0],
@@ -99,6 +99,22 @@ def _one_an_order(members: Stabilization) -> Stabilization:
     return members[np.array([best[o] for o in sorted(best)])]
 
 
+def _median_shape(shapes: ComplexArray, weight: FloatArray) -> ComplexArray:
+    """Return the weighted median over the orders, of real and imaginary parts of each component by themselves.
+
+    Few orders, mostly the lowest, have shapes far off: they made means err by 1.2 times the scatter of the blocks.
+    """
+    turned = shapes * np.sign(np.real(shapes @ shapes[-1].conj()))[:, None]
+    return normalise(_weighted_median(turned.real, weight) + 1j * _weighted_median(turned.imag, weight))
+
+
+def _weighted_median(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the median of each column (n_values, n_columns)."""
+    rank = np.argsort(values, axis=0)
+    ranked, share = np.take_along_axis(values, rank, axis=0), np.cumsum(weight[rank], axis=0) - weight[rank] / 2
+    return np.array([np.interp(0.5, s, v) for s, v in zip(share.T, ranked.T, strict=True)])
+
+
 def _weights(influences: list[PoleInfluence]) -> FloatArray:
     """Weigh the orders by the variance of their poles."""
     variance = np.array([np.sum(i.frequency**2) for i in influences])
@@ -109,6 +125,11 @@ def _weights(influences: list[PoleInfluence]) -> FloatArray:
 def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
     """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
     return [mode for mode in modes if mode.law_ratio < selection.max_law_ratio * mode.support]
+
+
+def is_tone(mode: Mode, selection: Selection) -> bool:
+    """Tell whether a mode has no damping, or a frequency steadier than forces at random leave any resonance."""
+    return mode.damping < selection.min_damping or mode.law_ratio < selection.min_law_ratio
 
 
 def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:

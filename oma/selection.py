@@ -18,6 +18,8 @@ from daq import FloatArray
 from oma.estimate import ComplexArray
 from oma.mac import mac_matrix
 
+LEAST_MEMBERS = 3  #: poles of a group that may be a mode [-]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
@@ -25,23 +27,29 @@ class Selection:
 
     max_damping: float = 0.1  #: of a pole, ratio of critical [-]
     min_damping: float = 2e-4  #: of a mode; below it is a tone [-]
-    min_mpc: float = 0.5  #: modal phase collinearity; a delay of 0.3 ms between devices at 271 Hz leaves 0.76 [-]
+    min_mpc: float = 0.5  #: modal phase collinearity of a peak of the spectra [-]
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
     cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
     max_law_ratio: float = 8.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
+    min_law_ratio: float = 0.5  #: the same; a resonance stays under it once in a million windows, a tone does [-]
 
 
-def groups(frequency: FloatArray, shape: ComplexArray, cut: float) -> list[npt.NDArray[np.intp]]:
+def groups(
+    frequency: FloatArray, shape: ComplexArray, order: npt.NDArray[np.intp], cut: float
+) -> list[npt.NDArray[np.intp]]:
     """Group poles by average linkage on relative frequency difference plus 1 - MAC.
 
-    Two modes of nearly one frequency are told apart by their shapes, two of nearly one shape by their frequencies.
+    Two modes of nearly one frequency are told apart by their shapes, two of nearly one shape by their frequencies,
+    two of nearly one frequency and shape by standing side by side in the same models.
 
     Parameters
     ----------
     frequency : (n_poles,) array
         [Hz].
     shape : (n_poles, n_channels) array
+    order : (n_poles,) array
+        Of the model that shows the pole [-].
     cut : float
         Largest mean distance of groups that are joined.
 
@@ -54,9 +62,26 @@ def groups(frequency: FloatArray, shape: ComplexArray, cut: float) -> list[npt.N
     difference = np.abs(frequency[:, None] - frequency) / np.maximum(frequency[:, None], frequency)
     distance = difference + np.clip(1 - mac_matrix(shape, shape), 0, None)
     np.fill_diagonal(distance, 0)
-    tree = hierarchy.average(squareform((distance + distance.T) / 2, checks=False))
-    label = hierarchy.fcluster(tree, cut, criterion="distance")
-    return [np.flatnonzero(label == i) for i in range(1, label.max() + 1)]
+    return _cut(hierarchy.average(squareform((distance + distance.T) / 2, checks=False)), order, cut)
+
+
+def _cut(tree: FloatArray, order: npt.NDArray[np.intp], cut: float) -> list[npt.NDArray[np.intp]]:
+    """Cut a tree of linkages; what stands side by side in most orders stays apart however near it is."""
+    found: dict[int, list[npt.NDArray[np.intp]]] = {i: [np.array([i])] for i in range(len(order))}
+    for i, (left, right, distance, _) in enumerate(tree.tolist()):
+        parts = found.pop(int(left)) + found.pop(int(right))
+        if distance < cut and len(parts) == 2 and not _side_by_side(order[parts[0]], order[parts[1]]):
+            parts = [np.sort(np.concatenate(parts))]
+        found[len(order) + i] = parts
+    (result,) = found.values()
+    return result
+
+
+def _side_by_side(a: npt.NDArray[np.intp], b: npt.NDArray[np.intp]) -> bool:
+    """Tell whether most of the orders that show the rarer of two groups show the other too: a mode has one pole."""
+    a, b = np.unique(a), np.unique(b)
+    rarer = min(len(a), len(b))
+    return rarer >= LEAST_MEMBERS and 2 * len(np.intersect1d(a, b, assume_unique=True)) > rarer
 
 
 def uncertainty_law(frequency: float, damping: float, duration: float) -> tuple[float, float]:

@@ -243,3 +243,13 @@ def test_impossible_bands_are_refused(band: tuple[float, float]) -> None:
 def test_impossible_options_are_refused(options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="expected"):
         CovarianceSSI(**options)  # type: ignore[arg-type]
+
+
+def test_two_modes_that_a_short_window_mixes_are_both_found() -> None:
+    """In 30 s, 0.09 Hz apart and 0.07 Hz wide each, their shapes mix with complex factors."""
+    frequency, damping = frame().frequency.copy(), frame().damping.copy()
+    frequency[0], damping[:2] = 10.88, (0.006, 0.008)
+    truth = replace(frame(), frequency=frequency, damping=damping)
+    found = [identify(simulate(truth, 30.0, 1000.0, seed, forced=slice(6, 8)), band=(5.0, 16.0)) for seed in range(10)]
+    # 93 % of 40 windows were measured, 60 % with poles of complex shapes left out
+    assert np.sum([estimate.n_modes == 2 for estimate in found]) >= 8
