@@ -2,9 +2,12 @@
 
 from oma.alignment import aligned, device_delays
 from oma.conditioning import channel_faults
+from oma.efdd import EFDD
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
+from oma.fdd import FDD
 from oma.following import Followed, Follower
+from oma.fsdd import FSDD
 from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
 from oma.mac import mac, mac_matrix, mpc, mpd, normalise
 from oma.merging import match_setups, merge
@@ -18,6 +21,9 @@ from oma.tracking import Tracker
 from oma.tracks import Tracks
 
 __all__ = [
+    "EFDD",
+    "FDD",
+    "FSDD",
     "METHODS",
     "ComplexArray",
     "CovarianceSSI",

@@ -1,6 +1,6 @@
 """The front of identification: a recording or a stream in, modes out, nothing to choose."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -9,8 +9,11 @@ import numpy as np
 from daq import FloatArray, Recording
 from oma.alignment import aligned, device_delays
 from oma.conditioning import usable
+from oma.efdd import EFDD
 from oma.errors import TooFewModes, TooShort
 from oma.estimate import ModalEstimate
+from oma.fdd import FDD
+from oma.fsdd import FSDD
 from oma.harmonics import steady_modes
 from oma.methods import LevelModes, Method
 from oma.modes import Mode, distinct, is_tone, physical
@@ -18,7 +21,9 @@ from oma.pyramid import PASS, Decimator, HighPass, levels
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
 
-METHODS: Mapping[str, type[CovarianceSSI]] = MappingProxyType({m.name: m for m in (DataSSI, CovarianceSSI)})
+METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
+    {m.name: m for m in (DataSSI, CovarianceSSI, FDD, EFDD, FSDD)}
+)
 """Every way of identification, by its name on the command line."""
 
 _DRIFT = 0.1  # corner of the filter against drift, as a share of the lower end of the band

@@ -9,7 +9,7 @@ decomposition. Smart Materials and Structures 10(3), 441-445.
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,11 +70,14 @@ class SpectralSums:
             total += block[lines]
         return unpacked(total / (self.windows[:, 0].sum() * self.rate), self.n_channels)
 
-    def influence(self, lines: slice = slice(None)) -> ComplexArray:
-        """Return what each block moves the mean by, (n_blocks, n_lines, n_channels, n_channels); they sum to zero."""
-        share = self.windows[:, 0] / self.windows[:, 0].sum()
-        blocks = np.stack([block[lines] for block in self.sums]) / (self.windows[:, 0].sum() * self.rate)
-        return unpacked(blocks - share[:, None, None] * blocks.sum(axis=0), self.n_channels)
+    def influences(self, lines: slice = slice(None)) -> Iterator[ComplexArray]:
+        """Yield what each block moves the mean by, (n_lines, n_channels, n_channels); they add up to zero."""
+        mean, total = self.mean(lines), self.windows[:, 0].sum()
+        for block, weight in zip(self.sums, self.windows[:, 0], strict=True):
+            yield (
+                unpacked(block[lines].astype(np.complex128) / (total * self.rate), self.n_channels)
+                - weight / total * mean
+            )
 
 
 class SpectrumAccumulator:
@@ -98,7 +101,8 @@ class SpectrumAccumulator:
         lines = fft.rfftfreq(n_fft, 1 / rate)
         kept = np.flatnonzero((lines >= band[0]) & (lines <= band[1])) if band else np.arange(len(lines))
         self._lines = slice(int(kept[0]), int(kept[-1]) + 1)
-        self._rate, self._n_fft, self._hop = rate, n_fft, n_fft // 2
+        self.n_fft = n_fft
+        self._rate, self._hop = rate, n_fft // 2
         self._taper = signal.get_window("hann", n_fft)
         self._whole = _autocorrelation(self._taper[None])[0]
         self._before = np.empty((0, n_channels))
@@ -116,13 +120,13 @@ class SpectrumAccumulator:
         """
         n_channels = data.shape[1]
         total = np.zeros((self._lines.stop - self._lines.start, n_channels, n_channels), dtype=np.complex128)
-        window = np.zeros(self._n_fft)
-        at_once = max(_AT_ONCE // n_channels, 2 * self._n_fft)
+        window = np.zeros(self.n_fft)
+        at_once = max(_AT_ONCE // n_channels, 2 * self.n_fft)
         for start in range(0, len(data), at_once):
             values = np.concatenate((self._before, data[start : start + at_once]))
-            n_segments = max(len(values) - self._n_fft + self._hop, 0) // self._hop
+            n_segments = max(len(values) - self.n_fft + self._hop, 0) // self._hop
             if n_segments:
-                window += self._add_segments(values[: (n_segments - 1) * self._hop + self._n_fft], total)
+                window += self._add_segments(values[: (n_segments - 1) * self._hop + self.n_fft], total)
             self._before = values[n_segments * self._hop :].copy()  # a view would keep the block
         self._sums.append(packed(total))
         self._windows.append(window)
@@ -132,14 +136,14 @@ class SpectrumAccumulator:
         """Add the spectra of whole segments to `total`, and return the autocorrelation of their windows."""
         known = np.asarray(np.isfinite(values).all(axis=1))
         data = values if known.all() else np.where(known[:, None], values, 0.0)
-        segments = sliding_window_view(data, self._n_fft, axis=0)[:: self._hop] * self._taper
+        segments = sliding_window_view(data, self.n_fft, axis=0)[:: self._hop] * self._taper
         lines = fft.rfft(segments, axis=-1)[:, :, self._lines].transpose(2, 1, 0)
         for start in range(0, len(lines), _LINES_AT_ONCE):
             some = np.ascontiguousarray(lines[start : start + _LINES_AT_ONCE])
             total[start : start + _LINES_AT_ONCE] += np.matmul(some, some.conj().transpose(0, 2, 1))
         if known.all():
             return np.asarray(len(segments) * self._whole)
-        there = sliding_window_view(known.astype(np.float64), self._n_fft)[:: self._hop] * self._taper
+        there = sliding_window_view(known.astype(np.float64), self.n_fft)[:: self._hop] * self._taper
         return np.asarray(_autocorrelation(there).sum(axis=0))
 
     def drop(self, n_blocks: int = 1) -> None:
@@ -159,7 +163,7 @@ class SpectrumAccumulator:
         """What the blocks held add up to."""
         return SpectralSums(
             rate=self._rate,
-            n_fft=self._n_fft,
+            n_fft=self.n_fft,
             first=self._lines.start,
             n_channels=self._before.shape[1],
             sums=tuple(self._sums),

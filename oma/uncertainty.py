@@ -96,12 +96,22 @@ def pole_influence(moved: Perturbation, model: Realisation, column: int) -> Pole
     return PoleInfluence(
         frequency=growth / (2 * np.pi),
         damping=-pole_move.real / abs(pole) + pole.real * growth / abs(pole) ** 2,
-        shape=_normalised_move(model.shape[column], shape),
+        shape=normalised_move(model.shape[column], shape),
     )
 
 
-def _normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
-    """Turn moves of a raw shape into moves of the shape of unit norm turned to its principal direction."""
+def normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
+    """Turn moves of a raw shape into moves of the shape of unit norm turned to its principal direction.
+
+    Parameters
+    ----------
+    shape : (n_channels,) array
+    move : (n_moves, n_channels) array
+
+    Returns
+    -------
+    (n_moves, n_channels) array
+    """
     unit = normalise(shape)
     move = move / (shape @ unit.conj())
     move = move - np.outer(np.real(move @ unit.conj()), unit)

@@ -82,7 +82,7 @@ def test_influences_of_the_blocks_are_what_leaving_one_out_changes() -> None:
     """To first order: (mean - mean without the block) is the influence over the share of the others."""
     sums = spectral_sums(noise(6400), 100.0, 128, 5)
     weight = sums.windows[:, 0]
-    for b, influence in enumerate(sums.influence()):
+    for b, influence in enumerate(sums.influences()):
         others = sum(sums.sums[k].astype(np.complex128) for k in range(5) if k != b)
         rows, columns = np.tril_indices(3)
         without = others / (weight.sum() - weight[b]) / 100.0
