@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import IO
@@ -13,14 +13,17 @@ from scipy.io import savemat
 from daq.arrayfile import read_arrays
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.csvfile import read_csv
+from daq.derivative import differentiated
 from daq.errors import DataError
 from daq.log import LogWriter
 from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
+from daq.universalfile import read_universal
 
 _LARGEST = (1 << 30) - 1  # count
 _BLOCK_SECONDS = 1.0
 _DEVICE = "import"
+_UNIVERSAL = {".uff", ".unv"}
 
 
 def read_data(
@@ -31,17 +34,19 @@ def read_data(
     start: int = 0,
     time: str = "t",
     columns: Mapping[str, str] | None = None,
+    velocities: Collection[str] = (),
 ) -> Recording:
-    """Read a file of measurements: .npz, .mat, anything else as a table of text.
+    """Read a file of measurements: .npz, .mat, universal (.uff, .unv), anything else as a table of text.
 
     Parameters
     ----------
-    path : of the file; see `read_csv` and `read_arrays` for what it may hold
+    path : of the file; see `read_csv`, `read_arrays` and `read_universal` for what it may hold
     rate : samples a second [Hz], if the file does not say
     factor : m/s2 a unit of the file
     start : time of the first sample [ns UTC]
     time : name of the column of times [s]
     columns : columns to read -> names of their channels; all under their own names unless given
+    velocities : channels that hold velocities [m/s, after `factor`]; they become accelerations (`differentiated`)
 
     Returns
     -------
@@ -53,19 +58,20 @@ def read_data(
     DataError
         Naming the file, and line or field.
     ValueError
-        If `rate` or `factor` is not positive, or two columns get the same name.
+        If `rate` or `factor` is not positive, two columns get the same name, or a channel of `velocities` is none.
     """
     if not factor > 0 or not (rate is None or rate > 0):
         raise ValueError(f"rate and factor: expected positive numbers, found {rate} and {factor}")
     if columns is not None and len(set(columns.values())) < len(columns):
         raise ValueError(f"columns: expected different names, found {', '.join(columns.values())}")
-    read = _arrays if path.suffix.lower() in {".npz", ".mat"} else _table
+    read = _arrays if path.suffix.lower() in {".npz", ".mat", *_UNIVERSAL} else _table
     names, values, rate = read(path, rate, time, columns)
     if columns is not None:
         names = tuple(columns[name] for name in names)
     channels = _channels(names, values)
     data = values * factor
-    return Recording(channels=channels, data=data, rate=rate, start=start, gaps=find_gaps(channels, data))
+    recording = Recording(channels=channels, data=data, rate=rate, start=start, gaps=find_gaps(channels, data))
+    return differentiated(recording, velocities) if velocities else recording
 
 
 Columns = tuple[tuple[str, ...], FloatArray, float]  # names, values on an even grid, rate [Hz]
@@ -90,7 +96,8 @@ def _table(path: Path, rate: float | None, time: str, columns: Mapping[str, str]
 
 
 def _arrays(path: Path, rate: float | None, time: str, columns: Mapping[str, str] | None) -> Columns:
-    arrays = read_arrays(path, time)
+    universal = path.suffix.lower() in _UNIVERSAL
+    arrays = read_universal(path, columns) if universal else read_arrays(path, time)
     for name in columns or ():
         if name not in arrays.names:
             raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")

@@ -38,16 +38,23 @@ def differentiated(recording: Recording, channels: Collection[str]) -> Recording
     unknown = [name for name in channels if name not in names]
     if unknown:
         raise ValueError(f"channels: expected some of {', '.join(names)}, found {unknown[0]!r}")
-    taps = _taps() * recording.rate
-    if len(recording.data) < len(taps):
-        raise ValueError(
-            f"recording: expected at least {len(taps)} samples to differentiate, found {len(recording.data)}"
-        )
     data = recording.data.copy()
     for name in channels:
         k = names.index(name)
-        data[:, k] = _filtered(recording.data[:, k], taps)
+        data[:, k] = derivative(recording.data[:, k], recording.rate)
     return replace(recording, data=data, gaps=find_gaps(recording.channels, data))
+
+
+def derivative(column: FloatArray, rate: float) -> FloatArray:
+    """Return the derivative of one signal (n_samples,) [1/s]; as `differentiated`."""
+    taps = _taps() * rate
+    if len(column) < len(taps):
+        raise ValueError(f"recording: expected at least {len(taps)} samples to differentiate, found {len(column)}")
+    missing = np.isnan(column)
+    spoiled = np.convolve(missing, np.ones(len(taps)), "same") > 0.5
+    spoiled[:HALF_LENGTH] = spoiled[-HALF_LENGTH:] = True
+    smooth = signal.fftconvolve(np.where(missing, 0.0, column), taps, "same")
+    return np.where(spoiled, np.nan, smooth)
 
 
 def _taps() -> FloatArray:
@@ -55,12 +62,3 @@ def _taps() -> FloatArray:
     n = np.arange(-HALF_LENGTH, HALF_LENGTH + 1)
     ideal = np.where(n == 0, 0.0, -((-1.0) ** n) / np.where(n == 0, 1, n))
     return np.asarray(-ideal * signal.windows.kaiser(len(n), _BETA))
-
-
-def _filtered(column: FloatArray, taps: FloatArray) -> FloatArray:
-    """Return the filtered signal, NaN wherever a sample under the filter is missing."""
-    missing = np.isnan(column)
-    spoiled = np.convolve(missing, np.ones(len(taps)), "same") > 0.5
-    spoiled[:HALF_LENGTH] = spoiled[-HALF_LENGTH:] = True
-    smooth = signal.fftconvolve(np.where(missing, 0.0, column), taps, "same")
-    return np.where(spoiled, np.nan, smooth)

@@ -30,6 +30,7 @@ class ImportOptions:
     start: str | None = None  #: ISO 8601
     time: str = "t"  #: column of times
     columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
+    velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
     structure: Path | None = None
     site: Path | None = None
 
@@ -55,14 +56,19 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
 def _read(data: Path, options: ImportOptions) -> Recording:
     if options.unit not in UNITS:
         raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {options.unit!r}")
-    return read_data(
-        data,
-        rate=options.rate,
-        factor=UNITS[options.unit] * options.scale,
-        start=_start(options.start),
-        time=options.time,
-        columns=_columns(options.columns),
-    )
+    columns = _columns(options.columns)
+    try:
+        return read_data(
+            data,
+            rate=options.rate,
+            factor=UNITS[options.unit] * options.scale,
+            start=_start(options.start),
+            time=options.time,
+            columns=columns,
+            velocities=options.velocities,
+        )
+    except ValueError as error:  # of a name or a record too short: what the other arguments may be was checked
+        raise ArgumentError("--velocity", f"{data}: {error}") from error
 
 
 def _columns(options: Sequence[str]) -> dict[str, str] | None:

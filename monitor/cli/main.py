@@ -84,7 +84,7 @@ def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
 
 @app.command("import")
 def import_(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table (CSV), .npz or .mat.")],
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table (CSV), .npz, .mat, .uff or .unv.")],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
     rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
     unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
@@ -94,6 +94,9 @@ def import_(
     column: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME[=SENSOR]", help="Column to take, and the sensor it is; repeat. All unless given."),
+    ] = None,
+    velocity: Annotated[
+        list[str] | None, typer.Option(metavar="SENSOR", help="Sensor whose numbers are velocities [m/s]; repeat.")
     ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
@@ -108,6 +111,7 @@ def import_(
         start=start,
         time=time,
         columns=tuple(column or ()),
+        velocities=tuple(velocity or ()),
         structure=structure,
         site=site,
     )

@@ -1,0 +1,126 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyuff
+
+from daq import DataError, differentiated, read_data
+
+RATE, N = 200.0, 400
+SIGNALS = np.random.default_rng(1).standard_normal((N, 3))
+
+
+def time_response(column: Any, node: int = 1, direction: int = 1, **other: Any) -> dict[str, Any]:
+    fields: dict[str, Any] = {"binary": 0, "id1": "NONE", "rsp_ent_name": "NONE", "ordinate_spec_data_type": 12} | other
+    return dict(
+        pyuff.prepare_58(
+            func_type=fields.pop("func_type", 1),
+            rsp_node=node,
+            rsp_dir=direction,
+            ref_ent_name="NONE",
+            ref_node=0,
+            ref_dir=0,
+            abscissa_spacing=1,
+            abscissa_spec_data_type=17,
+            orddenom_spec_data_type=0,
+            data=column,
+            x=np.arange(len(column)) / fields.pop("rate", RATE) + fields.pop("start", 0.0),
+            **fields,
+        )
+    )
+
+
+def universal(path: Path, *datasets: dict[str, Any]) -> Path:
+    pyuff.UFF(str(path)).write_sets(list(datasets), "overwrite")
+    return path
+
+
+UNITS = {"type": 164, "units_code": 5, "length": 1000.0, "force": 1000.0, "temp": 1.0, "temp_offset": 273.15}  # mm
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # pyuff leaves a binary file that it writes open
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("suffix", [".uff", ".UNV"])
+def test_time_responses_come_out_with_the_names_of_the_file(tmp_path: Path, binary: int, suffix: str) -> None:
+    places = ((12, 1), (12, -2), (7, 3))
+    sets = [time_response(s, *p, binary=binary) for s, p in zip(SIGNALS.T, places, strict=True)]
+    sets.insert(0, time_response(SIGNALS[:, 0], 12, 1, func_type=4))  # a function of another kind
+    recording = read_data(universal(tmp_path / f"test{suffix}", *sets))
+    assert [c.name for c in recording.channels] == ["12_x", "12_-y", "7_z"]
+    assert recording.rate == pytest.approx(RATE, rel=1e-9)
+    # text has twelve digits
+    np.testing.assert_allclose(recording.data, SIGNALS, atol=1e-11)
+
+
+def test_units_and_chosen_columns(tmp_path: Path) -> None:
+    sets = [time_response(s, 1 + k, rsp_ent_name="tower") for k, s in enumerate(SIGNALS.T)]
+    path = universal(tmp_path / "test.uff", UNITS, *sets)
+    recording = read_data(path, columns={"tower_3_x": "top", "tower_1_x": "foot"})
+    assert [c.name for c in recording.channels] == ["foot", "top"]
+    np.testing.assert_allclose(recording.data, SIGNALS[:, [0, 2]] / 1000, atol=1e-14)
+
+
+def test_where_nodes_do_not_tell_channels_apart_their_lines_do(tmp_path: Path) -> None:
+    path = universal(tmp_path / "test.uff", *(time_response(s, 0, 0, id1=f"acc {k}") for k, s in enumerate(SIGNALS.T)))
+    assert [c.name for c in read_data(path).channels] == ["acc 0", "acc 1", "acc 2"]
+
+
+def test_velocities_become_accelerations(tmp_path: Path) -> None:
+    sets = time_response(SIGNALS[:, 0], 1, ordinate_spec_data_type=11), time_response(SIGNALS[:, 1], 2)
+    found = read_data(universal(tmp_path / "test.uff", *sets))
+    plain = read_data(universal(tmp_path / "plain.uff", *(s | {"ordinate_spec_data_type": 12} for s in sets)))
+    np.testing.assert_array_equal(found.data, differentiated(plain, ["1_x"]).data)
+    told = read_data(tmp_path / "plain.uff", velocities=["1_x"])
+    np.testing.assert_array_equal(told.data, found.data)
+
+
+@pytest.mark.parametrize(
+    ("second", "says"),
+    [
+        (time_response(SIGNALS[:, 1]), "datasets 1, 2: expected different channels, found '1_x' in each"),
+        (time_response(SIGNALS[:300, 1], 2), "dataset 2: expected 400 samples every 0.005 s"),
+        (time_response(SIGNALS[:, 1], 2, rate=100.0), "dataset 2: expected 400 samples every 0.005 s"),
+        (time_response(SIGNALS[:, 1], 2, start=1.0), "found 400 every 0.005 s from 1 s"),
+        (
+            time_response(SIGNALS[:, 1], 2, ordinate_spec_data_type=13),
+            "dataset 2 (2_x): expected acceleration or velocity",
+        ),
+        (time_response(1j * SIGNALS[:, 1], 2), "dataset 2 (2_x): expected finite real numbers"),
+    ],
+)
+def test_what_does_not_fit_is_named_with_file_and_dataset(tmp_path: Path, second: dict[str, Any], says: str) -> None:
+    path = universal(tmp_path / "test.uff", time_response(SIGNALS[:, 0]), second)
+    with pytest.raises(DataError) as caught:
+        read_data(path)
+    assert str(caught.value).startswith(f"{path}: dataset")
+    assert says in str(caught.value)
+
+
+def test_a_force_that_is_not_asked_for_does_no_harm(tmp_path: Path) -> None:
+    force = time_response(SIGNALS[:, 2], 3, ordinate_spec_data_type=13)
+    path = universal(tmp_path / "test.uff", time_response(SIGNALS[:, 0]), time_response(SIGNALS[:, 1], 2), force)
+    assert len(read_data(path, columns={"1_x": "a", "2_x": "b"}).channels) == 2
+    with pytest.raises(DataError, match="expected a channel 'c', found 1_x, 2_x, 3_x"):
+        read_data(path, columns={"c": "c"})
+
+
+def test_files_that_are_none_are_said(tmp_path: Path) -> None:
+    text, cut, geometry = tmp_path / "text.uff", tmp_path / "cut.uff", tmp_path / "geometry.unv"
+    text.write_text("t,a\n0,1\n")
+    universal(cut, time_response(SIGNALS[:, 0]))
+    lines = cut.read_text().splitlines()
+    lines[8] = lines[8][:12] + "many".rjust(8) + lines[8][20:]
+    cut.write_text("\n".join(lines) + "\n")
+    universal(geometry, UNITS)
+    for path, says in (
+        (text, "its datasets are of type none"),
+        (cut, "dataset 1: cannot be read"),
+        (geometry, "holds no time response (dataset 58, function type 1); its datasets are of type 164"),
+        (tmp_path / "none.uff", "cannot be read: No such file"),
+    ):
+        with pytest.raises(DataError) as caught:
+            read_data(path)
+        assert str(path) in str(caught.value)
+        assert says in str(caught.value)
