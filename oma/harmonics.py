@@ -20,8 +20,8 @@ from scipy import fft
 from daq import FloatArray
 from oma.conditioning import BoolArray, bridged
 from oma.estimate import ComplexArray, ModalEstimate
+from oma.selection import BAND
 
-_REACH = 4.0  # half widths of a resonance on each side: 84 % of its power
 _WANDER = 0.01  # half a band that a wandering tone stays in, as a share of its frequency [-]
 _LEAST_LINES = 8  # on each side
 _LEAST_COMPLETE = 0.5  # share of samples
@@ -87,7 +87,7 @@ def steady_modes(data: FloatArray, rate: float, estimate: ModalEstimate, known: 
 
 def _half_widths(frequency: float, damping: float) -> tuple[float, float]:
     """Return the half widths [Hz] of the bands to look at: a resonance's, and that of a tone that wanders."""
-    narrow = _REACH * damping * frequency
+    narrow = BAND * damping * frequency
     return narrow, max(narrow, _WANDER * frequency)
 
 

@@ -16,7 +16,7 @@ from oma.fdd import FDD
 from oma.fsdd import FSDD
 from oma.harmonics import steady_modes
 from oma.methods import LevelModes, Method
-from oma.modes import Mode, distinct, is_tone, physical
+from oma.modes import Mode, distinct, physical, split_tones
 from oma.pyramid import PASS, Decimator, HighPass, levels
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
@@ -174,8 +174,8 @@ class IdentificationStream:
     def _chosen(self, found: Sequence[LevelModes]) -> tuple[list[Mode], list[Mode]]:
         """Return modes and tones."""
         limits = self._method.selection
-        kept = distinct(physical([mode for level in found for mode in level.modes], limits), limits)
-        return [m for m in kept if not is_tone(m, limits)], [m for m in kept if is_tone(m, limits)]
+        candidates = physical([mode for level in found for mode in level.modes], limits)
+        return split_tones(distinct(candidates, limits), limits)
 
     def _estimate(self, modes: Sequence[Mode]) -> ModalEstimate:
         """Put modes into arrays."""

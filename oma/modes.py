@@ -8,7 +8,7 @@ import numpy as np
 from daq import FloatArray
 from oma.estimate import ComplexArray
 from oma.mac import mac_matrix, normalise
-from oma.selection import LEAST_MEMBERS, Selection, groups, uncertainty_law
+from oma.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_law
 from oma.stabilization import Stabilization
 from oma.uncertainty import PoleInfluence, block_std
 
@@ -127,9 +127,21 @@ def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
     return [mode for mode in modes if mode.law_ratio < selection.max_law_ratio * mode.support]
 
 
-def is_tone(mode: Mode, selection: Selection) -> bool:
-    """Tell whether a mode has no damping, or a frequency steadier than forces at random leave any resonance."""
-    return mode.damping < selection.min_damping or mode.law_ratio < selection.min_law_ratio
+def split_tones(modes: Sequence[Mode], selection: Selection) -> tuple[list[Mode], list[Mode]]:
+    """Return modes and tones: what has no damping, and what has some but is as sharp as the tone in its band.
+
+    A scatter below the uncertainty law alone makes no tone: under gusts and taps modes scatter less than it says.
+    """
+    tones = [mode for mode in modes if mode.damping < selection.min_damping]
+    known = np.array([tone.frequency for tone in tones])
+    again = [
+        mode
+        for mode in modes
+        if mode.law_ratio < selection.min_law_ratio
+        and np.any(np.abs(known - mode.frequency) < BAND * mode.damping * mode.frequency)
+    ]
+    tones += [mode for mode in again if mode not in tones]
+    return [mode for mode in modes if mode not in tones], tones
 
 
 def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:

@@ -19,6 +19,7 @@ from oma.estimate import ComplexArray
 from oma.mac import mac_matrix
 
 LEAST_MEMBERS = 3  #: poles of a group that may be a mode [-]
+BAND = 4.0  #: half widths of a resonance on each side of it: 84 % of its power [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,7 @@ class Selection:
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
     cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
     max_law_ratio: float = 8.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
-    min_law_ratio: float = 0.5  #: the same; a resonance stays under it once in a million windows, a tone does [-]
+    min_law_ratio: float = 0.5  #: the same, of a mode in whose band a tone is known; below it is that tone again [-]
 
 
 def groups(
