@@ -42,6 +42,10 @@ tracking: $(VENV)/.done
 weimar: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/weimar.py $(DATA)
 
+# Subspace identification beside pyOMA2 and koma: the table in docs/oma.md. SIZES=ab takes minutes, all four an hour.
+oma-speed: $(VENV)/.done
+	PYTHONPATH=tests $(BIN)/python benchmarks/oma_speed.py $(SIZES)
+
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
 	$(PYTHON) -m venv $(VENV)

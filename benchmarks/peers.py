@@ -1,7 +1,7 @@
 """Other people's packages in an environment of their own, and measured children.
 
-A child is one Python process with one BLAS thread that runs one function of one file and says how much CPU time and memory
-it took. What it is given and gives back are JSON; large arrays travel as .npy files.
+A child is one Python process with one BLAS thread that runs one function of one file and says how much CPU time and
+memory it took. What it is given and gives back are JSON; large arrays travel as .npy files.
 """
 
 import json
@@ -10,6 +10,7 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from importlib import util
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,8 @@ def peer_python() -> Path:
     python = ENVIRONMENT / "bin" / "python"
     done = ENVIRONMENT / ".done"
     if not done.exists():
-        subprocess.run([sys.executable, "-m", "venv", ENVIRONMENT], check=True)
-        pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        subprocess.run([sys.executable, "-m", "venv", str(ENVIRONMENT)], check=True)
+        pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*pip, PEERS[0]], check=True)
         # its identification needs numpy, scipy and pandas only; its pictures would bring a browser's worth of packages
         subprocess.run([*pip, "--no-deps", *PEERS[1:]], check=True)
@@ -34,7 +35,7 @@ def peer_python() -> Path:
     return python
 
 
-def measured(python: Path, file: Path, function: str, **arguments: Any) -> dict[str, Any]:
+def measured(python: Path, file: Path, function: str, repeats: int, **arguments: Any) -> dict[str, Any]:
     """Call a function in a child process of an interpreter.
 
     Parameters
@@ -47,6 +48,9 @@ def measured(python: Path, file: Path, function: str, **arguments: Any) -> dict[
         ``result(work())`` what is handed back.
     arguments : JSON values
 
+    repeats : int
+        How often it is done: the shortest time counts, the first one's memory.
+
     Returns
     -------
     dict
@@ -57,7 +61,7 @@ def measured(python: Path, file: Path, function: str, **arguments: Any) -> dict[
     subprocess.CalledProcessError
         If it fails; its standard error is shown.
     """
-    command = [str(python), __file__, str(file), function, json.dumps(arguments)]
+    command = [str(python), __file__, str(file), function, str(repeats), json.dumps(arguments)]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=os.environ | ONE_THREAD)
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
@@ -68,17 +72,24 @@ def _peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def _main(file: str, function: str, arguments: str) -> None:
+def _main(file: str, function: str, repeats: str, arguments: str) -> None:
     spec = util.spec_from_file_location("measured", file)
     assert spec is not None
     assert spec.loader is not None
     module = util.module_from_spec(spec)
     spec.loader.exec_module(module)
     work, result = getattr(module, function)(**json.loads(arguments))
-    memory, cpu = _peak(), time.process_time()
-    outcome = work()
-    cpu, memory = time.process_time() - cpu, _peak() - memory
+    before = _peak()
+    outcome, cpu = _timed(work)
+    memory = _peak() - before
+    cpu = min([cpu, *(_timed(work)[1] for _ in range(int(repeats) - 1))])
     sys.stdout.write("\n" + json.dumps({"cpu": cpu, "megabytes": memory, "result": result(outcome)}) + "\n")
+
+
+def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
+    """Return what the work gives, and its CPU time [s]."""
+    start = time.process_time()
+    return work(), time.process_time() - start
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ class CorrelationAccumulator:
             The zero-mean signals that follow those of the last block, NaN where a sample is missing.
         """
         known = np.isfinite(data).all(axis=1, keepdims=True)
-        values = np.concatenate((self._before, np.where(known, data, 0.0)))
+        values = np.concatenate((self._before, data if known.all() else np.where(known, data, 0.0)))
         there = np.concatenate((self._known_before, known.astype(np.float64)))
         sums = _lagged_sums(values, self._n_lags, self._references)
         self.blocks.append((sums, _lagged_counts(there, self._n_lags)))
@@ -171,8 +171,9 @@ def covariance(correlation: FloatArray, block_rows: int) -> FloatArray:
 
 def _lagged_counts(there: FloatArray, n_lags: int) -> FloatArray:
     """Count the products at each lag."""
-    if there.all():
-        return np.full(n_lags, float(len(there) - n_lags + 1))
+    first, lag = int(np.argmax(there)), np.arange(n_lags)
+    if there[first:].all():  # nothing missing since the stream began
+        return np.minimum(len(there) - n_lags + 1.0, np.maximum(len(there) - first - lag, 0.0))
     result: FloatArray = _lagged_sums(there, n_lags, np.array([0]))[:, 0, 0].round()
     return result
 
@@ -184,8 +185,8 @@ def _lagged_sums(values: FloatArray, n_lags: int, references: IndexArray) -> Flo
     """
     n_channels = values.shape[1]
     n_samples = len(values) - n_lags + 1
-    piece = min(_PIECE * n_lags, max(n_samples, 1))
-    length = fft.next_fast_len(piece + n_lags - 1, real=True)
+    length = fft.next_fast_len(min(_PIECE * n_lags, n_samples) + n_lags - 1, real=True)
+    piece = length - n_lags + 1
     n_pieces = -(-n_samples // piece)
     at_once = max(_AT_ONCE // (length * n_channels), 1)
     spectrum = np.zeros((length // 2 + 1, n_channels, len(references)), dtype=np.complex128)
@@ -200,10 +201,11 @@ def _lagged_sums(values: FloatArray, n_lags: int, references: IndexArray) -> Flo
 def _cross_spectra(
     span: FloatArray, piece: int, n_pieces: int, n_lags: int, length: int, references: IndexArray
 ) -> ComplexArray:
-    """Add up the cross spectra of pieces with the same pieces and what comes before them."""
-    whole = np.zeros((n_pieces * piece + n_lags - 1, span.shape[1]))
-    whole[: len(span)] = span
-    both = sliding_window_view(whole, piece + n_lags - 1, axis=0)[::piece].transpose(2, 1, 0)  # (time, channel, piece)
+    """Add up the cross spectra of pieces with the same pieces and what comes before them, `length` samples in all."""
+    short = n_pieces * piece + n_lags - 1 - len(span)
+    whole = np.pad(span, ((0, short), (0, 0))) if short else span
+    both = sliding_window_view(whole, length, axis=0)[::piece].transpose(2, 1, 0)  # (time, channel, piece)
     now = fft.rfft(both[n_lags - 1 :], length, axis=0)
-    earlier = fft.rfft(both[:, references], length, axis=0)
+    every = np.array_equal(references, range(both.shape[1]))
+    earlier = fft.rfft(both if every else both[:, references], length, axis=0)
     return np.asarray(np.matmul(now, np.conjugate(earlier, out=earlier).transpose(0, 2, 1)))

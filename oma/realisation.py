@@ -7,6 +7,7 @@ Control Engineering Practice 20(9), 882-894.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -48,9 +49,13 @@ class Realisation:
     rate: float  #: [Hz]
     eigenvalue: ComplexArray  #: (order,) of the discrete state matrix
     vector: ComplexArray  #: (order, order) right eigenvectors, columns
-    left_vector: ComplexArray  #: (order, order) left eigenvectors, rows; inverse of `vector`
     gram_inverse: FloatArray  #: (order, order) inverse of up^T up
     shape: ComplexArray  #: (order, n_channels) observed eigenvectors
+
+    @cached_property
+    def left_vector(self) -> ComplexArray:
+        """Left eigenvectors, rows, (order, order): the inverse of `vector`."""
+        return np.linalg.inv(self.vector).astype(np.complex128)
 
     @property
     def continuous(self) -> ComplexArray:
@@ -86,7 +91,6 @@ def _realisation(space: Subspace, gram: FloatArray, cross: FloatArray) -> Realis
         rate=space.rate,
         eigenvalue=eigenvalue,
         vector=vector,
-        left_vector=np.linalg.inv(vector),
         gram_inverse=gram_inverse,
         shape=(space.output[:, : len(gram)] @ vector).T,
     )

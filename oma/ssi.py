@@ -36,7 +36,7 @@ from oma.stabilization import stabilization
 from oma.uncertainty import perturbation, pole_influence
 
 _FLOOR = 1e-5  # of the largest variance: see `_root`
-_OVERSAMPLING, _POWERS = 10, 2  # of the randomized block Krylov iteration
+_OVERSAMPLING = 10  # of the randomized block Krylov iteration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +122,7 @@ class CovarianceSSI:
         """
         n_channels = correlation.shape[1]
         whole = hankel(correlation[:, :, past], first_lag, self.rows(n_channels))
-        left, values, right = leading_svd(whole, self.max_order)
+        left, values, right = leading_svd(whole, self.max_order, 1)
         return Subspace(left=left, values=values, right=right, n_channels=n_channels, rate=rate)
 
 
@@ -148,7 +148,7 @@ class DataSSI(CovarianceSSI):
         whole = hankel(correlation[:, :, past], first_lag, rows)
         half = linalg.solve_triangular(future, whole, lower=True, check_finite=False)
         white = linalg.solve_triangular(before, half.T, lower=True, check_finite=False).T
-        left, values, right = leading_svd(white, self.max_order)
+        left, values, right = leading_svd(white, self.max_order, 3)
         return Subspace(
             left=future @ left,
             values=values,
@@ -196,13 +196,15 @@ class SSILevel:
         return LevelModes(poles=poles, modes=modes)
 
 
-def leading_svd(matrix: FloatArray, rank: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def leading_svd(matrix: FloatArray, rank: int, powers: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the leading singular triplets: by LAPACK if that is quick, else by randomized block Krylov iteration.
 
     Parameters
     ----------
     matrix : (m, n) array
     rank : int
+    powers : int
+        Products with ``matrix @ matrix.T`` in the Krylov space: the more, the flatter the singular values are.
 
     Returns
     -------
@@ -213,16 +215,20 @@ def leading_svd(matrix: FloatArray, rank: int) -> tuple[FloatArray, FloatArray, 
     """
     rank = min(rank, *matrix.shape)
     width = rank + _OVERSAMPLING
-    if min(matrix.shape) <= (_POWERS + 1) * width:
+    if min(matrix.shape) <= (powers + 1) * width:
         left, values, right = linalg.svd(matrix, full_matrices=False, check_finite=False)
         return left[:, :rank], values[:rank], right[:rank].T
     block = matrix @ np.random.default_rng(0).standard_normal((matrix.shape[1], width))
     blocks = [np.linalg.qr(block)[0]]
-    for _ in range(_POWERS):
+    for _ in range(powers):
         blocks.append(np.linalg.qr(matrix @ (matrix.T @ blocks[-1]))[0])
     basis = np.linalg.qr(np.concatenate(blocks, axis=1))[0]
-    left, values, right = linalg.svd(basis.T @ matrix, full_matrices=False, check_finite=False)
-    return basis @ left[:, :rank], values[:rank], right[:rank].T
+    small = basis.T @ matrix
+    squares, left = linalg.eigh(
+        small @ small.T, subset_by_index=[len(small) - rank, len(small) - 1], check_finite=False
+    )
+    values = np.sqrt(np.maximum(squares[::-1], np.finfo(np.float64).tiny))
+    return basis @ left[:, ::-1], values, small.T @ (left[:, ::-1] / values)
 
 
 def _root(matrix: FloatArray) -> FloatArray:
