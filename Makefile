@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking clean
+.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo

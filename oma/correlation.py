@@ -185,7 +185,7 @@ def _lagged_sums(values: FloatArray, n_lags: int, references: IndexArray) -> Flo
     """
     n_channels = values.shape[1]
     n_samples = len(values) - n_lags + 1
-    length = fft.next_fast_len(min(_PIECE * n_lags, n_samples) + n_lags - 1, real=True)
+    length = fft.next_fast_len(max(min(_PIECE * n_lags, n_samples), 1) + n_lags - 1, real=True)
     piece = length - n_lags + 1
     n_pieces = -(-n_samples // piece)
     at_once = max(_AT_ONCE // (length * n_channels), 1)
