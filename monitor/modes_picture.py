@@ -1,19 +1,21 @@
-"""Identified modes drawn: the spectrum with the stabilization diagram, and the shapes at the channels."""
+"""Identified modes drawn: the spectrum with the stabilization diagram, and the shapes."""
 
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from daq import Recording
-from oma import Identification, IdentificationError, ModalEstimate, singular_values
+from daq import FloatArray, Recording
+from monitor.diagrams import LINE, STABLE, draw_poles, draw_spectrum, highest_shown, mark_modes
+from oma import Identification, ModalEstimate
+from updater import Structure
 
-_SHAPES = 6  # modes whose shapes are drawn
-_SEGMENTS = 8  # of a spectrum, at least: fewer scatter too much
-_LARGEST_FFT = 1 << 14
-_MARGIN = 1.15  # of the highest mode: where the picture ends
-_LINE, _STABLE, _POLE, _MODE, _TONE = "#37474f", "#1565c0", "#cfd8dc", "#c62828", "#ef6c00"
+_SHAPES = 6  # modes whose shapes are drawn below the diagram
+_COLUMNS = 4
+_SWAY = 0.15  # of the structure's size: the longest arrow
 
 
 def draw_modes(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
@@ -31,63 +33,67 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
     diagram = figure.add_subplot(grid[0, :])
     spectrum = diagram.twinx()
     diagram.set(zorder=spectrum.get_zorder() + 1, frame_on=False)  # poles before lines
-    highest = _MARGIN * float(estimate.frequency[-1])
-    _draw_poles(diagram, found, highest)
-    _draw_spectrum(spectrum, recording, highest)
-    _mark(diagram, found, estimate, highest)
+    highest = highest_shown(estimate)
+    draw_poles(diagram, found, highest)
+    draw_spectrum(spectrum, recording, highest)
+    mark_modes(diagram, found, estimate, highest)
     shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
     for k, axes in enumerate(shapes):
         axes.sharey(shapes[0])
-        _draw_shape(axes, estimate, k)
+        _draw_bars(axes, estimate, k)
     figure.savefig(path, dpi=110)
 
 
-def _draw_poles(axes: Axes, found: Identification, highest: float) -> None:
-    poles = found.poles
-    for stable, colour, label in ((False, _POLE, "pole"), (True, _STABLE, "pole that the next order repeats")):
-        chosen = poles.stable == stable
-        axes.plot(poles.frequency[chosen], poles.order[chosen], ".", color=colour, markersize=4, label=label)
-    axes.set(xlabel="frequency [Hz]", ylabel="model order", ylim=(0, poles.order.max() * 1.15), xlim=(0, highest))
+def shapes_figure(estimate: ModalEstimate, structure: Structure | None) -> Figure:
+    """Draw all shapes: at the structure's sensors if it is known, else as bars at the channels."""
+    columns = min(_COLUMNS, estimate.n_modes)
+    rows = -(-estimate.n_modes // columns)
+    figure = Figure(figsize=(3.6 * columns, (4.0 if structure else 3.2) * rows), layout="constrained")
+    for k in range(estimate.n_modes):
+        if structure:
+            axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
+            assert isinstance(axes, Axes3D)
+            _draw_arrows(axes, estimate, k, structure)
+        else:
+            _draw_bars(figure.add_subplot(rows, columns, k + 1), estimate, k)
+    return figure
 
 
-def _draw_spectrum(axes: Axes, recording: Recording, highest: float) -> None:
-    """Draw the first three singular values of the spectral matrix, where the recording is long enough for them."""
-    n_fft = min(_LARGEST_FFT, 1 << max(6, int(np.log2(len(recording.data) / _SEGMENTS))))
-    try:
-        frequency, values = singular_values(recording, n_fft)
-    except IdentificationError:
-        return
-    shown = np.flatnonzero((frequency > 0) & (frequency <= highest))
-    level = 10 * np.log10(np.maximum(values[shown, :3], 1e-30))
-    for k, line in enumerate(level.T):
-        axes.plot(frequency[shown], line, color=_LINE, linewidth=1.2 - 0.3 * k, alpha=1 - 0.3 * k)
-    axes.set_ylabel("singular values [dB re (m/s²)²/Hz]")
-
-
-def _mark(axes: Axes, found: Identification, estimate: ModalEstimate, highest: float) -> None:
-    """Mark modes, numbered, and tones; the numbers of neighbours stand at different heights."""
-    raised = False
-    for k, frequency in enumerate(estimate.frequency):
-        near = k > 0 and frequency - estimate.frequency[k - 1] < 0.015 * highest
-        raised = near and not raised
-        axes.axvline(frequency, color=_MODE, linewidth=0.8, label="mode" if k == 0 else None)
-        axes.annotate(
-            str(k + 1), (frequency, 1), xycoords=("data", "axes fraction"), xytext=(0, 12 if raised else 3),
-            textcoords="offset points", ha="center", color=_MODE, fontsize=9,
-        )  # fmt: skip
-    for k, tone in enumerate(found.harmonics):
-        axes.axvline(tone, color=_TONE, linewidth=0.8, linestyle="--", label="tone" if k == 0 else None)
-    axes.legend(loc="lower right", fontsize=8, framealpha=0.9)
-
-
-def _draw_shape(axes: Axes, estimate: ModalEstimate, k: int) -> None:
+def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
     place = np.arange(len(estimate.channels))
-    axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=_STABLE, ecolor=_LINE, capsize=2)
-    axes.axhline(0, color=_LINE, linewidth=0.6)
+    axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=STABLE, ecolor=LINE, capsize=2)
+    axes.axhline(0, color=LINE, linewidth=0.6)
     axes.set_xticks(place, estimate.channels, rotation=90, fontsize=7)
     axes.tick_params(axis="y", labelsize=7)
-    axes.set_title(
+    axes.set_title(_title(estimate, k), fontsize=9)
+
+
+def _title(estimate: ModalEstimate, k: int) -> str:
+    return (
         f"{k + 1}: {estimate.frequency[k]:.3f} ± {estimate.frequency_std[k]:.3f} Hz\n"
-        f"{100 * estimate.damping[k]:.2f} ± {100 * estimate.damping_std[k]:.2f} %",
-        fontsize=9,
+        f"{100 * estimate.damping[k]:.2f} ± {100 * estimate.damping_std[k]:.2f} %"
     )
+
+
+def _draw_arrows(axes: Axes3D, estimate: ModalEstimate, k: int, structure: Structure) -> None:
+    """Draw the members, and at each place with sensors how it moves."""
+    ends: FloatArray = np.array([[member.start, member.end] for member in structure.member])
+    axes.add_collection3d(Line3DCollection(list(ends), colors=LINE, linewidths=1.0, alpha=0.6))
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    size = float((high - low).max())
+    motion: dict[tuple[float, float, float], FloatArray] = {}
+    for sensor in structure.sensor:
+        if sensor.channel in estimate.channels:
+            way = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
+            value = estimate.shape[k, estimate.channels.index(sensor.channel)].real
+            motion[sensor.at] = motion.get(sensor.at, np.zeros(3)) + value * way
+    longest = max(float(np.linalg.norm(m)) for m in motion.values()) or 1.0
+    for at, moved in motion.items():
+        axes.quiver(*at, *(_SWAY * size / longest * moved), color=STABLE, linewidth=1.8, arrow_length_ratio=0.3)
+    margin = 1.2 * _SWAY * size
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    axes.set_zlim(low[2], high[2] + margin)
+    axes.set_box_aspect((*(high - low + 2 * margin)[:2], (high - low)[2] + margin), zoom=1.2)
+    axes.view_init(elev=18, azim=-55)
+    axes.set_axis_off()
+    axes.set_title(_title(estimate, k), fontsize=9)

@@ -9,7 +9,7 @@ from oma.fdd import FDD
 from oma.following import Followed, Follower
 from oma.fsdd import FSDD
 from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
-from oma.mac import mac, mac_matrix, mpc, mpd, normalise
+from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
 from oma.merging import match_setups, merge
 from oma.methods import Method
 from oma.pairing import pair_modes
@@ -19,6 +19,7 @@ from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization
 from oma.tracking import Tracker
 from oma.tracks import Tracks
+from oma.universal import Place, places_by_name, write_universal
 
 __all__ = [
     "EFDD",
@@ -37,6 +38,7 @@ __all__ = [
     "ModalEstimate",
     "NoCommonModes",
     "OmaError",
+    "Place",
     "Selection",
     "Stabilization",
     "TooFewChannels",
@@ -46,6 +48,7 @@ __all__ = [
     "Tracks",
     "aligned",
     "channel_faults",
+    "comac",
     "device_delays",
     "identify",
     "identify_all",
@@ -57,6 +60,8 @@ __all__ = [
     "mpd",
     "normalise",
     "pair_modes",
+    "places_by_name",
     "singular_values",
     "uncertainty_law",
+    "write_universal",
 ]

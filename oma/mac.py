@@ -2,6 +2,8 @@
 
 References
 ----------
+Lieven, N. A. J., Ewins, D. J. (1988). Spatial correlation of mode shapes, the coordinate modal assurance criterion
+(COMAC). Proceedings of IMAC VI, 690-695.
 Allemang, R. J. (2003). The modal assurance criterion, twenty years of use and abuse. Sound and Vibration 37(8), 14-21.
 Pappa, R. S., Elliott, K. B., Schenk, A. (1993). Consistent-mode indicator for the eigensystem realization algorithm.
 Journal of Guidance, Control, and Dynamics 16(5), 852-858.
@@ -114,4 +116,31 @@ def mpd(shapes: Shapes) -> FloatArray:
     weight = np.abs(turned)
     phase = np.arctan2(np.abs(turned.imag), np.abs(turned.real))
     result: FloatArray = np.sum(weight * phase, axis=-1) / np.sum(weight, axis=-1)
+    return result
+
+
+def comac(a: Shapes, b: Shapes) -> FloatArray:
+    """Coordinate modal assurance criterion: how far two sets of paired shapes agree at each channel.
+
+    Parameters
+    ----------
+    a, b : (n_pairs, n_channels) arrays
+        Of any norm and phase; each pair is brought to the same first.
+
+    Returns
+    -------
+    (n_channels,) array
+        1 where all pairs agree; low at a channel that is turned, mislabelled or badly coupled. NaN where neither moves.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ in number or channels.
+    """
+    if a.shape != b.shape:
+        raise ValueError(f"shapes: expected as many pairs at as many channels, found {a.shape} and {b.shape}")
+    a, b = normalise(a), normalise(b)
+    both = np.sum(np.abs(a * b.conj()), axis=0) ** 2
+    power = np.sum(np.abs(a) ** 2, axis=0) * np.sum(np.abs(b) ** 2, axis=0)
+    result: FloatArray = np.divide(both, power, out=np.full(len(power), np.nan), where=power > 0)
     return result

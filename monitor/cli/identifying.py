@@ -12,23 +12,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from daq import FloatArray, LogError, Recording, read_attachments
+from daq import LogError, Recording, read_attachments
 from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
+from monitor.model_modes import ModelModes, ModelPartner, model_modes
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
-from oma import METHODS, IdentificationError, Method, ModalEstimate, identify_all, mac_matrix, mpc, mpd, pair_modes
-from updater import (
-    Structure,
-    StructureError,
-    UpdaterError,
-    build_model,
-    channel_rows,
-    load_structure,
-    parse_structure,
-    real_shape,
-)
+from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, identify_all, mpc, mpd
+from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
 
 console = Console(highlight=False)
 
@@ -43,16 +35,10 @@ class Options:
     structure: Path | None = None  #: to compare with; the one attached to the log, if any
 
 
-@dataclass(frozen=True, eq=False)
-class ModelPartner:
-    """The model's mode that answers to a measured one."""
-
-    frequency: float  #: [Hz]
-    mac: float  #: [-]
-
-
-def identify_command(logs: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None) -> int:
-    """Print the modes; write them as JSON and draw them where asked."""
+def identify_command(
+    logs: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None, out: Path | None = None
+) -> int:
+    """Print the modes; write them as JSON, draw them and fill a folder where asked."""
     if options.method not in METHODS:
         raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
     if options.band is not None and not 0 < options.band[0] < options.band[1]:
@@ -62,35 +48,65 @@ def identify_command(logs: Sequence[Path], options: Options, json_path: Path | N
     band = options.band or (settings.analysis.band if settings else None)
     method = METHODS[options.method]()
     windows, fused = _identify(logs, window, method, band)
-    partners = _partners(fused.estimate, logs[0], options.structure)
+    model = _model(fused.estimate, logs[0], options.structure)
+    partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
     _say(logs, windows, fused, partners)
+    about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
+    content = as_json(windows, fused, partners) | {"method": about | {"options": asdict(method)}}
     if json_path:
-        about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
-        content = as_json(windows, fused, partners) | {"method": about | {"options": asdict(method)}}
         write_json(json_path, content)
-    if picture:
-        _draw(picture, _recordings(logs, window), method, band, fused.estimate)
+    if picture or out:
+        recording, found = _first(_recordings(logs, window), method, band)
+        if picture:
+            _draw(picture, recording, found, fused.estimate)
+        if out:
+            _fill(out, windows, fused.estimate, recording, found, model, content)
     return 0
 
 
-def _draw(
-    path: Path,
-    recordings: Iterable[Recording],
-    method: Method,
-    band: tuple[float, float] | None,
-    estimate: ModalEstimate,
-) -> None:
-    """Draw the first window that gives modes, with the modes of all."""
-    from monitor.modes_picture import draw_modes  # matplotlib: only where a picture is asked for
-
+def _first(
+    recordings: Iterable[Recording], method: Method, band: tuple[float, float] | None
+) -> tuple[Recording, Identification]:
+    """Return the first window that gives modes, and all that was found in it."""
     for recording in recordings:
         with suppress(IdentificationError):
-            found = identify_all(recording, method, band)
-            break
+            return recording, identify_all(recording, method, band)
+    raise AssertionError("a window that gave modes gives none")
+
+
+def _draw(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
+    """Draw one window, with the modes of all."""
+    from monitor.modes_picture import draw_modes  # matplotlib: only where a picture is asked for
+
     try:
         draw_modes(path, recording, found, estimate)
     except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
+
+
+def _fill(
+    folder: Path,
+    windows: Windows,
+    estimate: ModalEstimate,
+    recording: Recording,
+    found: Identification,
+    model: ModelModes | None,
+    content: dict[str, Any],
+) -> None:
+    """Write everything into a folder, and say what."""
+    from monitor.modes_folder import Results, write_folder  # matplotlib: only where pictures are asked for
+
+    if model:
+        agreement = zip(estimate.channels, model.comac.tolist(), strict=True)
+        content = content | {"comac": {channel: c if np.isfinite(c) else None for channel, c in agreement}}
+    results = Results(
+        estimate=estimate, windows=windows.estimates, recording=recording, found=found, model=model, content=content
+    )
+    try:
+        written = write_folder(folder, results)
+    except OSError as error:
+        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror or error}") from error
+    console.print(f"{escape(str(folder))}: {', '.join(path.name for path in written)}", soft_wrap=True)
 
 
 def _settings(log: Path) -> Settings | None:
@@ -132,29 +148,15 @@ def _recordings(logs: Sequence[Path], window: float | None) -> Iterator[Recordin
         yield from log_recordings(log, window)
 
 
-def _partners(estimate: ModalEstimate, log: Path, path: Path | None) -> list[ModelPartner | None]:
-    """Return the mode of the given or attached structure for each measured one, None where there is none."""
+def _model(estimate: ModalEstimate, log: Path, path: Path | None) -> ModelModes | None:
+    """Return the modes of the given or attached structure beside the measured ones; None if there is no structure."""
     structure = load_structure(path) if path else _attached_structure(log)
     if structure is None:
-        return [None] * estimate.n_modes
+        return None
     try:
-        return _model_partners(estimate, structure)
+        return model_modes(estimate, structure)
     except UpdaterError as error:
         raise StructureError(path or f"{log}: structure.toml", str(error)) from error
-
-
-def _model_partners(estimate: ModalEstimate, structure: Structure) -> list[ModelPartner | None]:
-    model = build_model(structure, shear_flexible=True, mass="consistent")
-    modes = model.modes(min(estimate.n_modes + 10, model.n_dofs - 1))
-    shapes: FloatArray = (channel_rows(model, estimate.channels) @ modes.shape).T
-    seen = np.flatnonzero(np.linalg.norm(shapes, axis=1) > 0)
-    pairs = pair_modes(estimate.frequency, real_shape(estimate.shape), modes.frequency[seen], shapes[seen])
-    return [
-        None
-        if k < 0
-        else ModelPartner(float(modes.frequency[seen[k]]), float(mac_matrix(shape[None], shapes[seen[k]][None])[0, 0]))
-        for shape, k in zip(estimate.shape, pairs, strict=True)
-    ]
 
 
 def as_json(windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner | None]) -> dict[str, Any]:
@@ -209,7 +211,15 @@ def _table(logs: Sequence[Path], windows: Windows, fused: FusedModes, partners: 
     n, seconds = len(windows.estimates), (first.end - first.start) * 1e-9
     what = f"{n} windows of {seconds:.6g} s" if n > 1 else f"one window of {seconds:.6g} s"
     table = Table(box=SIMPLE_HEAD, title=f"{escape(', '.join(log.name for log in logs))}: {what}")
-    for name in ("mode", "frequency [Hz]", "damping [%]", "MPC", "seen", *(("model", "MAC") * compared)):
+    for name in (
+        "mode",
+        "frequency [Hz]",
+        "damping [%]",
+        "MPC",
+        *(() if compared else ("MPD [°]",)),
+        "seen",
+        *(("model", "MAC") * compared),
+    ):
         table.add_column(name, justify="right", no_wrap=True)
     for i, partner in enumerate(partners):
         cells = [
@@ -217,6 +227,7 @@ def _table(logs: Sequence[Path], windows: Windows, fused: FusedModes, partners: 
             f"{estimate.frequency[i]:.4f} ± {estimate.frequency_std[i]:.4f}",
             f"{100 * estimate.damping[i]:.3f} ± {100 * estimate.damping_std[i]:.3f}",
             f"{float(mpc(estimate.shape[i])):.3f}",
+            *([] if compared else [f"{np.degrees(float(mpd(estimate.shape[i]))):.1f}"]),
             str(int(fused.n[i])),
         ]
         if compared:

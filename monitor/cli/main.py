@@ -136,12 +136,15 @@ def identify(
     picture: Annotated[
         Path | None, typer.Option(metavar="PICTURE.png", help="Spectrum, stabilization diagram and shapes.")
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that gets modes.json, modes.unv (UFF 55) and pictures.")
+    ] = None,
 ) -> None:
     """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty."""
     from monitor.cli.identifying import Options, identify_command
 
     options = Options(method=method, window=window, band=band, structure=structure)
-    raise typer.Exit(identify_command(logs, options, json, picture))
+    raise typer.Exit(identify_command(logs, options, json, picture, out))
 
 
 @app.command()

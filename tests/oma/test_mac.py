@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from oma_helpers import FRAME_SHAPES
 
-from oma import mac, mac_matrix, mpc, mpd, normalise
+from oma import comac, mac, mac_matrix, mpc, mpd, normalise
 
 TURN = np.exp(1.2j) * 3.7
 
@@ -54,3 +54,25 @@ def test_mpc_equals_the_eigenvalue_form() -> None:
 def test_mpd_of_a_constant_phase_error_is_its_angle_from_the_line() -> None:
     # two equal components 40 degrees apart lie 20 degrees either side of the best line
     assert mpd(np.array([1.0, np.exp(1j * np.radians(40.0))])) == pytest.approx(np.radians(20.0), rel=1e-10)
+
+
+def test_comac_is_one_where_all_shapes_agree_whatever_their_scale() -> None:
+    assert comac(FRAME_SHAPES, (TURN * FRAME_SHAPES)) == pytest.approx(np.ones(12), abs=1e-12)
+
+
+def test_comac_points_at_the_channel_that_is_wrong() -> None:
+    damaged = FRAME_SHAPES.copy()
+    damaged[:, 4] = damaged[::-1, 4]  # right in norm, wrong in each mode
+    found = comac(FRAME_SHAPES, damaged)
+    assert np.argmin(found) == 4
+    assert np.delete(found, 4).min() > 0.95
+    # by its definition: of moduli 3 and 4 against 4 and 3, (12 + 12)^2 / (25 * 25)
+    two = comac(np.array([[3.0, 4.0], [4.0, 3.0]]), np.array([[4.0, 3.0], [3.0, 4.0]]))
+    assert two == pytest.approx((24 / 25) ** 2)
+
+
+def test_comac_says_nothing_of_a_channel_that_does_not_move() -> None:
+    still = np.array([[1.0, 0.0, 2.0]])
+    assert np.isnan(comac(still, still)).tolist() == [False, True, False]
+    with pytest.raises(ValueError, match="expected as many pairs"):
+        comac(still, still[:, :2])
