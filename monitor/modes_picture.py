@@ -15,7 +15,7 @@ from updater import Structure
 
 _SHAPES = 6  # modes whose shapes are drawn below the diagram
 _COLUMNS = 4
-_SWAY = 0.15  # of the structure's size: the longest arrow
+_SWAY = 0.2  # of the structure's size: the longest arrow
 
 
 def draw_modes(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
@@ -55,7 +55,9 @@ def shapes_figure(estimate: ModalEstimate, structure: Structure | None) -> Figur
             assert isinstance(axes, Axes3D)
             _draw_arrows(axes, estimate, k, structure)
         else:
-            _draw_bars(figure.add_subplot(rows, columns, k + 1), estimate, k)
+            bars = figure.add_subplot(rows, columns, k + 1)
+            _draw_bars(bars, estimate, k)
+            bars.set_ylim(-1.05, 1.05)
     return figure
 
 
