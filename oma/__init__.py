@@ -13,6 +13,7 @@ from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
 from oma.merging import match_setups, merge
 from oma.methods import Method
 from oma.pairing import pair_modes
+from oma.plscf import PLSCF
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
 from oma.ssi import CovarianceSSI, DataSSI
@@ -26,6 +27,7 @@ __all__ = [
     "FDD",
     "FSDD",
     "METHODS",
+    "PLSCF",
     "ComplexArray",
     "CovarianceSSI",
     "DataSSI",

@@ -22,7 +22,7 @@ from oma.resonances import Decomposition, Resonance, decompose, residue_weight, 
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import SpectrumAccumulator
 from oma.stabilization import Stabilization
-from oma.uncertainty import block_std, normalised_move
+from oma.uncertainty import block_std, normalised_move, pole_moves
 
 _LONGEST, _SHORTEST = 2048, 64  # samples a segment
 _ROUNDING = 0.2  # of the logarithm of a length, upwards
@@ -130,15 +130,14 @@ def _vertex(three: FloatArray) -> float:
 def read_bell(parts: Decomposition, one: Resonance, others: Sequence[Resonance]) -> Reading:
     """Return what the bell that was fitted to a resonance's enhanced spectrum says; arguments as for `FDD.read`."""
     moves = parts.moved(one.filter, one.lines) @ one.influence.T
-    size = abs(one.pole)
-    growth = (one.pole.imag * moves[:, 0] + one.pole.real * moves[:, 1]) / size
+    frequency_moves, damping_moves = pole_moves(one.pole, moves[:, 1] + 1j * moves[:, 0])
     shape, shape_moves = parts.moved_vectors(one.lines, residue_weight(parts, one, others), one.shape)
     return Reading(
         frequency=one.frequency,
         damping=one.damping,
         shape=shape,
-        frequency_moves=growth / (2 * np.pi),
-        damping_moves=-moves[:, 1] / size + one.pole.real * growth / size**2,
+        frequency_moves=frequency_moves,
+        damping_moves=damping_moves,
         shape_moves=shape_moves,
     )
 

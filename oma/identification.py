@@ -17,12 +17,13 @@ from oma.fsdd import FSDD
 from oma.harmonics import steady_modes
 from oma.methods import LevelModes, Method
 from oma.modes import Mode, distinct, physical, split_tones
+from oma.plscf import PLSCF
 from oma.pyramid import PASS, Decimator, HighPass, levels
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
 
 METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
-    {m.name: m for m in (DataSSI, CovarianceSSI, FDD, EFDD, FSDD)}
+    {m.name: m for m in (DataSSI, CovarianceSSI, PLSCF, FDD, EFDD, FSDD)}
 )
 """Every way of identification, by its name on the command line."""
 

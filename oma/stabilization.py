@@ -5,7 +5,9 @@ References
 Reynders, E., Houbrechts, J., De Roeck, G. (2012). Fully automated (operational) modal analysis. MSSP 29, 228-250.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,6 @@ from daq import FloatArray
 from oma.conditioning import BoolArray
 from oma.estimate import ComplexArray
 from oma.mac import mac_matrix, normalise
-from oma.realisation import Realisation
 from oma.selection import Selection
 
 IndexArray = npt.NDArray[np.intp]
@@ -40,12 +41,28 @@ class Stabilization:
         return Stabilization(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
-def stabilization(models: list[Realisation], band: tuple[float, float], limits: Selection) -> Stabilization:
+class PoleModel(Protocol):
+    """A model of one order, as far as its poles go."""
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+
+    @property
+    def continuous(self) -> ComplexArray:
+        """Poles, (n_poles,) [rad/s]."""
+
+    @property
+    def shape(self) -> ComplexArray:
+        """Their shapes, (n_poles, n_channels)."""
+
+
+def stabilization(models: Sequence[PoleModel], band: tuple[float, float], limits: Selection) -> Stabilization:
     """Collect the poles that meet the hard criteria and mark those that the next order shows too.
 
     Parameters
     ----------
-    models : list of Realisation
+    models : sequence of PoleModel
         Of rising order.
     band : (float, float)
         [Hz].
@@ -66,7 +83,7 @@ def join(parts: list[Stabilization]) -> Stabilization:
     return Stabilization(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Stabilization)})
 
 
-def _plausible(model: Realisation, band: tuple[float, float], limits: Selection) -> Stabilization:
+def _plausible(model: PoleModel, band: tuple[float, float], limits: Selection) -> Stabilization:
     """Keep oscillating, damped poles inside the band.
 
     Shapes need not be real: in a finite window two close modes mix with complex factors, and a phase collinearity of

@@ -90,14 +90,24 @@ def pole_influence(moved: Perturbation, model: Realisation, column: int) -> Pole
     gap = eigenvalue - model.eigenvalue
     gap[column] = np.inf
     shape = moved.output[:, :, :n] @ vector + (modal / gap) @ model.shape
-    pole = model.continuous[column]
-    pole_move = modal[:, column] / eigenvalue * model.rate
-    growth = np.real(pole_move * pole.conj()) / abs(pole)
-    return PoleInfluence(
-        frequency=growth / (2 * np.pi),
-        damping=-pole_move.real / abs(pole) + pole.real * growth / abs(pole) ** 2,
-        shape=normalised_move(model.shape[column], shape),
-    )
+    frequency, damping = pole_moves(model.continuous[column], modal[:, column] / eigenvalue * model.rate)
+    return PoleInfluence(frequency=frequency, damping=damping, shape=normalised_move(model.shape[column], shape))
+
+
+def pole_moves(pole: complex, moves: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Turn moves of a pole [rad/s] into moves of its frequency [Hz] and its damping [-].
+
+    Parameters
+    ----------
+    pole : complex
+    moves : (n_moves,) array
+
+    Returns
+    -------
+    frequency, damping : (n_moves,) arrays
+    """
+    growth = np.real(moves * np.conj(pole)) / abs(pole)
+    return growth / (2 * np.pi), -moves.real / abs(pole) + pole.real * growth / abs(pole) ** 2
 
 
 def normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
