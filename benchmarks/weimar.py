@@ -20,7 +20,7 @@ from oma import ModalEstimate, identify, merge, mpc
 
 PUBLISHED = (1.2283, 1.4358, 2.1000, 4.0175, 4.7704, 6.6824, 7.6157, 9.6653, 12.1663, 12.5979, 13.8545)  # Hz
 HIGHEST = 15.0  # Hz: above it nothing is published
-REFERENCES = ("ref_x", "ref_y")
+REFERENCES = ("ref_x", "ref_y", "ref_z")
 _MOVED, _STILL, _LONGEST = "#1565c0", "#b0bec5", 9.0  # the last: of an arrow [cm]
 
 
@@ -58,10 +58,9 @@ def identified(folder: Path, number: int) -> Setup:
     beams = np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
     lasers = [f"{beam}_{node}" for beam in ("left", "right", "top")]
     recording = read_data(folder / f"measurement_{number:02d}.npz")
-    names = (*lasers, *REFERENCES)  # its authors leave out the sixth channel
-    channels = tuple(replace(c, name=name) for c, name in zip(recording.channels, names, strict=False))
-    recording = replace(recording, channels=channels, data=recording.data[:, : len(names)])
-    return Setup(node, beams, identify(differentiated(recording, lasers)))
+    names = (*lasers, *REFERENCES)
+    channels = tuple(replace(c, name=name) for c, name in zip(recording.channels, names, strict=True))
+    return Setup(node, beams, identify(differentiated(replace(recording, channels=channels), lasers)))
 
 
 def print_setups(setups: list[Setup]) -> None:
