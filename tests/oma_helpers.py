@@ -66,17 +66,29 @@ def chain(n: int = 6, first: float = 2.0, damping: float = 0.01) -> Structure:
 
 
 def simulate(
-    structure: Structure, duration: float, rate: float, seed: int, noise: float = 0.05, forced: slice = slice(None)
+    structure: Structure,
+    duration: float,
+    rate: float,
+    seed: int,
+    noise: float = 0.05,
+    forced: slice = slice(None),
+    taps: int = 0,
 ) -> Recording:
     """Return accelerations under white forces at the sensors `forced`, held between samples; exact for such forces.
 
-    `noise` is the standard deviation of white sensor noise as a share of the signals' root mean square.
+    `noise` is the standard deviation of white sensor noise as a share of the signals' root mean square; `taps` are
+    blows at random sensors and times, each as strong as ten seconds of the forces.
     """
     rng = np.random.default_rng(seed)
     settle = int(min(5.0 / np.min(structure.damping * structure.frequency * 2 * np.pi), 30.0) * rate)
     n = round(duration * rate)
     forces = np.zeros((settle + n, len(structure.channels)))
     forces[:, forced] = rng.standard_normal(forces[:, forced].shape)
+    blows = np.random.default_rng((seed, 1))
+    for when, where in zip(
+        blows.integers(settle, len(forces), taps), blows.integers(forces.shape[1], size=taps), strict=True
+    ):
+        forces[when, where] += np.sqrt(10 * rate)
     data = np.zeros((n, len(structure.channels)))
     for f, zeta, shape in zip(structure.frequency, structure.damping, structure.shapes, strict=True):
         omega = 2 * np.pi * f

@@ -7,7 +7,8 @@ from oma_helpers import Structure, chain, simulate
 from scipy import signal
 
 from daq import FloatArray, Recording
-from oma import ModalEstimate, mac_matrix
+from oma import mac_matrix
+from oma.mac import Shapes
 
 RATE = 100.0  # Hz
 _MEMORY = 10.0  # s
@@ -86,12 +87,11 @@ def with_tone(recording: Recording, tone: Tone, seed: int) -> Recording:
     return replace(recording, data=recording.data + size * wave[:, None] * shape)
 
 
-def pairs(found: ModalEstimate, truth: Structure) -> list[tuple[int, int]]:
+def pairs(frequency: FloatArray, shapes: Shapes, truth: Structure) -> list[tuple[int, int]]:
     """Pair found modes with true ones: within 2 % of frequency and MAC above 0.8, the nearest first, each once."""
-    kept = [truth.channels.index(name) for name in found.channels]
-    off = np.abs(np.log(found.frequency[:, None] / truth.frequency))
-    agreement = mac_matrix(found.shape, truth.shapes[:, kept])
-    cost: FloatArray = np.where((off < 0.02) & (agreement > 0.8), off + 1 - agreement, np.inf)
+    off = np.abs(np.log(frequency[:, None] / truth.frequency))
+    cost = off + 1 - mac_matrix(shapes, truth.shapes)
+    cost[(off > 0.02) | (cost - off > 0.2)] = np.inf
     result = []
     while np.isfinite(cost).any():
         i, j = (int(k) for k in np.unravel_index(np.argmin(cost), cost.shape))
