@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed clean
+.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed oma-selection oma-accuracy clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -45,6 +45,14 @@ weimar: $(VENV)/.done
 # Subspace identification beside pyOMA2 and koma: the table in docs/oma.md. SIZES=ab takes minutes, all four an hour.
 oma-speed: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/oma_speed.py $(SIZES)
+
+# Unattended selection beside pyOMA2's on 100 windows a line: the table in docs/oma.md, a quarter of an hour.
+oma-selection: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/oma_selection.py
+
+# Errors over the smallest possible ones, and coverage: the table in docs/oma.md, a quarter of an hour.
+oma-accuracy: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/oma_accuracy.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -20,7 +20,7 @@ from daq import FloatArray
 from oma import ComplexArray
 
 _BATCH = 200  # lines at a time
-_MOST = 20_000  # lines: an evenly spaced sum over resonances is exact as soon as lines are closer than they are wide
+_NODES = 50  # of the quadrature, on each side of a resonance
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,16 +35,24 @@ def whittle_bound(
     structure: Structure, duration: float, rate: float, noise_variance: float, forced: list[int] | slice = slice(None)
 ) -> Bound:
     """Return the bound for windows of `oma_helpers.simulate`; `noise_variance` is that of each channel's noise."""
-    n_lines = min(int(duration * rate / 2), _MOST)
-    lines = 2 * np.pi * np.arange(1, n_lines) / (2 * n_lines)
+    nodes = _nodes(structure, rate)
+    lines, weight = 2 * np.pi * nodes / rate, duration * np.gradient(nodes)
     force = structure.shapes[:, forced] @ structure.shapes[:, forced].T
-    parts = np.array_split(lines, -(-n_lines // _BATCH))
-    shares = [_information(structure, rate, part, force, noise_variance) for part in parts]
-    information = np.sum(shares, axis=0) * (duration * rate / 2 / n_lines)
+    n_batches = -(-len(lines) // _BATCH)
+    parts = zip(np.array_split(lines, n_batches), np.array_split(weight, n_batches), strict=True)
+    information = np.sum([_information(structure, rate, *part, force, noise_variance) for part in parts], axis=0)
     size = np.sqrt(np.diag(information))
     deviation = np.sqrt(np.diag(np.linalg.inv(information / np.outer(size, size)))) / size
     m = len(structure.frequency)
     return Bound(frequency=deviation[:m], damping=deviation[m : 2 * m])
+
+
+def _nodes(structure: Structure, rate: float) -> FloatArray:
+    """Return frequencies [Hz] to integrate over: dense about resonances, ever less so away from them."""
+    half_width = (structure.damping * structure.frequency)[:, None]
+    away = half_width * np.sinh(np.linspace(0, 1, _NODES) * np.arcsinh(rate / half_width))
+    around = structure.frequency[:, None] + np.concatenate((-away[:, ::-1], away), axis=1)
+    return np.unique(around[(around > 0) & (around < rate / 2)])
 
 
 def response_to(frequency: float, damping: float, rate: float, lines: FloatArray) -> ComplexArray:
@@ -56,7 +64,12 @@ def response_to(frequency: float, damping: float, rate: float, lines: FloatArray
 
 
 def _information(
-    structure: Structure, rate: float, lines: FloatArray, force: FloatArray, noise_variance: float
+    structure: Structure,
+    rate: float,
+    lines: FloatArray,
+    weight: FloatArray,
+    force: FloatArray,
+    noise_variance: float,
 ) -> FloatArray:
     """Return the information of some lines about frequencies, damping, and all else (n, n)."""
     shapes, (m, n) = structure.shapes, structure.shapes.shape
@@ -80,7 +93,8 @@ def _information(
         [half + half.conj().transpose(0, 2, 1) for half in halves] + [np.broadcast_to(np.eye(n), (len(lines), n, n))]
     )
     root = np.linalg.inv(np.linalg.cholesky(spectrum))
-    white = np.matmul(np.matmul(root, moves), root.conj().transpose(0, 2, 1)).reshape(len(moves), -1)
+    white = np.matmul(np.matmul(root, moves), root.conj().transpose(0, 2, 1))
+    white = (white * np.sqrt(weight)[:, None, None]).reshape(len(moves), -1)
     return np.asarray((white.real @ white.real.T) + (white.imag @ white.imag.T))
 
 
