@@ -7,8 +7,10 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
+# What computes shares the processors; what runs in real time comes after it, alone.
 test: $(VENV)/.done
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not live" --numprocesses auto --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m live
 
 check: $(VENV)/.done
 	$(BIN)/ruff check .

@@ -60,7 +60,6 @@ def ours_data(path: str, rate: float) -> Work:
 
 
 def _ours(path: str, rate: float, method: Any) -> Work:
-    from oma.correlation import correlation_sums
     from oma.realisation import realisations
     from oma.stabilization import Stabilization, stabilization
 
@@ -68,7 +67,7 @@ def _ours(path: str, rate: float, method: Any) -> Work:
     every = range(data.shape[1])
 
     def work() -> Stabilization:
-        sums = correlation_sums(data - data.mean(axis=0), 2 * BLOCK_ROWS + 1, 1)
+        sums = correlations(data)
         space = method.subspace(sums.mean, every, rate, 1)
         return stabilization(realisations(space, method.orders), (0.0, rate / 2), method.selection)
 
@@ -77,6 +76,20 @@ def _ours(path: str, rate: float, method: Any) -> Work:
         return [[every[i] for i in np.flatnonzero(found.order == order)] for order in method.orders]
 
     return work, poles
+
+
+def correlations(data: np.ndarray) -> Any:
+    """Return the correlation sums of a record."""
+    from oma.correlation import correlation_sums
+
+    return correlation_sums(data, 2 * BLOCK_ROWS + 1, 1)
+
+
+def ours_correlations(path: str, rate: float) -> Work:
+    """Correlations alone."""
+    del rate
+    data = np.load(path)
+    return lambda: correlations(data), lambda _: []
 
 
 def pyoma_cov(path: str, rate: float) -> Work:
@@ -168,12 +181,14 @@ def run(name: str, folder: Path) -> None:
     for seed in range(size.seeds):
         data, truth = record(size, seed)
         np.save(folder / "data.npy", data)
-        for who in ("ours_cov", "ours_data", *PEERS):
+        for who in ("ours_cov", "ours_data", "ours_correlations", *PEERS):
             if (name, who) in HOPELESS:
                 continue
             python = OURS if who.startswith("ours") else peer_python()
             one = measured(python, Path(__file__), who, size.repeats, path=str(folder / "data.npy"), rate=size.rate)
-            found.setdefault(who, []).append(one | {"error": error(one["result"], truth, size.seconds)})
+            found.setdefault(who, []).append(
+                one | {"error": error(one["result"], truth, size.seconds) if one["result"] else np.nan}
+            )
     ours = {who: np.median([one["cpu"] for one in found[who]]) for who in ("ours_cov", "ours_data")}
     for who, runs in found.items():
         cpu, memory = (np.median([one[key] for one in runs]) for key in ("cpu", "megabytes"))

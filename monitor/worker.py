@@ -57,9 +57,20 @@ class Worker:
         self._process.join()
 
     def feed(self, item: Item) -> None:
-        """Hand on one item in the log's order; results are not analysed again."""
-        if isinstance(item, Block) or item.topic.startswith("/event/"):
-            self._inbox.put(item)
+        """Hand on one item in the log's order; results are not analysed again.
+
+        Raises
+        ------
+        AnalysisError
+            If there is no room, and the process that would make some has ended.
+        """
+        waiting = isinstance(item, Block) or item.topic.startswith("/event/")
+        while waiting:
+            try:
+                self._inbox.put(item, timeout=1.0)
+                waiting = False
+            except queue.Full:
+                self._check_alive()
 
     def results(self, timeout: float) -> Iterator[Result | None]:
         """Yield the results that are there within `timeout` [s]; None is the last one.
@@ -74,8 +85,12 @@ class Worker:
             while True:
                 yield self._outbox.get_nowait()
         except queue.Empty:
-            if not self._process.is_alive() and self._outbox.empty():
-                raise AnalysisError(f"the analysis process ended with code {self._process.exitcode}") from None
+            if self._outbox.empty():
+                self._check_alive()
+
+    def _check_alive(self) -> None:
+        if not self._process.is_alive():
+            raise AnalysisError(f"the analysis process ended with code {self._process.exitcode}") from None
 
 
 def _analyse(structure: str, site: str, inbox: "Queue[Item]", outbox: "Queue[Result | None]") -> None:

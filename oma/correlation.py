@@ -75,13 +75,18 @@ class CorrelationAccumulator:
         data : (n_samples, n_channels) array
             The zero-mean signals that follow those of the last block, NaN where a sample is missing.
         """
-        known = np.isfinite(data).all(axis=1, keepdims=True)
-        values = np.concatenate((self._before, data if known.all() else np.where(known, data, 0.0)))
+        known = np.asarray(np.isfinite(data).all(axis=1, keepdims=True))
         there = np.concatenate((self._known_before, known.astype(np.float64)))
-        sums = _lagged_sums(values, self._n_lags, self._references)
-        self.blocks.append((sums, _lagged_counts(there, self._n_lags)))
-        # copies: views would keep the block
-        self._before, self._known_before = (a[len(data) :].copy() for a in (values, there))
+        length = _length(len(data), self._n_lags)
+        chunk = max(_AT_ONCE // (length * data.shape[1]), 1) * (length - self._n_lags + 1)
+        spectrum = np.zeros((length // 2 + 1, data.shape[1], len(self._references)), dtype=np.complex128)
+        for start in range(0, len(data), chunk):
+            part, whole = data[start : start + chunk], known[start : start + chunk]
+            values = np.concatenate((self._before, part if whole.all() else np.where(whole, part, 0.0)))
+            spectrum += _cross_spectra(values, length, self._n_lags, self._references)
+            self._before = values[len(part) :].copy()  # a view would keep the chunk
+        self.blocks.append((_lags(spectrum, length, self._n_lags), _lagged_counts(there, self._n_lags)))
+        self._known_before = there[len(data) :].copy()
 
     def drop(self, n_blocks: int = 1) -> None:
         """Forget the oldest blocks."""
@@ -174,38 +179,32 @@ def _lagged_counts(there: FloatArray, n_lags: int) -> FloatArray:
     first, lag = int(np.argmax(there)), np.arange(n_lags)
     if there[first:].all():  # nothing missing since the stream began
         return np.minimum(len(there) - n_lags + 1.0, np.maximum(len(there) - first - lag, 0.0))
-    result: FloatArray = _lagged_sums(there, n_lags, np.array([0]))[:, 0, 0].round()
-    return result
+    length = _length(len(there) - n_lags + 1, n_lags)
+    spectrum = _cross_spectra(there, length, n_lags, np.array([0]))
+    return np.asarray(_lags(spectrum, length, n_lags)[:, 0, 0].round())
 
 
-def _lagged_sums(values: FloatArray, n_lags: int, references: IndexArray) -> FloatArray:
-    """Sum products of samples with those before them, the first ``n_lags - 1`` being only `before`.
+def _length(n_samples: int, n_lags: int) -> int:
+    """Return the length of a transform: a piece of a few lag spans, and the lag span before it."""
+    return int(fft.next_fast_len(max(min(_PIECE * n_lags, n_samples), 1) + n_lags - 1, real=True))
 
-    In pieces of a few lag spans, padded to the lag span before each piece; the pieces are added up as spectra.
+
+def _cross_spectra(values: FloatArray, length: int, n_lags: int, references: IndexArray) -> ComplexArray:
+    """Add up the cross spectra of pieces with the same pieces and what comes before them, `length` samples in all.
+
+    The first ``n_lags - 1`` values are only what comes before.
     """
-    n_channels = values.shape[1]
-    n_samples = len(values) - n_lags + 1
-    length = fft.next_fast_len(max(min(_PIECE * n_lags, n_samples), 1) + n_lags - 1, real=True)
     piece = length - n_lags + 1
-    n_pieces = -(-n_samples // piece)
-    at_once = max(_AT_ONCE // (length * n_channels), 1)
-    spectrum = np.zeros((length // 2 + 1, n_channels, len(references)), dtype=np.complex128)
-    for first in range(0, n_pieces, at_once):
-        stop = min(first + at_once, n_pieces)
-        span = values[first * piece : min(stop * piece, n_samples) + n_lags - 1]
-        spectrum += _cross_spectra(span, piece, stop - first, n_lags, length, references)
-    # a piece starts n_lags - 1 samples after its history: so late stands lag zero, and the others count down from there
-    return np.roll(fft.irfft(spectrum, length, axis=0), n_lags - 1, axis=0)[:n_lags]
-
-
-def _cross_spectra(
-    span: FloatArray, piece: int, n_pieces: int, n_lags: int, length: int, references: IndexArray
-) -> ComplexArray:
-    """Add up the cross spectra of pieces with the same pieces and what comes before them, `length` samples in all."""
-    short = n_pieces * piece + n_lags - 1 - len(span)
-    whole = np.pad(span, ((0, short), (0, 0))) if short else span
+    n_pieces = max(-(-(len(values) - n_lags + 1) // piece), 1)
+    short = n_pieces * piece + n_lags - 1 - len(values)
+    whole = np.pad(values, ((0, short), (0, 0))) if short else values
     both = sliding_window_view(whole, length, axis=0)[::piece].transpose(2, 1, 0)  # (time, channel, piece)
     now = fft.rfft(both[n_lags - 1 :], length, axis=0)
     every = np.array_equal(references, range(both.shape[1]))
     earlier = fft.rfft(both if every else both[:, references], length, axis=0)
     return np.asarray(np.matmul(now, np.conjugate(earlier, out=earlier).transpose(0, 2, 1)))
+
+
+def _lags(spectrum: ComplexArray, length: int, n_lags: int) -> FloatArray:
+    """Return sums at lags: a piece starts n_lags - 1 samples after its history, so late stands lag zero."""
+    return np.asarray(np.roll(fft.irfft(spectrum, length, axis=0), n_lags - 1, axis=0)[:n_lags])

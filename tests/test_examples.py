@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -62,6 +63,7 @@ def test_paper_t_structure() -> None:
         assert abs(answer.distance - np.linalg.norm(np.array(body.at) - start)) < 4 * answer.distance_std
 
 
+@pytest.mark.live
 def test_emulated_can() -> None:
     """Nothing is lost; both devices see the shaker, at the same time but for what the way of some frames takes."""
     found = run("emulated_can.py")

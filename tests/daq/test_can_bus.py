@@ -11,6 +11,8 @@ from daq.can_bus import SlcanBus, frames_of, messages_of, read_frames
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import encode
 
+pytestmark = pytest.mark.live
+
 FRAMES = [(0x181, b"\1\2\3"), (0x281, b""), (0x8000_0000 | 0x12345, bytes(8))]
 
 

@@ -27,6 +27,8 @@ from daq import (
 from daq.can_bus import frames_of, messages_of
 from daq.protocol.frames import can_frames
 
+pytestmark = pytest.mark.live
+
 RATE = 1000.0
 
 

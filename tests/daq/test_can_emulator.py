@@ -20,6 +20,8 @@ from daq.protocol import epson_can
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import SlcanDecoder
 
+pytestmark = pytest.mark.live
+
 NAME = "M-A552AC10, a name of many segments"
 
 

@@ -9,6 +9,8 @@ from daq_helpers import START
 
 from daq import Block, DeviceLost, DeviceReader, DriverError, Event, Flag, Item, Scans
 
+pytestmark = pytest.mark.live
+
 RATE = 1000.0
 
 

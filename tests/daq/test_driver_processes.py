@@ -19,6 +19,8 @@ from daq_helpers import START
 
 from daq import Block, DeviceReader, DriverError, Event, Flag, Item, ScaledClock, make_driver
 
+pytestmark = pytest.mark.live
+
 SCRIPT = Path(__file__).parents[1] / "emulated_ports.py"
 RATE = 1000.0
 

@@ -26,6 +26,8 @@ from daq import (
 )
 from daq.protocol.epson import temperature_raw
 
+pytestmark = pytest.mark.live
+
 ORIGIN = 1_767_225_600_000_000_000  # ns UTC
 RATE = 1000.0
 

@@ -10,6 +10,8 @@ from daq_helpers import make_block
 
 from daq import Block, read_attachments, read_log
 
+pytestmark = pytest.mark.live
+
 CHUNK_SECONDS = 0.4  # of LogThread unless told otherwise
 WRITER = """
 import sys, time

@@ -7,8 +7,12 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from daq import read_log
 from monitor.replay import replay
+
+pytestmark = pytest.mark.live
 
 MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
 SEED = 7

@@ -13,6 +13,8 @@ from cli_helpers import Commands, assert_refused
 from daq import Block, Event, LogError, read_log
 from updater import t_structure_toml
 
+pytestmark = pytest.mark.live
+
 SITE = """structure = "t_structure.toml"
 [analysis]
 window_seconds = 60

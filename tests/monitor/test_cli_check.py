@@ -17,6 +17,8 @@ from daq import DriverError, Scans
 from monitor.probe import probe
 from updater import t_structure_toml
 
+pytestmark = pytest.mark.live
+
 SITE = """structure = "t_structure.toml"
 [analysis]
 window_seconds = 60

@@ -15,6 +15,8 @@ from daq import Event
 from monitor.worker import TOPIC_STOPPED, AnalysisError, Result, Worker
 from updater import t_structure_toml
 
+pytestmark = pytest.mark.live
+
 STOPPED = Event(topic=TOPIC_STOPPED, time=START, payload={})
 
 
@@ -50,6 +52,15 @@ def test_analysis_that_was_killed_is_an_error() -> None:
         os.kill(pid(), signal.SIGKILL)
         with pytest.raises(AnalysisError, match="ended with code -9"):
             results(running)
+
+
+def test_nobody_waits_for_room_at_an_analysis_that_was_killed() -> None:
+    with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0), capacity=2) as running:
+        os.kill(pid(), signal.SIGKILL)
+        running.feed(STOPPED)
+        running.feed(STOPPED)
+        with pytest.raises(AnalysisError, match="ended with code -9"):
+            running.feed(STOPPED)
 
 
 ORPHAN = """

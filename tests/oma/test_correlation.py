@@ -20,7 +20,7 @@ def brute(data: np.ndarray, n_lags: int, start: int, stop: int) -> tuple[np.ndar
 
 
 @pytest.mark.parametrize(("n_samples", "n_lags", "ends"), [
-    (200, 7, (50, 100, 150)), (203, 5, (1, 2, 90)), (90, 20, (18, 19, 60)), (400, 3, (200,)), (30, 40, (10, 10)),
+    (200, 7, (50, 100, 150)), (203, 5, (1, 2, 90)), (90, 20, (18, 19, 60)), (400, 3, (200,)), (30, 40, (0, 10, 10, 28)),
 ])  # fmt: skip
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize("references", [None, (2,), (0, 2)])

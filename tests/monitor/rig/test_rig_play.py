@@ -32,6 +32,8 @@ from monitor.errors import SettingsError, StartError
 from monitor.rig import Place, PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
 from updater import Body
 
+pytestmark = pytest.mark.live
+
 SPEED = 10.0
 RUN = "import sys; from pathlib import Path; from monitor.rig import run_rig; a = sys.argv; "
 RUN += "run_rig(Path(a[1]), speed=float(a[2]), ports=Path(a[3]), report=Path(a[4]))"

@@ -24,6 +24,8 @@ from monitor.live import LiveView, live_urls, live_view
 from monitor.settings import Settings, parse_settings
 from updater import t_structure_toml
 
+pytestmark = pytest.mark.live
+
 RERUN = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
 SITE = made.Site()
 RUN = answers.with_findings(SITE, made.whole_run(SITE, n_learning=5, n_before=2, n_after=3))
