@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed oma-selection oma-accuracy clean
+.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -43,6 +43,10 @@ tracking: $(VENV)/.done
 # Set-ups of a measured steel frame merged: the tables of docs/weimar.md; `make weimar DATA=folder`, a second.
 weimar: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/weimar.py $(DATA)
+
+# FDD, EFDD, FSDD and pLSCF beside pyOMA2's and the smallest possible errors: the tables in docs/oma.md, half an hour.
+oma-frequency: $(VENV)/.done
+	PYTHONPATH=tests $(BIN)/python benchmarks/oma_frequency.py
 
 # Subspace identification beside pyOMA2 and koma: the table in docs/oma.md. SIZES=ab takes minutes, all four an hour.
 oma-speed: $(VENV)/.done

@@ -1,4 +1,4 @@
-"""Poles and shapes of matrix fractions, and what each block of time moves them by, to first order.
+"""Poles and shapes of matrix fractions, and what each block of time moves the poles by, to first order.
 
 References
 ----------
@@ -16,10 +16,8 @@ from scipy import fft, linalg
 from daq import FloatArray, IndexArray
 from oma.estimate import ComplexArray
 from oma.matrix_fraction import HalfSpectrum, MatrixFraction, ridged
-from oma.uncertainty import PoleInfluence, normalised_move, pole_moves
 
-_BAND = (0.04, 0.48)  # of poles that take part in the correlations, as a share of the rate
-_DAMPING = (-1e-3, 0.2)
+_LEAST_DAMPING = -1e-3  # of poles that take part: others grow, and explain noise
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +39,6 @@ class FractionModel:
     decay: float  #: of the exponential window, a lag [-]
     taking_part: IndexArray  #: (n_parts,) roots that are modes, or could be
     shape: ComplexArray  #: (n_roots, n_channels), zero for roots that take no part
-    design: ComplexArray  #: (n_lags, n_references, n_parts): what each part adds to the correlation at a unit shape
     kernel: ComplexArray  #: (n_parts, n_lags, n_references): a shape is the correlation function times this
 
     @property
@@ -60,59 +57,51 @@ def continuous(root: ComplexArray, decay: float, rate: float) -> ComplexArray:
     return np.asarray((decay - np.log(root)) * rate)
 
 
-def fraction_model(fraction: MatrixFraction, seen: Windowed) -> FractionModel:
-    """Return poles, and shapes by least squares over the lags: no other poles than those that could be modes."""
+def fraction_model(fraction: MatrixFraction, spectrum: HalfSpectrum, seen: Windowed) -> FractionModel:
+    """Return poles, and shapes by least squares over the lines: no other poles than those that could be modes.
+
+    Modes beyond the lines are a constant and a slope between any two channels.
+    """
     pole = continuous(fraction.root, seen.decay, seen.rate)
-    frequency, damping = pole.imag / (2 * np.pi * seen.rate), -pole.real / np.abs(pole)
-    inside = (frequency > _BAND[0]) & (frequency < _BAND[1]) & (damping > _DAMPING[0]) & (damping < _DAMPING[1])
-    part = np.flatnonzero(inside)
-    lag = np.arange(len(seen.values))
-    design = fraction.root[part] ** -lag[:, None, None] * fraction.left_vector[part].T
-    flat = design.reshape(len(lag) * design.shape[1], len(part))
-    inverse = np.linalg.pinv(np.hstack((flat.real, -flat.imag)))
-    kernel = inverse[: len(part)] + 1j * inverse[len(part) :]
-    shape = np.zeros((len(fraction.root), seen.values.shape[1]), dtype=np.complex128)
-    shape[part] = kernel @ seen.values.transpose(0, 2, 1).reshape(flat.shape[0], -1)
+    part = np.flatnonzero((pole.imag >= 0) & (-pole.real > _LEAST_DAMPING * np.abs(pole)))
+    n_lags, n_channels, n_references = seen.values.shape
+    decays = fraction.root[part] ** -np.arange(n_lags)[:, None]
+    left, used, point = fraction.left_vector[part].T, spectrum.used, spectrum.point
+    halves = [
+        0.5 * fft.fft(decay, len(used), axis=0)[used][:, None] * participation
+        for decay, participation in ((decays, left), (decays.conj(), left.conj()))
+    ]
+    beyond = [power[:, None, None] * np.eye(n_references) for power in (np.ones(len(point)), point)]
+    design = np.concatenate((*halves, *beyond), axis=2).reshape(len(point) * n_references, -1)
+    root_weight = np.repeat(np.sqrt(spectrum.weight[used]), n_references)
+    inverse = np.linalg.pinv(design * root_weight[:, None])[: len(part)] * root_weight
+    lines = np.zeros((len(part), len(used), n_references), dtype=np.complex128)
+    lines[:, used] = inverse.reshape(len(part), len(point), n_references)
+    kernel = np.asarray(fft.fft(lines, axis=1)[:, :n_lags])
+    shape = np.zeros((len(fraction.root), n_channels), dtype=np.complex128)
+    shape[part] = np.einsum("plr,lor->po", kernel, seen.values, optimize=True)
     return FractionModel(
-        fraction=fraction,
-        rate=seen.rate,
-        decay=seen.decay,
-        taking_part=part,
-        shape=shape,
-        design=design,
-        kernel=kernel.reshape(len(part), *design.shape[:2]),
+        fraction=fraction, rate=seen.rate, decay=seen.decay, taking_part=part, shape=shape, kernel=kernel
     )
 
 
-def pole_influences(
-    model: FractionModel, spectrum: HalfSpectrum, seen: Windowed, scale: FloatArray
-) -> dict[int, PoleInfluence]:
-    """Follow each block's influence on the correlation function to the poles and shapes that take part.
+def pole_influences(model: FractionModel, spectrum: HalfSpectrum, seen: Windowed) -> ComplexArray:
+    """Follow each block's influence on the correlation function to the poles that take part.
 
     Parameters
     ----------
     model : FractionModel
     spectrum : HalfSpectrum
     seen : Windowed
-    scale : (n_channels,) array
-        What the model's shapes are to be multiplied with.
 
     Returns
     -------
-    dict
-        Column of the root to its influence.
+    (n_blocks, n_parts) array
+        Of the poles in continuous time [rad/s].
     """
-    part = model.taking_part
     kernel = _kernel(model, spectrum, len(seen.values))
-    moves = seen.moves.reshape(len(seen.moves), -1) @ kernel.reshape(-1, len(part))
-    relative = -moves / model.fraction.root[part]
-    shapes = _shape_moves(model, relative, seen)
-    result = {}
-    for k, column in enumerate(part.tolist()):
-        frequency, damping = pole_moves(model.continuous[column], relative[:, k] * model.rate)
-        moved = normalised_move(scale * model.shape[column], scale * shapes[:, k])
-        result[column] = PoleInfluence(frequency=frequency, damping=damping, shape=moved)
-    return result
+    moves = seen.moves.reshape(len(seen.moves), -1) @ kernel.reshape(-1, len(model.taking_part))
+    return np.asarray(-moves / model.fraction.root[model.taking_part] * model.rate)
 
 
 def _kernel(model: FractionModel, spectrum: HalfSpectrum, n_lags: int) -> ComplexArray:
@@ -154,17 +143,3 @@ def _residual(
     flat = projected.reshape(fraction.power + 1, -1)
     numerator = linalg.solve_triangular(fraction.factor, flat, trans="T", lower=True).reshape(projected.shape)
     return values, spectrum.values[spectrum.used] @ values - np.tensordot(powers, numerator, axes=1)
-
-
-def _shape_moves(model: FractionModel, relative: ComplexArray, seen: Windowed) -> ComplexArray:
-    """Return moves of raw shapes, (n_blocks, n_parts, n_channels): of the correlation, and of the poles in it.
-
-    `relative` (n_blocks, n_parts) is what the poles' factors from lag to lag move by, as a share. The participation of
-    the references counts as known: of modes closer than their bells are wide this leaves out up to half of the scatter.
-    """
-    direct = np.einsum("blor,plr->bpo", seen.moves, model.kernel, optimize=True)
-    steeper = np.arange(len(seen.values))[:, None, None] * model.design
-    mixing = np.einsum("plr,lrq->pq", model.kernel, steeper, optimize=True)
-    mirrored = np.einsum("plr,lrq->pq", model.kernel, steeper.conj(), optimize=True)
-    pushed = relative[:, :, None] * model.shape[model.taking_part]
-    return np.asarray(direct - 0.5 * (mixing @ pushed + mirrored @ pushed.conj()))

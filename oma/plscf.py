@@ -18,17 +18,21 @@ import numpy as np
 
 from daq import FloatArray
 from oma.correlation import CorrelationAccumulator, CorrelationSums
-from oma.fraction_poles import Windowed, fraction_model, pole_influences
-from oma.matrix_fraction import half_spectrum, matrix_fractions
+from oma.estimate import ComplexArray
+from oma.fraction_poles import FractionModel, Windowed, fraction_model, pole_influences
+from oma.fraction_shapes import shape_moves
+from oma.mac import mac_matrix, normalise
+from oma.matrix_fraction import HalfSpectrum, half_spectrum, matrix_fractions
 from oma.methods import LevelModes
 from oma.modes import candidates
 from oma.pyramid import Level
 from oma.selection import Selection
 from oma.stabilization import stabilization
-from oma.uncertainty import PoleInfluence
+from oma.uncertainty import PoleInfluence, normalised_move, pole_moves
 
 _LINES = (0.058, 0.46)  # that are fitted, as a share of the rate: the band of any level and a margin
 _SHORTEST = 24  # lags
+_SAME, _ALIKE = 0.02, 0.9  # relative distance of poles and MAC of shapes of one mode in two orders
 _LAGS_A_SAMPLE = 16  # samples a lag, where the record is short
 
 
@@ -102,22 +106,11 @@ class PLSCFLevel:
         seen, scale = self._windowed(self._correlations.sums, n_lags)
         spectrum = half_spectrum(seen.values, _LINES)
         fractions = matrix_fractions(spectrum, method.powers(seen.values.shape[2]))
-        models = [fraction_model(fraction, seen) for fraction in fractions]
+        models = [fraction_model(fraction, spectrum, seen) for fraction in fractions]
         scaled = [replace(model, shape=model.shape * scale) for model in models]
         poles = stabilization(scaled, self._level.band, method.selection)
-        by_order = {model.order: model for model in models}
-
-        @cache
-        def moves(order: int) -> dict[int, PoleInfluence]:
-            return pole_influences(by_order[order], spectrum, seen, scale)
-
-        modes = candidates(
-            poles,
-            len(models),
-            lambda order, column: moves(order)[column],
-            n_complete / self._level.rate,
-            method.selection,
-        )
+        influence = _Influences(models, spectrum, seen, scale)
+        modes = candidates(poles, len(models), influence, n_complete / self._level.rate, method.selection)
         return LevelModes(poles=poles, modes=modes)
 
     def _windowed(self, sums: CorrelationSums, n_lags: int) -> tuple[Windowed, FloatArray]:
@@ -135,3 +128,37 @@ class PLSCFLevel:
         chosen = vectors[:, -min(self._method.n_references, self._n_channels) :]
         moves = np.stack([(window * block[used]) @ chosen for block in sums.influences()])
         return Windowed(values=mean @ chosen, moves=moves, decay=decay, rate=self._level.rate), scale
+
+
+class _Influences:
+    """What each block of time moves any pole by; shapes of all orders move as those of a middle one that has them."""
+
+    def __init__(
+        self, models: Sequence[FractionModel], spectrum: HalfSpectrum, seen: Windowed, scale: FloatArray
+    ) -> None:
+        self._models = {model.order: model for model in models}
+        self._middle = models[len(models) // 2]
+        self._scale = scale
+        self._poles = cache(lambda order: pole_influences(self._models[order], spectrum, seen))
+        self._shapes = cache(lambda order: shape_moves(self._models[order], spectrum, seen))
+
+    def __call__(self, order: int, column: int) -> PoleInfluence:
+        """Return the influences on a column of the model of an order."""
+        model = self._models[order]
+        k = int(np.searchsorted(model.taking_part, column))
+        frequency, damping = pole_moves(model.continuous[column], self._poles(order)[:, k])
+        shape = self._shape(model, column)
+        return PoleInfluence(frequency=frequency, damping=damping, shape=shape)
+
+    def _shape(self, model: FractionModel, column: int) -> ComplexArray:
+        """Return moves of the normalised shape."""
+        middle, shape = self._middle, normalise(self._scale * model.shape[column])
+        found = normalise(self._scale * middle.shape[middle.taking_part])
+        near = np.abs(middle.continuous[middle.taking_part] / model.continuous[column] - 1) < _SAME
+        same = np.flatnonzero(near & (mac_matrix(found, shape[None])[:, 0] > _ALIKE))
+        if not len(same):
+            middle, same = model, np.flatnonzero(model.taking_part == column)
+        k = int(same[0])
+        raw = self._scale * middle.shape[middle.taking_part[k]]
+        moves = normalised_move(raw, self._scale * self._shapes(middle.order)[:, k])
+        return moves * np.sign(np.real(normalise(raw) @ shape.conj()))
