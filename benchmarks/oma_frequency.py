@@ -217,7 +217,7 @@ def accuracy(n_windows: int, folder: Path) -> None:
                     found = identify(it.record(seed), METHODS[name]())
                 except IdentificationError:
                     continue
-                matched = pairs(found, truth)
+                matched = pairs(found.frequency, found.shape, truth)
                 false += found.n_modes - len(matched)
                 for i, j in matched:
                     f, zeta = found.frequency[i] - truth.frequency[j], found.damping[i] - truth.damping[j]
