@@ -12,15 +12,17 @@ Osborne, M. R. (1992). Fisher's method of scoring. International Statistical Rev
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy import fft, linalg
+from scipy import linalg
 
 from daq import FloatArray
 
 _STEPS, _CLOSE_ENOUGH = 30, 1e-3
 _LARGEST_STEP = 0.7  # of a logarithm, or of a bell's half width, in one step
 _RIDGE = 1e-4  # beside the number of lines: what the lines say nothing of stays as it is
+_RELATIVE_RIDGE = 1e-9  # of each parameter's information: two parts may look alike
 _TILT = 10.0  # standard deviation of a bell's phase, in damping ratios: the forces' colour and what is measured
 _LEAST_TILT = 1e-3  # damping ratio that this is counted from
 _LEAST_DECAY = 1e-3  # of the distance of two lines: a tone
@@ -47,11 +49,18 @@ class Windowed:
         real part, and last the spectrum of ``Im exp(pole t)``.
         """
         lag = np.arange(len(self.window)) / self.rate
-        decay = self.window * np.exp(pole * lag)
+        decay = np.asarray(self.window * np.exp(pole * lag))
         decay[0] /= 2
-        spectrum = fft.fft(np.stack((decay, lag * decay)), axis=-1) / self.rate
-        both = spectrum[:, self.lines] + spectrum[:, -np.arange(self.lines.start, self.lines.stop)]
-        return np.stack((both[0].real, -both[1].imag, both[1].real, -both[0].imag))
+        steeper = lag * decay
+        parts = np.stack((decay.real, -steeper.imag, steeper.real, -decay.imag))
+        return np.asarray(parts @ self._cosines) * (2 / self.rate)
+
+    @cached_property
+    def _cosines(self) -> FloatArray:
+        """The transform to the lines, of both signs of frequency, (n_fft, n_lines): quicker than all lines by FFT."""
+        n = len(self.window)
+        table = np.cos(2 * np.pi / n * np.arange(n))
+        return np.asarray(table[np.outer(np.arange(n), np.arange(self.lines.start, self.lines.stop)) % n])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,8 +111,7 @@ class _Spectrum:
         self, model: FloatArray, jacobian: FloatArray, ridge: float | FloatArray, pull: float | FloatArray
     ) -> FloatArray:
         """Return the step of Fisher's scoring, with what is known beforehand: curvature and slope of its logarithm."""
-        fisher = jacobian @ jacobian.T + np.diag(np.broadcast_to(ridge, len(jacobian)))
-        return np.asarray(linalg.solve(fisher, jacobian @ (self.values / model - 1) + pull, assume_a="pos"))
+        return np.asarray(_solved(jacobian, ridge, jacobian @ (self.values / model - 1) + pull))
 
     def likelihood(self, model: FloatArray) -> float:
         """Return the logarithm of Whittle's likelihood for one periodogram a line."""
@@ -160,10 +168,19 @@ def fit_bell(
     model, jacobian = lines.with_bell(theta)
     unit, ridge = _scales(theta, windowed)
     scaled = jacobian * unit[:, None]
-    influence = unit[:2, None] * linalg.solve(scaled @ scaled.T + np.diag(ridge), scaled / model, assume_a="pos")[:2]
+    influence = unit[:2, None] * _solved(scaled, ridge, scaled / model)[:2]
     influence[1] *= pole.real
     gain = lines.likelihood(model) - lines.likelihood(lines.without())
     return BellFit(pole=pole, gain=gain, influence=influence)
+
+
+def _solved(jacobian: FloatArray, ridge: float | FloatArray, right: FloatArray) -> FloatArray:
+    """Return the information matrix's solution, the parameters brought to one scale."""
+    fisher = jacobian @ jacobian.T + np.diag(np.broadcast_to(ridge, len(jacobian)))
+    scale = 1 / np.sqrt(np.diag(fisher))
+    level = scale[:, None] * fisher * scale + _RELATIVE_RIDGE * np.eye(len(scale))
+    columns = right.reshape(len(scale), -1) * scale[:, None]
+    return np.asarray((scale[:, None] * linalg.solve(level, columns, assume_a="pos")).reshape(right.shape))
 
 
 def _scales(theta: FloatArray, windowed: Windowed) -> tuple[FloatArray, FloatArray]:

@@ -157,7 +157,7 @@ def resonances(parts: Decomposition, band: tuple[float, float], duration: float,
     list of Resonance
     """
     found: list[Resonance] = []
-    for line, level in _peaks(parts.values, 1 + _STANDS_OUT / np.sqrt(_n_periodograms(parts, duration))):
+    for line, level in _peaks(parts.values, _least_peak(parts, duration)):
         candidate = _candidate(parts, line, level, duration)
         if candidate and _plausible(candidate, limits) and not _known(candidate, found, limits):
             found.append(candidate)
@@ -200,10 +200,12 @@ def _hidden(parts: Decomposition, one: Resonance, duration: float) -> Resonance 
     left = np.eye(len(one.shape)) - np.outer(one.shape, one.shape.conj())
     rest = left @ parts.matrix[lines] @ left
     values, vectors = np.linalg.eigh(rest)
-    line = int(np.argmax(values[:, -1]))
-    vector, line = vectors[line, :, -1], line + lines.start
+    peak = int(np.argmax(values[:, -1]))
+    if len(one.shape) < 3 or values[peak, -1] < _least_peak(parts, duration) * np.median(values[:, -1]):
+        return None
+    vector, line = vectors[peak, :, -1], peak + lines.start
     coherence = _coherence(parts, line, vector)
-    if len(one.shape) < 3 or coherence < _LEAST_COHERENCE:
+    if coherence < _LEAST_COHERENCE:
         return None
     pole = complex(one.pole.real, (line + parts.sums.first) * parts.width)
     return _fitted(parts, pole, vector, vector, [], 2, coherence, duration)
@@ -262,6 +264,11 @@ def _bell(
 def _n_periodograms(parts: Decomposition, duration: float) -> float:
     """Return how many independent periodograms a line is the mean of."""
     return _OVERLAP_GAIN * duration * parts.sums.rate / parts.sums.n_fft
+
+
+def _least_peak(parts: Decomposition, duration: float) -> float:
+    """Return how high a peak over its surroundings is worth a try."""
+    return float(1 + _STANDS_OUT / np.sqrt(_n_periodograms(parts, duration)))
 
 
 def _surroundings(values: FloatArray) -> FloatArray:
