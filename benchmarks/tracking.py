@@ -20,6 +20,7 @@ Label = tuple[int, int]  #: mode, identity
 SCENARIOS = {
     "5 % drift, one crossing, 10 % of windows missing, one mode in 5 %": Month(),
     "the same with 3 sensors": Month(n_channels=3),
+    "the same with 3 % within each day": Month(daily=0.03),
     "the same with a sudden change of 3 %": Month(jump=0.03),
     "the same with half of the windows missing": Month(missing=0.5),
     "the same with 30 % of modes unseen and a false one in half of the windows": Month(unseen=0.3, spurious=0.5),

@@ -43,8 +43,8 @@ class Followed:
 class Follower:
     """Says which mode of a window is which of those before, and follows them."""
 
-    common_drift: float = 2e-3  #: of all log frequencies together, standard deviation after an hour (temperature) [-]
-    own_drift: float = 5e-4  #: of each by itself, after an hour [-]
+    common_drift: float = 4e-3  #: of all log frequencies together, standard deviation after an hour (temperature) [-]
+    own_drift: float = 2e-3  #: of each by itself, after an hour [-]
     most_drift: float = 0.03  #: of a mode not seen for long [-]
     n_sigma: float = 4.0  #: of prediction and estimate together, within which any mode may be [-]
     min_mac: float = 0.5  #: of a known mode within these; two orthogonal shapes cannot both have it [-]
@@ -155,7 +155,8 @@ class Follower:
     def _inherited(self, tracks: Tracks) -> tuple[IndexArray, IndexArray]:
         """Let modes that just became known inherit from those they resemble and that were not seen since their first.
 
-        A single window cannot move a mode far: one false pole that resembles it would carry it off.
+        A single window cannot move a mode far: one false pole that resembles it would carry it off. Nor does one keep
+        it: if the first window of a mode showed a bad shape, what follows takes its place.
 
         Returns
         -------
@@ -165,9 +166,12 @@ class Follower:
         """
         heirs = (tracks.seen == self.confirm) & (tracks.last == tracks.time)
         shift = np.abs(tracks.log_frequency[:, None] - tracks.log_frequency)
-        fits = (shift < self.max_jump) & (mac_matrix(tracks.shape, tracks.shape) >= self.min_mac_new)
-        fits &= (tracks.seen > self.confirm)[:, None] & heirs & (tracks.last[:, None] < tracks.first)
-        heir = assign(shift, fits)
+        variance = np.diag(tracks.covariance)
+        agreement = mac_matrix(tracks.shape, tracks.shape)
+        near = (shift**2 < self.n_sigma**2 * (variance[:, None] + variance)) & (agreement >= self.min_mac)
+        known = (tracks.seen >= self.confirm)[:, None]
+        fits = near | (known & (shift < self.max_jump) & (agreement >= self.min_mac_new))
+        heir = assign(shift, fits & heirs & (tracks.last[:, None] < tracks.first))
         old = np.flatnonzero(heir >= 0)
         identity = tracks.identity.copy()
         identity[heir[old]] = identity[old]

@@ -35,6 +35,19 @@ def test_merge_setups() -> None:
     assert (1 - found["likeness"] < 8 * 0.03**2).all()
 
 
+def test_follow_modes() -> None:
+    """One identity a mode; in a window or two of 44 the two that cross are so mixed that either may be meant."""
+    found = run("follow_modes.py")
+    best = {}
+    for mode in found["directions"]:
+        counts = {identity: n for (m, identity), n in found["counts"].items() if m == mode}
+        best[mode] = max(counts, key=lambda identity: counts[identity])
+        assert counts[best[mode]] >= 0.94 * sum(counts.values())
+        assert sum(counts.values()) >= (9 if mode == "y, second" else 30)
+    assert len(set(best.values())) == 4
+    assert found["mixed"] < 0.2 * (sum(found["counts"].values()) + found["mixed"])
+
+
 def test_report_log() -> None:
     found = run("report_log.py")
     answer, truth = found["answer"], found["truth"]

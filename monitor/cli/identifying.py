@@ -7,22 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from daq import LogError, Recording, read_attachments
 from monitor.cli.files import write_json
+from monitor.cli.modes_shown import as_json, console, say_modes
 from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
-from monitor.model_modes import ModelModes, ModelPartner, model_modes
+from monitor.model_modes import ModelModes, model_modes
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
-from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, identify_all, mpc, mpd
+from monitor.setups import merge_setups
+from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
-
-console = Console(highlight=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +30,7 @@ class Options:
     window: float | None = None  #: [s]; the log's settings', else the whole log
     band: tuple[float, float] | None = None  #: [Hz]; the log's settings', else chosen
     structure: Path | None = None  #: to compare with; the one attached to the log, if any
+    references: tuple[str, ...] = ()  #: channels that stay while others are moved: each log is a set-up of its own
 
 
 def identify_command(
@@ -43,24 +41,30 @@ def identify_command(
         raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
     if options.band is not None and not 0 < options.band[0] < options.band[1]:
         raise ArgumentError("--band", f"expected 0 < low < high, found {options.band[0]:g} {options.band[1]:g}")
+    if options.references and len(logs) < 2:
+        raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
     settings = _settings(logs[0])
     window = options.window or (settings.analysis.window_seconds if settings else None)
     band = options.band or (settings.analysis.band if settings else None)
     method = METHODS[options.method]()
-    windows, fused = _identify(logs, window, method, band)
+    if options.references:
+        windows, fused = _merged(logs, window, method, band, options.references)
+    else:
+        windows, fused = _identify(logs, window, method, band)
     model = _model(fused.estimate, logs[0], options.structure)
     partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
-    _say(logs, windows, fused, partners)
+    say_modes(logs, windows, fused, partners, setups=bool(options.references))
     about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
     content = as_json(windows, fused, partners) | {"method": about | {"options": asdict(method)}}
     if json_path:
         write_json(json_path, content)
     if picture or out:
-        recording, found = _first(_recordings(logs, window), method, band)
+        recording, found = _first(_recordings(logs[:1] if options.references else logs, window), method, band)
         if picture:
             _draw(picture, recording, found, fused.estimate)
         if out:
-            _fill(out, windows, fused.estimate, recording, found, model, content)
+            over_time = () if options.references else windows.estimates
+            _fill(out, over_time, fused.estimate, recording, found, model, content)
     return 0
 
 
@@ -86,7 +90,7 @@ def _draw(path: Path, recording: Recording, found: Identification, estimate: Mod
 
 def _fill(
     folder: Path,
-    windows: Windows,
+    windows: Sequence[ModalEstimate],
     estimate: ModalEstimate,
     recording: Recording,
     found: Identification,
@@ -100,7 +104,7 @@ def _fill(
         agreement = zip(estimate.channels, model.comac.tolist(), strict=True)
         content = content | {"comac": {channel: c if np.isfinite(c) else None for channel, c in agreement}}
     results = Results(
-        estimate=estimate, windows=windows.estimates, recording=recording, found=found, model=model, content=content
+        estimate=estimate, windows=windows, recording=recording, found=found, model=model, content=content
     )
     try:
         written = write_folder(folder, results)
@@ -137,6 +141,21 @@ def _identify(
         raise LogError(named, str(error)) from error
 
 
+def _merged(
+    logs: Sequence[Path],
+    window: float | None,
+    method: Method,
+    band: tuple[float, float] | None,
+    references: Sequence[str],
+) -> tuple[Windows, FusedModes]:
+    """Identify each log as a set-up of its own, and merge."""
+    parts = [_identify([log], window, method, band) for log in logs]
+    try:
+        return merge_setups(parts, references)
+    except (OmaError, ValueError) as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
+
+
 def _recordings(logs: Sequence[Path], window: float | None) -> Iterator[Recording]:
     """Yield the windows of logs that have the same channels."""
     names = {channel.name for channel in log_channels(logs[0])}
@@ -157,80 +176,3 @@ def _model(estimate: ModalEstimate, log: Path, path: Path | None) -> ModelModes 
         return model_modes(estimate, structure)
     except UpdaterError as error:
         raise StructureError(path or f"{log}: structure.toml", str(error)) from error
-
-
-def as_json(windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner | None]) -> dict[str, Any]:
-    """Return what other programs read, but for the method."""
-    return {
-        "modes": [_mode_json(fused, i, partner) for i, partner in enumerate(partners)],
-        "harmonics": windows.harmonics.tolist(),
-        "channels": windows.channels,
-        "window": {"start": windows.start, "end": windows.end, "rate": windows.rate},
-    }
-
-
-def _mode_json(fused: FusedModes, i: int, partner: ModelPartner | None) -> dict[str, Any]:
-    estimate = fused.estimate
-    shape = dict(zip(estimate.channels, ([z.real, z.imag] for z in estimate.shape[i].tolist()), strict=True))
-    quality: dict[str, Any] = {
-        "support": float(estimate.support[i]),
-        "law_ratio": float(estimate.law_ratio[i]),
-        "mpc": float(mpc(estimate.shape[i])),
-        "mpd": float(mpd(estimate.shape[i])),
-        "windows": int(fused.n[i]),
-    }
-    if partner:
-        quality["model"] = {"frequency": partner.frequency, "mac": partner.mac}
-    return {
-        "id": i + 1,
-        "frequency": {"value": float(estimate.frequency[i]), "std": float(estimate.frequency_std[i])},
-        "damping": {"value": float(estimate.damping[i]), "std": float(estimate.damping_std[i])},
-        "shape": shape,
-        "shape_std": dict(zip(estimate.channels, estimate.shape_std[i].tolist(), strict=True)),
-        "quality": quality,
-    }
-
-
-def _say(logs: Sequence[Path], windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner | None]) -> None:
-    """Print the table and what else there is to know."""
-    console.print(_table(logs, windows, fused, partners))
-    if len(windows.harmonics):
-        console.print("tones, no modes: " + ", ".join(f"{tone:.3f}" for tone in windows.harmonics) + " Hz")
-    for channel, state in windows.channels.items():
-        if state != "ok":
-            console.print(f"channel {escape(channel)}: {state}")
-    if windows.problems:
-        console.print(f"{len(windows.problems)} windows gave no modes: {escape(windows.problems[0])}")
-    if fused.scatter is not None:
-        console.print(f"frequencies scatter {fused.scatter:.2f} times what the windows state")
-
-
-def _table(logs: Sequence[Path], windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner | None]) -> Table:
-    estimate, first = fused.estimate, windows.estimates[0]
-    compared = any(partners)
-    n, seconds = len(windows.estimates), (first.end - first.start) * 1e-9
-    what = f"{n} windows of {seconds:.6g} s" if n > 1 else f"one window of {seconds:.6g} s"
-    table = Table(box=SIMPLE_HEAD, title=f"{escape(', '.join(log.name for log in logs))}: {what}")
-    for name in (
-        "mode",
-        "frequency [Hz]",
-        "damping [%]",
-        "MPC",
-        *(() if compared else ("MPD [°]",)),
-        "seen",
-        *(("model", "MAC") * compared),
-    ):
-        table.add_column(name, justify="right", no_wrap=True)
-    for i, partner in enumerate(partners):
-        cells = [
-            str(i + 1),
-            f"{estimate.frequency[i]:.4f} ± {estimate.frequency_std[i]:.4f}",
-            f"{100 * estimate.damping[i]:.3f} ± {100 * estimate.damping_std[i]:.3f}",
-            f"{float(mpc(estimate.shape[i])):.3f}",
-            *([] if compared else [f"{np.degrees(float(mpd(estimate.shape[i]))):.1f}"]),
-            str(int(fused.n[i])),
-        ]
-        if compared:
-            cells += [f"{partner.frequency:.3f}", f"{partner.mac:.3f}"] if partner else ["-", "-"]
-        table.add_row(*cells)
-    return table

@@ -132,6 +132,10 @@ def identify(
     structure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="structure.toml to compare with; the log's own unless given.")
     ] = None,
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Sensor that stays while others move, each log being a set-up; repeat."),
+    ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="PICTURE.png", help="Spectrum, stabilization diagram and shapes.")
@@ -143,7 +147,7 @@ def identify(
     """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty."""
     from monitor.cli.identifying import Options, identify_command
 
-    options = Options(method=method, window=window, band=band, structure=structure)
+    options = Options(method=method, window=window, band=band, structure=structure, references=tuple(reference or ()))
     raise typer.Exit(identify_command(logs, options, json, picture, out))
 
 

@@ -236,3 +236,32 @@ def test_a_measured_steel_frame_has_its_published_frequencies(modalwatch: Comman
     # published: mean over 15 setups, which differ by up to 0.011 Hz
     assert (np.abs(found[nearest] - PUBLISHED) < 4 * np.hypot(std[nearest], 0.011)).all()
     assert len(set(nearest)) == len(PUBLISHED)
+
+
+def test_logs_of_setups_are_merged(modalwatch: Commands, tmp_path: Path) -> None:
+    tower, logs = chain(6, first=1.5, damping=0.01), []
+    for k, moved in enumerate(((0, 1), (2, 3))):
+        place = [5, *moved]  # the topmost mass keeps its sensor
+        channels = tuple(Channel(name=tower.channels[i], device="d", axis=a) for a, i in enumerate(place))
+        whole = simulate(tower, 400.0, 40.0, seed=40 + k)
+        logs.append(tmp_path / f"setup_{k + 1}.mcap")
+        write_recording(logs[-1], replace(whole, channels=channels, data=whole.data[:, place]))
+    done = modalwatch("identify", *logs, "--reference", "mass_6", "--out", tmp_path / "out")
+    assert (done.code, done.err) == (0, "")
+    assert "setup_1.mcap, setup_2.mcap: 2 set-ups" in done.out.replace("\n", " ")
+    found = json.loads((tmp_path / "out" / "modes.json").read_text())
+    names = ["mass_6", "mass_1", "mass_2", "mass_3", "mass_4"]
+    place = [tower.channels.index(name) for name in names]
+    assert found["channels"] == dict.fromkeys([*names[:3], *names[3:]], "ok")
+    assert len(found["modes"]) == 6
+    for mode, frequency, shape in zip(found["modes"], tower.frequency, tower.shapes, strict=True):
+        assert abs(mode["frequency"]["value"] - frequency) < 4 * mode["frequency"]["std"]
+        measured = np.array([complex(*mode["shape"][name]) for name in names])
+        assert mac(measured, shape[place].astype(complex)) > 0.99
+        assert mode["quality"]["windows"] == 2
+    for arguments, says in (
+        ((logs[0], "--reference", "mass_6"), ("--reference: expected the logs of two set-ups or more, found 1",)),
+        ((*logs, "--reference", "mass_1"), (logs[1], "set-up 2: expected the references mass_1, lacks mass_1")),
+        (logs, (logs[1], "expected the channels of")),
+    ):
+        assert_refused(modalwatch("identify", *arguments), *says)

@@ -112,10 +112,12 @@ def test_a_mode_not_seen_goes_where_the_others_go() -> None:
     names = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
     alone = replace(warm, **{name: getattr(warm, name)[:1] for name in names})
     moved = Follower().follow(tracks, alone).tracks
-    # of 1 %, the share that the common walk has in both walks: 2^2 / (2^2 + 0.5^2)
-    assert np.log(moved.frequency[1] / 7.0) == pytest.approx(np.log(1.01) * 4 / 4.25, rel=0.05)
-    # known to what one walks by itself in a day
-    own = 5e-4 * np.sqrt(24) * np.sqrt(1 + 4 / 4.25)
+    # of 1 %, the share that the common walk has in both walks
+    follower = Follower()
+    share = 1 / (1 + (follower.own_drift / follower.common_drift) ** 2)
+    assert np.log(moved.frequency[1] / 7.0) == pytest.approx(np.log(1.01) * share, rel=0.05)
+    # known to what one walks by itself in a day, and to as much of the other's own walk as was taken for common
+    own = follower.own_drift * np.sqrt(24) * np.sqrt(1 + share)
     assert moved.frequency_std[1] / moved.frequency[1] == pytest.approx(own, rel=0.15)
 
 
