@@ -15,6 +15,7 @@ LINE, STABLE, POLE, MODE, TONE = "#37474f", "#1565c0", "#cfd8dc", "#c62828", "#e
 _SEGMENTS = 8  # of a spectrum, at least: fewer scatter too much
 _LARGEST_FFT = 1 << 14
 _MARGIN = 1.15  # of the highest mode: where pictures end
+_DYNAMIC = 100.0  # dB: below lies what single precision leaves of nothing
 _QUIET, _ROOM = 0.02, 6.0  # share of the width that does not set the height of a spectrum, and dB above and below
 _WRITTEN = 16  # modes up to which a MAC matrix has its numbers
 _LEGEND = 24  # channels up to which arrows are explained
@@ -49,7 +50,7 @@ def draw_spectrum(axes: Axes, recording: Recording, highest: float, n_lines: int
             label="singular values" if k == 0 else None,
         )  # fmt: skip
     lively = level[frequency[shown] > _QUIET * highest]  # drift would press the rest together
-    axes.set_ylim(np.quantile(lively, 0.01) - _ROOM, lively.max() + _ROOM)
+    axes.set_ylim(max(np.quantile(lively, 0.01), lively.max() - _DYNAMIC) - _ROOM, lively.max() + _ROOM)
     axes.set_ylabel("singular values [dB re (m/s²)²/Hz]")
 
 

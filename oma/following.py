@@ -171,7 +171,8 @@ class Follower:
         near = (shift**2 < self.n_sigma**2 * (variance[:, None] + variance)) & (agreement >= self.min_mac)
         known = (tracks.seen >= self.confirm)[:, None]
         fits = near | (known & (shift < self.max_jump) & (agreement >= self.min_mac_new))
-        heir = assign(shift, fits & heirs & (tracks.last[:, None] < tracks.first))
+        fits &= heirs & (tracks.last[:, None] < tracks.first)
+        heir = assign(shift + ~known, fits)  # what is known before what is not
         old = np.flatnonzero(heir >= 0)
         identity = tracks.identity.copy()
         identity[heir[old]] = identity[old]
