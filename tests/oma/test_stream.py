@@ -51,3 +51,13 @@ def test_an_empty_stream_is_too_short() -> None:
     stream.add(np.zeros((10, 2)))
     with pytest.raises(TooShort):
         stream.identify()
+
+
+def test_nothing_of_the_process_is_touched(capfd: pytest.CaptureFixture[str]) -> None:
+    np.random.seed(5)  # noqa: NPY002 - the global state is what must stay
+    before = np.random.get_state(legacy=False)["state"]["key"].copy(), np.geterr()  # noqa: NPY002
+    identify(simulate(chain(), 300.0, 50.0, 0))
+    after = np.random.get_state(legacy=False)["state"]["key"], np.geterr()  # noqa: NPY002
+    assert np.array_equal(before[0], after[0])
+    assert before[1] == after[1]
+    assert capfd.readouterr() == ("", "")
