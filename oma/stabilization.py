@@ -6,7 +6,7 @@ Reynders, E., Houbrechts, J., De Roeck, G. (2012). Fully automated (operational)
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from daq import FloatArray
 from oma.conditioning import BoolArray
 from oma.estimate import ComplexArray
-from oma.mac import mac_matrix, normalise
+from oma.mac import normalise
 from oma.selection import Selection
 
 IndexArray = npt.NDArray[np.intp]
@@ -72,10 +72,16 @@ def stabilization(models: Sequence[PoleModel], band: tuple[float, float], limits
     -------
     Stabilization
     """
-    orders = [_plausible(model, band, limits) for model in models]
-    stable = [_repeats(now, after, limits) for now, after in zip(orders, orders[1:] + orders[-2:-1], strict=False)]
-    joined = {f.name: np.concatenate([getattr(poles, f.name) for poles in orders]) for f in fields(Stabilization)}
-    return Stabilization(**{**joined, "stable": np.concatenate(stable)})
+    poles = _plausible(models, band, limits)
+    level = np.searchsorted([model.order for model in models], poles.order)
+    following = np.where(level < len(models) - 1, level + 1, level - 1)  # the last one is held against the one before
+    shift = np.abs(poles.frequency[:, None] - poles.frequency) / poles.frequency[:, None]
+    near = (shift < limits.max_shift) & (following[:, None] == level)
+    now, after = np.nonzero(near)
+    same = _macs(poles.shape[now], poles.shape[after]) > 1 - limits.max_mac_loss
+    stable = np.zeros(len(poles), dtype=np.bool_)
+    stable[now[same]] = True
+    return replace(poles, stable=stable)
 
 
 def join(parts: list[Stabilization]) -> Stabilization:
@@ -83,16 +89,16 @@ def join(parts: list[Stabilization]) -> Stabilization:
     return Stabilization(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Stabilization)})
 
 
-def _plausible(model: PoleModel, band: tuple[float, float], limits: Selection) -> Stabilization:
-    """Keep oscillating, damped poles inside the band.
+def _plausible(models: Sequence[PoleModel], band: tuple[float, float], limits: Selection) -> Stabilization:
+    """Keep the oscillating, damped poles of all orders inside the band.
 
     Shapes need not be real: in a finite window two close modes mix with complex factors, and a phase collinearity of
     0.5 asked of poles was measured to lose one of two modes 1 to 2 % apart in one of four windows of 25 s.
     """
-    pole = model.continuous
+    pole = np.concatenate([model.continuous for model in models])
     frequency = np.abs(pole) / (2 * np.pi)
     damping = -pole.real / np.abs(pole)
-    column = np.flatnonzero(
+    kept = np.flatnonzero(
         (pole.imag > 0)
         & (frequency > band[0])
         & (frequency < band[1])
@@ -100,18 +106,15 @@ def _plausible(model: PoleModel, band: tuple[float, float], limits: Selection) -
         & (damping < limits.max_damping)
     )
     return Stabilization(
-        frequency=frequency[column],
-        damping=damping[column],
-        shape=normalise(model.shape[column]),
-        order=np.full(len(column), model.order),
-        column=column,
-        stable=np.zeros(len(column), dtype=np.bool_),
+        frequency=frequency[kept],
+        damping=damping[kept],
+        shape=normalise(np.concatenate([model.shape for model in models])[kept]),
+        order=np.concatenate([np.full(len(model.continuous), model.order) for model in models])[kept],
+        column=np.concatenate([np.arange(len(model.continuous)) for model in models])[kept],
+        stable=np.zeros(len(kept), dtype=np.bool_),
     )
 
 
-def _repeats(now: Stabilization, after: Stabilization, limits: Selection) -> BoolArray:
-    """Tell which poles of one order have a neighbour in another."""
-    shift = np.abs(now.frequency[:, None] - after.frequency) / now.frequency[:, None]
-    near: BoolArray = (shift < limits.max_shift) & (1 - mac_matrix(now.shape, after.shape) < limits.max_mac_loss)
-    result: BoolArray = np.any(near, axis=1)
-    return result
+def _macs(a: ComplexArray, b: ComplexArray) -> FloatArray:
+    """Return the modal assurance criterion of pairs of shapes of unit norm, (n_pairs, n_channels) each."""
+    return np.asarray(np.abs(np.einsum("ij,ij->i", a.conj(), b)) ** 2)
