@@ -23,6 +23,9 @@ _STEPS, _CLOSE_ENOUGH = 30, 1e-3
 _LARGEST_STEP = 0.7  # of a logarithm, or of a bell's half width, in one step
 _RIDGE = 1e-4  # beside the number of lines: what the lines say nothing of stays as it is
 _RELATIVE_RIDGE = 1e-9  # of each parameter's information: two parts may look alike
+_STEPS_IN_VAIN, _LEAST_SHARE = 5, 0.1  # a bell that is less of every line by then comes to nothing
+_SLOPE = 1.0  # standard deviation of the logarithm by which the background rises across half of the lines
+_KNOWN = [3, 5]  # parameters that something is known of beforehand: phase and slope
 _TILT = 10.0  # standard deviation of a bell's phase, in damping ratios: the forces' colour and what is measured
 _LEAST_TILT = 1e-3  # damping ratio that this is counted from
 _LEAST_DECAY = 1e-3  # of the distance of two lines: a tone
@@ -152,11 +155,13 @@ def fit_bell(
     least[[1, 4]] = np.log(_LEAST_DECAY * windowed.width), floor + np.log(_LEAST_FLOOR)
     middle = windowed.width * (windowed.lines.start + windowed.lines.stop - 1) / 2
     reach = windowed.width * (windowed.lines.stop - 1 - windowed.lines.start) / 2
-    for _ in range(_STEPS):
+    for k in range(_STEPS):
         model, jacobian = lines.with_bell(theta)
+        if k >= _STEPS_IN_VAIN and jacobian[2].max() < _LEAST_SHARE:
+            return None
         unit, ridge = _scales(theta, windowed)
         pull = np.zeros(len(theta))
-        pull[3] = -ridge[3] * theta[3]
+        pull[_KNOWN] = -ridge[_KNOWN] * theta[_KNOWN]
         step = lines.step(model, jacobian * unit[:, None], ridge, pull)
         theta = theta + np.clip(step, -_LARGEST_STEP, _LARGEST_STEP) * unit
         theta = np.maximum(theta, least)
@@ -188,4 +193,5 @@ def _scales(theta: FloatArray, windowed: Windowed) -> tuple[FloatArray, FloatArr
     unit, ridge = np.ones(len(theta)), np.full(len(theta), _RIDGE)
     unit[0] = max(np.exp(theta[1]), 0.1 * windowed.width)
     ridge[3] = (_TILT * max(np.exp(theta[1]) / theta[0], _LEAST_TILT)) ** -2
+    ridge[5] = _SLOPE**-2
     return unit, ridge
