@@ -3,7 +3,8 @@
 A label is right if the mode has the identity that most sightings of it have, and no other mode has that one more often.
 What is no mode must not get the identity of one.
 
-Usage: PYTHONPATH=tests python benchmarks/tracking.py [SEEDS], or make tracking
+Usage: PYTHONPATH=tests python benchmarks/tracking.py [SEEDS], or make tracking; with `recorded` in the place of SEEDS a
+month whose windows, one an hour, are simulated as recordings and identified: some minutes more.
 """
 
 import sys
@@ -12,9 +13,9 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
-from months_helpers import STRANGE, Month, month
+from months_helpers import STRANGE, Month, month, month_of_recordings
 
-from oma import Follower, ModalEstimate, Tracker, Tracks
+from oma import Follower, IdentificationError, ModalEstimate, Tracker, Tracks, identify, pair_modes
 
 Label = tuple[int, int]  #: mode, identity
 SCENARIOS = {
@@ -62,6 +63,30 @@ def right(labels: list[Label]) -> tuple[int, int, int]:
     return good, count.total(), sum(i in owner for m, i in labels if m == STRANGE)
 
 
+def recorded(seed: int) -> None:
+    """Identify and follow a month of recordings; say how many labels are right."""
+    tracks: Tracks | None = None
+    labels: list[Label] = []
+    sure: list[Label] = []
+    windows = 0
+    for recording, truth in month_of_recordings(seed):
+        try:
+            estimate = identify(recording)
+        except IdentificationError:
+            continue
+        found = Follower().follow(tracks, estimate)
+        tracks, windows = found.tracks, windows + 1
+        place = pair_modes(estimate.frequency, estimate.shape.real, truth.frequency, truth.shapes)
+        modes = np.where(place >= 0, truth.modes[place], STRANGE)
+        new = list(zip(modes.tolist(), found.identity.tolist(), strict=True))
+        labels += new
+        sure += [label for label, doubt in zip(new, found.doubtful.tolist(), strict=True) if not doubt]
+    for name, some in (("all", labels), ("but those said to be doubtful", sure)):
+        good, total, taken = right(some)
+        print(f"{name}: {good} of {total} labels right ({100 * good / total:.2f} %), {taken} false modes taken for one")
+    print(f"{windows} windows; seed {seed}")
+
+
 def main(seeds: int) -> None:
     """Print the table."""
     ways: dict[str, Callable[[Month, int], list[Label]]] = {"`Follower`": followed, "`Tracker`, first day": compared}
@@ -80,4 +105,7 @@ def main(seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10)
+    if sys.argv[1:] == ["recorded"]:
+        recorded(1)
+    else:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else 10)

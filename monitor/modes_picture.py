@@ -15,6 +15,7 @@ from updater import Structure
 
 _SHAPES = 6  # modes whose shapes are drawn below the diagram
 _COLUMNS = 4
+_NAMES = 20  # of channels, below a shape
 _SWAY = 0.2  # of the structure's size: the longest arrow
 
 
@@ -49,6 +50,7 @@ def shapes_figure(estimate: ModalEstimate, structure: Structure | None) -> Figur
     columns = min(_COLUMNS, estimate.n_modes)
     rows = -(-estimate.n_modes // columns)
     figure = Figure(figsize=(3.6 * columns, (4.0 if structure else 3.2) * rows), layout="constrained")
+    highest = 1.1 * float(np.abs(estimate.shape.real).max())
     for k in range(estimate.n_modes):
         if structure:
             axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
@@ -57,7 +59,7 @@ def shapes_figure(estimate: ModalEstimate, structure: Structure | None) -> Figur
         else:
             bars = figure.add_subplot(rows, columns, k + 1)
             _draw_bars(bars, estimate, k)
-            bars.set_ylim(-1.05, 1.05)
+            bars.set_ylim(-highest, highest)
     return figure
 
 
@@ -65,7 +67,8 @@ def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
     place = np.arange(len(estimate.channels))
     axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=STABLE, ecolor=LINE, capsize=2)
     axes.axhline(0, color=LINE, linewidth=0.6)
-    axes.set_xticks(place, estimate.channels, rotation=90, fontsize=7)
+    named = place[:: -(-len(place) // _NAMES)]
+    axes.set_xticks(named, [estimate.channels[i] for i in named], rotation=90, fontsize=7)
     axes.tick_params(axis="y", labelsize=7)
     axes.set_title(_title(estimate, k), fontsize=9)
 

@@ -1,11 +1,12 @@
 """Modes of a structure through a simulated month, as identification would hand them on window by window."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from oma_helpers import Structure, simulate
 
-from daq import FloatArray, IndexArray
+from daq import FloatArray, IndexArray, Recording
 from oma import ModalEstimate, normalise, uncertainty_law
 
 WINDOW = 600.0  # s
@@ -97,3 +98,34 @@ def _estimate(
         end=start + round(WINDOW * 1e9),
     )
     return estimate, modes[order]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Truth:
+    """The modes that are excited in a window."""
+
+    modes: IndexArray  # (n,)
+    frequency: FloatArray  # (n,) Hz
+    shapes: FloatArray  # (n, n_channels)
+
+
+def month_of_recordings(seed: int, what: Month = Month()) -> Iterator[tuple[Recording, Truth]]:
+    """Yield a recording an hour, of the same month, and what is true of it."""
+    rng = np.random.default_rng(seed)
+    n = round(what.days * 24)
+    shapes = _shapes(rng, what.n_channels)
+    lost = rng.random(n) < what.missing
+    for k in np.flatnonzero(~lost).tolist():
+        season = 0.5 - 0.5 * np.cos(np.pi * k / n)
+        warmth = what.drift * season + what.daily * np.sin(2 * np.pi * k / 24)
+        frequency = FREQUENCY * (1 + SENSITIVITY * warmth)
+        modes = np.flatnonzero((np.arange(len(FREQUENCY)) != RARE) | (rng.random() < what.rare))
+        structure = Structure(
+            frequency=frequency[modes],
+            damping=np.full(len(modes), DAMPING),
+            shapes=shapes[modes],
+            channels=tuple(f"ch{i}" for i in range(what.n_channels)),
+        )
+        recording = simulate(structure, WINDOW, 40.0, seed=1000 * seed + k)
+        start = round(k * 3600e9)
+        yield replace(recording, start=start), Truth(modes=modes, frequency=frequency[modes], shapes=shapes[modes])
