@@ -14,6 +14,7 @@ from oma import (
     Method,
     ModalEstimate,
     Tracker,
+    WindowQuality,
     channel_faults,
     identify_all,
     normalise,
@@ -32,10 +33,20 @@ class Windows:
     estimates: tuple[ModalEstimate, ...]  #: of the windows that gave modes
     harmonics: FloatArray  #: (n_harmonics,) tones seen in most of these windows [Hz]
     channels: dict[str, str]  #: "ok", or what is wrong and in how many windows
+    quality: tuple[WindowQuality, ...]  #: of the windows that gave modes
     problems: tuple[str, ...]  #: of the windows that gave none
     start: int  #: of the earliest window [ns UTC]
     end: int  #: of the latest one [ns UTC]
     rate: float  #: samples a second [Hz]
+
+    @property
+    def worst_quality(self) -> WindowQuality:
+        """What the windows that gave modes offer at least."""
+        return WindowQuality(
+            complete=min(q.complete for q in self.quality),
+            rms_variation=max(q.rms_variation for q in self.quality),
+            cycles=min(q.cycles for q in self.quality),
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,16 +83,19 @@ def identify_windows(
     tones: list[FloatArray] = []
     problems: list[str] = []
     faults: list[dict[str, str]] = []
+    qualities: list[WindowQuality] = []
     spans: list[tuple[int, int, float]] = []
     for recording in recordings:
         on_window(recording)
-        faults.append({c.name: "ok" for c in recording.channels} | channel_faults(recording))
         spans.append((recording.start, recording.end, recording.rate))
         try:
             found = identify_all(recording, method, band)
         except IdentificationError as error:
             problems.append(str(error))
+            faults.append({c.name: "ok" for c in recording.channels} | channel_faults(recording))
             continue
+        faults.append(dict(found.channels))
+        qualities.append(found.quality)
         estimates.append(found.estimate)
         tones.append(found.harmonics)
     if not spans:
@@ -90,6 +104,7 @@ def identify_windows(
         estimates=tuple(estimates),
         harmonics=_common_tones(tones),
         channels=_channel_states(faults),
+        quality=tuple(qualities),
         problems=tuple(problems),
         start=min(start for start, _, _ in spans),
         end=max(end for _, end, _ in spans),

@@ -30,6 +30,7 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
             estimates=estimates,
             harmonics=tones[new],
             channels=_states(windows),
+            quality=tuple(quality for w in windows for quality in w.quality),
             problems=tuple(problem for w in windows for problem in w.problems),
             start=min(w.start for w in windows),
             end=max(w.end for w in windows),

@@ -14,6 +14,7 @@ from oma.merging import match_setups, merge
 from oma.methods import Method
 from oma.pairing import pair_modes
 from oma.plscf import PLSCF
+from oma.quality import WindowQuality
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
 from oma.ssi import CovarianceSSI, DataSSI
@@ -48,6 +49,7 @@ __all__ = [
     "TooShort",
     "Tracker",
     "Tracks",
+    "WindowQuality",
     "aligned",
     "channel_faults",
     "comac",

@@ -47,11 +47,15 @@ def device_delays(recording: Recording) -> dict[str, float]:
     TooFewChannels
         If fewer than two channels carry a signal.
     """
-    names, data = usable(recording)
-    of_channel = {channel.name: channel.device for channel in recording.channels}
-    column = [of_channel[name] for name in names]
+    zero = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
+    return zero | delays_of_clean(usable(recording))
+
+
+def delays_of_clean(recording: Recording) -> dict[str, float]:
+    """Return the same as `device_delays` of a recording whose channels all carry a signal."""
+    column, data = [channel.device for channel in recording.channels], recording.data
     devices = sorted(set(column))
-    zero = dict.fromkeys(sorted(set(of_channel.values())), 0.0)
+    zero = dict.fromkeys(devices, 0.0)
     n_fft = min(_N_FFT, 1 << (2 * len(data) // (_LEAST_SEGMENTS + 1)).bit_length() >> 1)
     if len(devices) < 2 or n_fft < _LEAST_FFT:
         return zero

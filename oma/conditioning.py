@@ -1,19 +1,34 @@
 """From a recording to clean channels."""
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, Recording
 from oma.errors import TooFewChannels
+from oma.faults import MOST_SPIKES, signal_faults, without_spikes
+from oma.gaps import filled
+
+_MENTIONED = 0.01  # share of samples filled in a channel from which on it is said
 
 BoolArray = npt.NDArray[np.bool_]
 
 
-def channel_faults(recording: Recording, min_complete: float = 0.5) -> dict[str, str]:
-    """Name the channels that identification has to do without, and say why.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cleaned:
+    """A recording that can be analysed, and what was wrong with it."""
+
+    recording: Recording  #: of the channels kept; spikes are out, short gaps filled
+    faults: Mapping[str, str]  #: channel -> what is wrong: with those given up, and with those mended
+
+
+def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
+    """Give up channels that carry no signal of the structure, mend what can be mended, and say so.
 
     Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
-    of the recording is complete.
+    of the recording is complete; gaps of a few samples are filled before (`oma.gaps`), and spikes are such gaps.
 
     Parameters
     ----------
@@ -23,24 +38,46 @@ def channel_faults(recording: Recording, min_complete: float = 0.5) -> dict[str,
 
     Returns
     -------
-    dict
-        Channel name to reason.
+    Cleaned
+        With no channels if none is left.
     """
-    valid = np.isfinite(recording.data)
-    faults = {}
-    for channel, column, there in zip(recording.channels, recording.data.T, valid.T, strict=True):
-        if np.any(there) and np.ptp(column[there]) == 0:
-            faults[channel.name] = "constant"
-    kept = [i for i, channel in enumerate(recording.channels) if channel.name not in faults]
+    names = [channel.name for channel in recording.channels]
+    data = np.where(np.isfinite(recording.data), recording.data, np.nan)
+    faults = {names[column]: fault for column, fault in signal_faults(data, names)}
+    given_up = set(faults)
+    data, taken = without_spikes(data)
+    for name, share in zip(names, taken.tolist(), strict=True):
+        if share:
+            faults.setdefault(name, f"spikes: {share:.2%} of the samples are taken out")
+        if share > MOST_SPIKES:
+            given_up.add(name)
+    kept = [i for i, name in enumerate(names) if name not in given_up]
+    lost = np.isnan(data[:, kept])
+    data[:, kept] = filled(data[:, kept])
+    mended = lost.mean(axis=0) - np.isnan(data[:, kept]).mean(axis=0)
+    for i, share in zip(kept, mended.tolist(), strict=True):
+        if share > _MENTIONED:
+            faults.setdefault(names[i], f"gaps: {share:.1%} of the samples were missing and are filled")
+    for i, fault in _incomplete(data, kept, min_complete):
+        kept.remove(i)
+        faults[names[i]] = fault
+    channels = tuple(recording.channels[i] for i in kept)
+    return Cleaned(
+        recording=replace(recording, channels=channels, data=data[:, kept]),
+        faults={name: faults[name] for name in names if name in faults},
+    )
+
+
+def _incomplete(data: FloatArray, columns: Sequence[int], min_complete: float) -> Iterator[tuple[int, str]]:
+    """Yield the columns that have to go until enough rows are complete."""
+    valid, kept = np.isfinite(data), list(columns)
     while kept and np.count_nonzero(valid[:, kept].all(axis=1)) < min_complete * len(valid):
         share = valid[:, kept].mean(axis=0)
-        worst = kept.pop(int(np.argmin(share)))
-        faults[recording.channels[worst].name] = f"{share.min():.0%} of the samples are there"
-    return {c.name: faults[c.name] for c in recording.channels if c.name in faults}
+        yield kept.pop(int(np.argmin(share))), f"{share.min():.0%} of the samples are there"
 
 
-def usable(recording: Recording) -> tuple[tuple[str, ...], FloatArray]:
-    """Leave out the channels that carry no signal.
+def channel_faults(recording: Recording) -> dict[str, str]:
+    """Name the channels with which something is wrong, and say what: those given up, and those mended.
 
     Parameters
     ----------
@@ -48,19 +85,35 @@ def usable(recording: Recording) -> tuple[tuple[str, ...], FloatArray]:
 
     Returns
     -------
-    names : tuple of str
-    data : (n_samples, n_names) array
+    dict
+        Channel name to reason.
+    """
+    return dict(cleaned(recording).faults)
+
+
+def usable(recording: Recording) -> Recording:
+    """Return the recording without the channels that carry no signal, mended.
 
     Raises
     ------
     TooFewChannels
-        If fewer than two are left.
+        If fewer than two channels are left.
     """
-    faults = channel_faults(recording)
-    names = tuple(c.name for c in recording.channels if c.name not in faults)
+    return enough(cleaned(recording))
+
+
+def enough(clean: Cleaned) -> Recording:
+    """Return a cleaned recording if it has channels enough.
+
+    Raises
+    ------
+    TooFewChannels
+        If fewer than two channels are left.
+    """
+    names = tuple(channel.name for channel in clean.recording.channels)
     if len(names) < 2:
-        raise TooFewChannels(names, 2, faults)
-    return names, recording.data[:, [c.name not in faults for c in recording.channels]]
+        raise TooFewChannels(names, 2, dict(clean.faults))
+    return clean.recording
 
 
 def detrended(data: FloatArray) -> FloatArray:

@@ -7,8 +7,8 @@ from types import MappingProxyType
 import numpy as np
 
 from daq import FloatArray, Recording
-from oma.alignment import aligned, device_delays
-from oma.conditioning import usable
+from oma.alignment import aligned, delays_of_clean
+from oma.conditioning import cleaned, enough
 from oma.efdd import EFDD
 from oma.errors import TooFewModes, TooShort
 from oma.estimate import ModalEstimate
@@ -19,6 +19,7 @@ from oma.methods import LevelModes, Method
 from oma.modes import Mode, distinct, physical, split_tones
 from oma.plscf import PLSCF
 from oma.pyramid import PASS, Decimator, HighPass, levels
+from oma.quality import BlockQuality, WindowQuality, window_quality
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
 
@@ -37,6 +38,9 @@ class Identification:
     estimate: ModalEstimate  #: with the devices' `delays` removed
     poles: Stabilization
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
+    quality: WindowQuality
+    channels: Mapping[str, str]
+    """Channel -> "ok", or what is wrong with it (`channel_faults`); those given up are not in the estimate."""
     delays: Mapping[str, float] = field(default_factory=dict)
     """Device -> how late it was, 0 if that does not matter (`device_delays`) [s]."""
 
@@ -76,14 +80,19 @@ def identify_all(
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
     method = method or DataSSI()
     band = _band(recording, method, band)
-    delays = device_delays(recording)
+    states = {channel.name: "ok" for channel in recording.channels}
+    delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
+    clean = cleaned(recording)
+    recording = enough(clean)
+    delays |= delays_of_clean(recording)
     if any(delays.values()):
         recording = aligned(recording, delays)
-    names, data = usable(recording)
+    names = [channel.name for channel in recording.channels]
     stream = IdentificationStream(names, recording.rate, band, method, start=recording.start)
-    for block in np.array_split(data, method.n_blocks):
+    for block in np.array_split(recording.data, method.n_blocks):
         stream.add(block)
-    return replace(_without_tones(stream.identify(), data, recording.rate), delays=delays)
+    found = _without_tones(stream.identify(), recording.data, recording.rate)
+    return replace(found, delays=delays, channels=states | dict(clean.faults))
 
 
 def _without_tones(found: Identification, data: FloatArray, rate: float) -> Identification:
@@ -133,12 +142,12 @@ class IdentificationStream:
         self._drift = HighPass(_DRIFT * band[0] / rate)
         self._decimators = [Decimator(self._method.decimation) for _ in spans[1:]]
         self._levels = [level and self._method.start(self._channels, level) for level in spans]
-        self._lengths: list[int] = []
+        self._blocks: list[BlockQuality] = []
 
     def add(self, data: FloatArray) -> None:
         """Add the block of time that follows, (n_samples, n_channels), NaN where a sample is missing."""
-        self._lengths.append(len(data))
         data = self._drift.add(data)
+        self._blocks.append(BlockQuality.of(data))
         for k, level in enumerate(self._levels):
             if k:
                 data = self._decimators[k - 1].add(data)
@@ -147,8 +156,8 @@ class IdentificationStream:
 
     def drop(self, n_blocks: int = 1) -> None:
         """Forget the oldest blocks."""
-        self._start += round(sum(self._lengths[:n_blocks]) / self._rate * 1e9)
-        del self._lengths[:n_blocks]
+        self._start += round(sum(block.length for block in self._blocks[:n_blocks]) / self._rate * 1e9)
+        del self._blocks[:n_blocks]
         for level in self._levels:
             if level:
                 level.drop(n_blocks)
@@ -164,13 +173,24 @@ class IdentificationStream:
         found = [f for level in self._levels if level and (f := level.identify())]
         if not found:
             needed = self._method.least_samples(len(self._channels))
-            raise TooShort(sum(self._lengths) / self._rate, needed / self._rate)
+            raise TooShort(self._duration, needed / self._rate)
         modes, tones = self._chosen(found)
         poles = join([level.poles for level in found])
         if not modes:
             raise TooFewModes(len(poles))
         harmonics = np.array([tone.frequency for tone in tones])
-        return Identification(estimate=self._estimate(modes), poles=poles, harmonics=harmonics)
+        return Identification(
+            estimate=self._estimate(modes),
+            poles=poles,
+            harmonics=harmonics,
+            quality=window_quality(self._blocks, self._rate, modes[0].frequency),
+            channels=dict.fromkeys(self._channels, "ok"),
+        )
+
+    @property
+    def _duration(self) -> float:
+        """Length of the blocks held [s]."""
+        return sum(block.length for block in self._blocks) / self._rate
 
     def _chosen(self, found: Sequence[LevelModes]) -> tuple[list[Mode], list[Mode]]:
         """Return modes and tones."""
@@ -191,7 +211,7 @@ class IdentificationStream:
             support=np.array([m.support for m in modes]),
             law_ratio=np.array([m.law_ratio for m in modes]),
             start=self._start,
-            end=self._start + round(sum(self._lengths) / self._rate * 1e9),
+            end=self._start + round(self._duration * 1e9),
         )
 
 

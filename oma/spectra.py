@@ -238,7 +238,7 @@ def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray
     TooFewChannels
         If fewer than two channels carry a signal.
     """
-    data = usable(recording)[1]
+    data = usable(recording).data
     if len(data) < n_fft:
         raise TooShort(recording.duration, n_fft / recording.rate)
     spectrum = spectral_matrix(detrended(data), recording.rate, n_fft)

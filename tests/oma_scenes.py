@@ -98,3 +98,46 @@ def pairs(frequency: FloatArray, shapes: Shapes, truth: Structure) -> list[tuple
         result.append((i, j))
         cost[i], cost[:, j] = np.inf, np.inf
     return sorted(result)
+
+
+def faulty(recording: Recording, fault: str, seed: int) -> Recording:
+    """Return a recording with one of `FAULTS`, on its third channel unless all are hit."""
+    rng = np.random.default_rng((seed, 2))
+    data = recording.data.copy()
+    n = len(data)
+    signal_of = data[:, 2]
+    rms = float(signal_of.std())
+    if fault == "scattered":
+        data[rng.random(data.shape) < 0.2] = np.nan
+    elif fault == "dead":
+        data[:, 2] = 0.0123
+    elif fault == "lost":
+        data[:, 2] = np.nan
+    elif fault == "spikes":
+        at = rng.choice(n, n // 300, replace=False)
+        data[at, 2] += rng.choice([-1, 1], len(at)) * rng.uniform(20, 50, len(at)) * rms
+    elif fault == "gaps":
+        for start in rng.choice(n - n // 50, 5):
+            data[start : start + n // 50, rng.integers(data.shape[1])] = np.nan
+    elif fault == "drift":
+        data[:, 2] += 3 * rms * np.cumsum(rng.standard_normal(n)) / np.sqrt(recording.rate)  # 3 rms in a second
+    elif fault == "warming":
+        data += 30 * rms * np.sin(np.linspace(0, 4, n) + 1)[:, None] * rng.uniform(0.5, 1, data.shape[1])
+    elif fault == "clipped":
+        data[:, 2] = np.clip(signal_of, -1.2 * rms, 1.2 * rms)
+    elif fault == "copy":
+        data[:, 2] = -2.5 * data[:, 5]
+    return replace(recording, data=data)
+
+
+FAULTS = {
+    "scattered": "20 % of the samples missing, each for itself",
+    "dead": "a constant channel",
+    "lost": "a channel that is not there",
+    "spikes": "a channel with a spike in 0.3 % of the samples",
+    "gaps": "five gaps of 2 % of the window",
+    "drift": "a channel that walks away",
+    "warming": "all channels drift by 30 times their rms",
+    "clipped": "a channel clipped at 1.2 of its rms",
+    "copy": "a channel that is another one over again",
+}

@@ -1,6 +1,7 @@
 """Modes as a table and as JSON."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,12 @@ def as_json(windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner
         "modes": [_mode_json(fused, i, partner) for i, partner in enumerate(partners)],
         "harmonics": windows.harmonics.tolist(),
         "channels": windows.channels,
-        "window": {"start": windows.start, "end": windows.end, "rate": windows.rate},
+        "window": {
+            "start": windows.start,
+            "end": windows.end,
+            "rate": windows.rate,
+            "quality": asdict(windows.worst_quality) | {"remarks": windows.worst_quality.remarks},
+        },
     }
 
 
@@ -67,7 +73,9 @@ def say_modes(
         console.print("tones, no modes: " + ", ".join(f"{tone:.3f}" for tone in windows.harmonics) + " Hz")
     for channel, state in windows.channels.items():
         if state != "ok":
-            console.print(f"channel {escape(channel)}: {state}")
+            console.print(f"channel {escape(channel)}: {escape(state)}")
+    for remark in windows.worst_quality.remarks:
+        console.print(remark)
     if windows.problems:
         console.print(f"{len(windows.problems)} windows gave no modes: {escape(windows.problems[0])}")
     if fused.scatter is not None:

@@ -1,0 +1,149 @@
+"""What is wrong with channels, seen in their signals alone: each kind by what no vibration does.
+
+A structure does not stand still to the last digit, does not turn back at one and the same value again and again, does
+not move one sensor for one sample while the others rest, does not move two sensors alike to a thousandth, and does not
+walk away. Limits are arguments, not fits: an accelerometer's noise alone makes two true neighbours differ by more than
+a thousandth, and the highest value of a signal stands alone, or with as many others as the next lower value of its
+converter.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft, ndimage
+
+from daq import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+_LEAST_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
+_PILE = 10.0  # how many times as many samples at a limit as next to it
+_SAME = 1e-6  # 1 - correlation of successive differences
+_SPIKE = 8.0  # of robust standard deviations: a Gaussian signal reaches it once in 1e15 samples
+_AROUND, _FEW = 16, 0.9  # samples on each side that a spike towers over, but for a tenth of them ...
+_LONE = 5.0  # ... by so much: 8 standard deviations of a Gaussian, too
+_REACH = 2  # samples about a spike in which others may answer, and that are taken out with it
+_COMPANY = 1 / 3  # share of the other channels that jump at the same time: a blow, no spike
+MOST_SPIKES = 0.05  #: share of samples: a channel that loses more is given up [-]
+_LOW, _MID, _HIGH = 10, 50, 100  # periods in the window: below _HIGH no mode is sought
+_ROBUST = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
+
+
+def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Take out samples that stick out of their channel while the other channels rest, neighbours included.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+        NaN where a sample is missing.
+
+    Returns
+    -------
+    data : (n_samples, n_channels) array
+        NaN where spikes were.
+    taken : (n_channels,) array
+        Share of the samples [-].
+    """
+    jumps = _jumps(data)
+    if not jumps.any():
+        return data, np.zeros(data.shape[1])
+    near = ndimage.maximum_filter1d(jumps.astype(np.int8), 2 * _REACH + 1, axis=0) > 0
+    company = near.sum(axis=1, keepdims=True) - near
+    alone = jumps & (company <= _COMPANY * (data.shape[1] - 1))
+    out = (ndimage.maximum_filter1d(alone.astype(np.int8), 2 * _REACH + 1, axis=0) > 0) & np.isfinite(data)
+    return np.where(out, np.nan, data), np.asarray(out.mean(axis=0))
+
+
+def _jumps(data: FloatArray) -> BoolArray:
+    """Tell which samples are far from the median of their neighbours, farther than any around them but a few.
+
+    The latter sets spikes apart from bursts: after a blow to the structure a sensor rings on.
+    """
+    jumps = np.zeros(data.shape, dtype=np.bool_)
+    if len(data) <= 2 * _AROUND:
+        return jumps
+    around = np.sort([_shifted(data, k) for k in (-2, -1, 1, 2)], axis=0)  # what is missing comes last
+    away = np.abs(data - (around[1] + around[2]) / 2)
+    away[~np.isfinite(away)] = 0.0
+    for column, (jump, step) in enumerate(zip(jumps.T, away.T, strict=True)):
+        usual = np.median(step[step > 0]) if np.any(step > 0) else np.inf
+        far = np.flatnonzero(step > _SPIKE * _ROBUST * usual)
+        near = np.clip(far[:, None] + np.arange(-_AROUND, _AROUND + 1), 0, len(data) - 1)
+        jump[far] = step[far] > _LONE * np.quantile(away[near, column], _FEW, axis=1)
+    return jumps
+
+
+def _shifted(data: FloatArray, k: int) -> FloatArray:
+    """Return the samples k later, the ends repeated."""
+    return data[np.clip(np.arange(len(data)) + k, 0, len(data) - 1)]
+
+
+def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Yield what is wrong with channels: constant, clipped, wandering, the same as another.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+        NaN where a sample is missing, spikes still in.
+    names : sequence of str
+        Of the channels.
+
+    Yields
+    ------
+    column, fault
+    """
+    for column, signal in enumerate(data.T):
+        there = signal[np.isfinite(signal)]
+        if len(there) and (fault := _own_fault(there)):
+            yield column, fault
+    yield from ((column, f"the same as {names[other]}") for column, other in _copies(data))
+
+
+def _own_fault(signal: FloatArray) -> str | None:
+    """Return what is wrong with one channel's samples."""
+    if np.ptp(signal) == 0:
+        return "constant"
+    share = max(_at_limit(signal), _at_limit(-signal))
+    if share > _LEAST_CLIPPED:
+        return f"clipped: {share:.1%} of the samples are at a limit"
+    if _wanders(signal):
+        return "wanders: as strong below 50 periods a window as in all of the band above 100"
+    return None
+
+
+def _at_limit(signal: FloatArray) -> float:
+    """Return the share of samples at the highest value if they pile up there, else 0."""
+    highest = np.max(signal)
+    n_highest = np.count_nonzero(signal == highest)
+    n_next = np.count_nonzero(signal == np.max(signal[signal < highest]))
+    return n_highest / len(signal) if n_highest > _PILE * n_next else 0.0
+
+
+def _wanders(signal: FloatArray) -> bool:
+    """Tell whether a signal walks away.
+
+    A random walk has a spectrum that falls with the square of frequency. With as much power from 10 to 50 periods a
+    window as above 100, an eighth of the latter is its tail: more than a mode there can stand. Slower drift, as of
+    temperature, is taken out by the filter and harms nothing.
+    """
+    n = len(signal)
+    if n < 4 * _HIGH:
+        return False
+    window = np.hanning(n)
+    power = np.abs(fft.rfft((signal - signal.mean()) * window)) ** 2
+    low, mid, high = power[1:_LOW].sum(), power[_LOW:_MID].sum(), power[_HIGH:].sum()
+    return bool(low > mid > high)
+
+
+def _copies(data: FloatArray) -> Iterator[tuple[int, int]]:
+    """Yield channels that are another one over again, and which: both, for which of them is wrong cannot be told."""
+    steps = np.diff(data, axis=0)
+    steps = np.where(np.isfinite(steps), steps, 0.0)
+    size = np.linalg.norm(steps, axis=0)
+    alive = np.flatnonzero(size > 0)
+    unit = steps[:, alive] / size[alive]
+    same = 1 - np.abs(unit.T @ unit) < _SAME
+    np.fill_diagonal(same, val=False)
+    for one, other in zip(*np.nonzero(same), strict=True):
+        yield int(alive[one]), int(alive[other])

@@ -1,0 +1,128 @@
+"""Short gaps filled with what the signals around them and the other channels make most likely.
+
+Where samples are lost here and there on each channel for itself, hardly a row is complete: of eight channels that lack
+a fifth each, one row in six. A vector autoregression says what a lost sample was, up to its noise: the values that make
+the innovations smallest are, for Gaussian signals, the conditional mean.
+
+References
+----------
+Janssen, A. J. E. M., Veldhuis, R. N. J., Vries, L. B. (1986). Adaptive interpolation of discrete-time signals that can
+be modeled as autoregressive processes. IEEE Transactions on Acoustics, Speech, and Signal Processing 34(2), 317-330.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg, ndimage
+
+from daq import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+ORDER = 8  #: of the autoregression, and the longest gap that is filled [samples]
+_PASSES = 3  # of filling and fitting in turn
+_ITERATIONS = 30  # of conjugate gradients a pass
+_RIDGE = 1e-6  # of the mean variance: keeps the fit of nearly predictable signals solvable
+
+
+@dataclass(frozen=True, eq=False)
+class Autoregression:
+    """Sample minus what those before it predict, in units of its standard deviation."""
+
+    filters: FloatArray  #: (ORDER + 1, n_channels, n_channels): innovation = sum of filters[k] x(t - k)
+
+    def innovations(self, data: FloatArray) -> FloatArray:
+        """Return the innovations from sample ORDER on."""
+        n = len(data) - ORDER
+        return np.asarray(sum(data[ORDER - k : ORDER - k + n] @ f.T for k, f in enumerate(self.filters)))
+
+    def adjoint(self, innovations: FloatArray) -> FloatArray:
+        """Return the transpose of `innovations` applied."""
+        n = len(innovations)
+        result = np.zeros((n + ORDER, self.filters.shape[1]))
+        for k, f in enumerate(self.filters):
+            result[ORDER - k : ORDER - k + n] += innovations @ f
+        return result
+
+
+def short_gaps(missing: BoolArray) -> BoolArray:
+    """Tell which missing samples, (n_samples, n_channels), are in gaps of no more than ORDER."""
+    long = ndimage.binary_opening(missing, np.ones((ORDER + 1, 1), dtype=np.bool_))
+    return np.asarray(missing & ~long)
+
+
+def filled(data: FloatArray) -> FloatArray:
+    """Fill short gaps; long ones stay.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+        NaN where a sample is missing.
+
+    Returns
+    -------
+    (n_samples, n_channels) array
+    """
+    missing = np.isnan(data)
+    lost = short_gaps(missing)
+    if not lost.any() or len(data) < 10 * ORDER * data.shape[1]:
+        return data
+    mean, size = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
+    size[size == 0] = 1.0
+    values = (_bridged(data, missing) - mean) / size
+    used = ~np.convolve((missing & ~lost).any(axis=1), np.ones(ORDER + 1), mode="valid").astype(np.bool_)
+    for _ in range(_PASSES):
+        model = _fit(values, used)
+        values[lost] += _most_likely(model, values, lost, used)
+    result = data.copy()
+    result[lost] = (values * size + mean)[lost]
+    return result
+
+
+def _bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
+    """Fill gaps with straight lines."""
+    result, time = data.copy(), np.arange(len(data))
+    for column, gap in zip(result.T, missing.T, strict=True):
+        if gap.any() and not gap.all():
+            column[gap] = np.interp(time[gap], time[~gap], column[~gap])
+    return np.nan_to_num(result)
+
+
+def _fit(values: FloatArray, used: BoolArray) -> Autoregression:
+    """Fit by least squares to the rows whose past has no long gap."""
+    n = values.shape[1]
+    past = np.concatenate([values[ORDER - k : len(values) - k][used] for k in range(1, ORDER + 1)], axis=1)
+    now = values[ORDER:][used]
+    gram = past.T @ past
+    gram += _RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram))
+    weights = linalg.solve(gram, past.T @ now, assume_a="pos").T
+    rest = now - past @ weights.T
+    scatter = rest.T @ rest / len(rest)
+    root = linalg.cholesky(scatter + _RIDGE * np.trace(scatter) / n * np.eye(n), lower=True)
+    filters = np.concatenate([np.eye(n)[None], -weights.reshape(n, ORDER, n).transpose(1, 0, 2)])
+    return Autoregression(np.stack([linalg.solve_triangular(root, f, lower=True) for f in filters]))
+
+
+def _most_likely(model: Autoregression, values: FloatArray, lost: BoolArray, used: BoolArray) -> FloatArray:
+    """Return what to add to the lost samples so that the squared innovations are least: conjugate gradients."""
+    rows = used[:, None]
+
+    def applied(change: FloatArray) -> FloatArray:
+        whole = np.zeros_like(values)
+        whole[lost] = change
+        return model.adjoint(model.innovations(whole) * rows)[lost]
+
+    residual = -model.adjoint(model.innovations(values) * rows)[lost]
+    change, direction, power = np.zeros_like(residual), residual.copy(), float(residual @ residual)
+    first = power
+    for _ in range(_ITERATIONS):
+        if power <= 1e-12 * first:
+            break
+        moved = applied(direction)
+        step = power / float(direction @ moved)
+        change += step * direction
+        residual -= step * moved
+        power, before = float(residual @ residual), power
+        direction = residual + power / before * direction
+    return change

@@ -1,0 +1,72 @@
+"""How good a window was for identification: what an engineer would measure again for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+
+_LEAST_COMPLETE, _MOST_VARIATION = 0.9, 0.5
+_FEW_CYCLES = 300.0  # with 1 % damping the law leaves 23 % of the damping then
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowQuality:
+    """What a window offers, and what it lacks."""
+
+    complete: float  #: share of samples that all channels in use have [-]
+    rms_variation: float  #: standard deviation of the blocks' rms over its mean; steady forces leave below 0.3 [-]
+    cycles: float  #: periods of the lowest mode in the window [-]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to do better, in words; empty for a good window."""
+        said = []
+        if self.complete < _LEAST_COMPLETE:
+            said.append(f"only {self.complete:.0%} of the samples are complete")
+        if self.rms_variation > _MOST_VARIATION:
+            said.append(f"the vibration varies: rms of the blocks ± {self.rms_variation:.0%}")
+        if self.cycles < _FEW_CYCLES:
+            said.append(f"{self.cycles:.0f} periods of the lowest mode: take longer windows for its damping")
+        return tuple(said)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BlockQuality:
+    """What one block of time tells."""
+
+    length: int  #: [samples]
+    n_complete: int  #: samples that all channels have
+    power: float  #: mean over samples and channels of squared signals [(m/s2)^2]
+
+    @classmethod
+    def of(cls, data: FloatArray) -> "BlockQuality":
+        """Look at a block of zero-mean signals, (n_samples, n_channels), NaN where a sample is missing."""
+        there = np.isfinite(data)
+        power = float(np.mean(data[there] ** 2)) if there.any() else 0.0
+        return cls(length=len(data), n_complete=int(np.count_nonzero(there.all(axis=1))), power=power)
+
+
+def window_quality(blocks: Sequence[BlockQuality], rate: float, lowest: float) -> WindowQuality:
+    """Sum up the blocks of a window.
+
+    Parameters
+    ----------
+    blocks : sequence of BlockQuality
+    rate : float
+        [Hz].
+    lowest : float
+        Frequency of the lowest mode [Hz].
+
+    Returns
+    -------
+    WindowQuality
+    """
+    rms = np.sqrt([block.power for block in blocks if block.n_complete])
+    length = sum(block.length for block in blocks)
+    return WindowQuality(
+        complete=sum(block.n_complete for block in blocks) / length,
+        rms_variation=float(np.std(rms) / np.mean(rms)),
+        cycles=lowest * length / rate,
+    )
