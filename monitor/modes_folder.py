@@ -17,6 +17,7 @@ from oma import Identification, ModalEstimate, Place, write_universal
 from updater import Structure
 
 _DPI = 110
+_OVER_TIME = "tracks.png"
 _TRACKS = 12  # windows from which on identities can be followed
 _SAME = 1e-9  # m: places that are one
 
@@ -36,7 +37,7 @@ class Results:
 
 
 def write_folder(folder: Path, results: Results) -> list[Path]:
-    """Write modes.json, modes.unv and the pictures; return the files.
+    """Write modes.json, modes.unv and the pictures, over those of an earlier run; return the files.
 
     Raises
     ------
@@ -49,6 +50,7 @@ def write_folder(folder: Path, results: Results) -> list[Path]:
     structure = results.model.structure if results.model else None
     geometry = _geometry(structure, results.estimate) if structure else (None, None, ())
     write_universal(written[1], results.estimate, *geometry)
+    (folder / _OVER_TIME).unlink(missing_ok=True)  # an earlier run may have had more windows
     for name, draw in _pictures(results, structure).items():
         draw().savefig(folder / name, dpi=_DPI)
         written.append(folder / name)
@@ -65,7 +67,7 @@ def _pictures(results: Results, structure: Structure | None) -> dict[str, Callab
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:
-        pictures["tracks.png"] = lambda: tracks_figure(results.windows)
+        pictures[_OVER_TIME] = lambda: tracks_figure(results.windows)
     return pictures
 
 

@@ -54,8 +54,10 @@ def test_the_folder_holds_modes_for_programs_and_pictures_for_people(
 
 def test_with_a_structure_the_places_are_known(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+    (tmp_path / "tracks.png").write_text("of an earlier run with more windows")
     done = modalwatch("identify", path, "--window", 60, "--out", tmp_path)
     assert done.code == 0, done.err
+    assert {picture.name for picture in tmp_path.glob("*.png")} == PICTURES
     geometry, *others = pyuff.UFF(str(tmp_path / "modes.unv")).read_sets()
     at = dict(zip(geometry["node_nums"], zip(geometry["x"], geometry["y"], geometry["z"], strict=True), strict=True))
     structure = parse_structure(t_structure_toml(), "t")
