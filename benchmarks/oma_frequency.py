@@ -27,7 +27,7 @@ OUR_METHODS = ("fdd", "efdd", "fsdd", "plscf")
 RUNS = ("ours_singular", "pyoma_fdd", "ours_efdd", "pyoma_efdd", "ours_fsdd", "pyoma_fsdd", "ours_plscf", "pyoma_plscf")
 HOPELESS = {("d", "pyoma_fdd"), ("d", "pyoma_efdd"), ("d", "pyoma_fsdd"), ("d", "pyoma_plscf")}  # 22 GB
 PEER_WINDOWS = 12
-BLOCKS = 16
+BLOCKS = 6  # of the stream that singular values are asked of
 
 
 # what the children run; only theirs import the peers
@@ -49,8 +49,8 @@ def ours_singular(path: str, rate: float, truth: list[float]) -> Work:
         spectra = SpectrumAccumulator(n_channels, rate, N_FFT)
         with Path(path).open("rb") as file:
             file.seek(start)
-            while len(block := np.fromfile(file, count=size * n_channels)):
-                spectra.add(block.reshape(-1, n_channels))
+            for _ in range(BLOCKS):  # no name for the block, which would keep it while the next is read
+                spectra.add(np.fromfile(file, count=size * n_channels).reshape(-1, n_channels))
         sums = spectra.sums
         lines = range(0, len(sums.frequency), 64)
         return np.concatenate([np.linalg.eigvalsh(sums.mean(slice(k, k + 64))) for k in lines])

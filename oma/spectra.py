@@ -201,9 +201,12 @@ def _autocorrelation(windows: FloatArray) -> FloatArray:
 
 
 def packed(matrices: ComplexArray) -> PackedArray:
-    """Return the lower triangles of Hermitian matrices (..., n, n) in single precision, (..., n (n + 1) / 2)."""
+    """Return the lower triangles of Hermitian matrices (n_lines, n, n) in single precision."""
     rows, columns = np.tril_indices(matrices.shape[-1])
-    return matrices[..., rows, columns].astype(np.complex64)
+    result = np.empty((len(matrices), len(rows)), dtype=np.complex64)
+    for start in range(0, len(matrices), _LINES_AT_ONCE):  # no second copy of all
+        result[start : start + _LINES_AT_ONCE] = matrices[start : start + _LINES_AT_ONCE, rows, columns]
+    return result
 
 
 def unpacked(triangles: ComplexArray, n: int) -> ComplexArray:
