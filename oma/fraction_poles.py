@@ -17,6 +17,7 @@ from daq import FloatArray, IndexArray
 from oma.estimate import ComplexArray
 from oma.matrix_fraction import HalfSpectrum, MatrixFraction, ridged
 
+_AT_ONCE = 8  # poles whose derivatives are held at once
 _LEAST_DAMPING = -1e-3  # of poles that take part: others grow, and explain noise
 
 
@@ -99,18 +100,20 @@ def pole_influences(model: FractionModel, spectrum: HalfSpectrum, seen: Windowed
     (n_blocks, n_parts) array
         Of the poles in continuous time [rad/s].
     """
-    kernel = _kernel(model, spectrum, len(seen.values))
-    moves = seen.moves.reshape(len(seen.moves), -1) @ kernel.reshape(-1, len(model.taking_part))
-    return np.asarray(-moves / model.fraction.root[model.taking_part] * model.rate)
+    n_lags, part = len(seen.values), model.taking_part
+    flat = seen.moves.reshape(len(seen.moves), -1)
+    few = [part[k : k + _AT_ONCE] for k in range(0, len(part), _AT_ONCE)]
+    moves = [flat @ _kernel(model.fraction, spectrum, n_lags, some).reshape(-1, len(some)) for some in few]
+    whole = np.concatenate(moves, axis=1) if moves else np.zeros((len(flat), 0))
+    return np.asarray(-whole / model.fraction.root[part] * model.rate)
 
 
-def _kernel(model: FractionModel, spectrum: HalfSpectrum, n_lags: int) -> ComplexArray:
-    """Return the derivative of roots by the windowed correlation, (n_lags, n_channels, n_references, n_parts).
+def _kernel(fraction: MatrixFraction, spectrum: HalfSpectrum, n_lags: int, part: IndexArray) -> ComplexArray:
+    """Return the derivative of some roots by the windowed correlation, (n_lags, n_channels, n_references, n_parts).
 
     A root moves by ``left M^-1 dM a`` with the coefficients `a` of A times its vector; ``M`` is quadratic in the lines,
     after elimination of B, and so its derivative is a sum of residuals times lines.
     """
-    fraction, part = model.fraction, model.taking_part
     n = fraction.vector.shape[1]
     free = fraction.power * n
     powers = fraction.root[part] ** np.arange(fraction.power + 1)[:, None]
