@@ -18,7 +18,7 @@ from oma.estimate import ComplexArray
 from oma.matrix_fraction import HalfSpectrum, MatrixFraction, ridged
 
 _AT_ONCE = 8  # poles whose derivatives are held at once
-_LEAST_DAMPING = -1e-3  # of poles that take part: others grow, and explain noise
+_LEAST_DAMPING = -2e-4  # of poles that take part: others grow, and explain noise
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
