@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy clean
+.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -59,6 +59,10 @@ oma-selection: $(VENV)/.done
 # Errors over the smallest possible ones, and coverage: the table in docs/oma.md, a quarter of an hour.
 oma-accuracy: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/oma_accuracy.py
+
+# Faulty channels, missing samples, drift: the table in docs/oma.md, some minutes.
+oma-faults: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/oma_faults.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -8,8 +8,8 @@ import pytest
 from oma_helpers import chain, simulate
 from oma_scenes import FAULTS, SCENES, faulty, pairs
 
-from daq import Recording
-from oma import channel_faults, identify_all
+from daq import Channel, FloatArray, Recording
+from oma import IdentificationError, channel_faults, identify_all
 from oma.faults import without_spikes
 
 SCENE, SEED = SCENES["short"], 11
@@ -86,3 +86,27 @@ def test_the_quality_of_a_window_is_told() -> None:
     )
     growing = replace(window(), data=window().data * np.linspace(0.05, 1, 6000)[:, None] ** 2)
     assert any("varies" in remark for remark in identify_all(growing).quality.remarks)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (np.full((6000, 3), 9.81), "0 usable channels, 2 needed .*constant"),
+        (np.zeros((6000, 3)), "0 usable channels, 2 needed .*constant"),
+        (np.full((6000, 3), np.nan), "0 usable channels, 2 needed .*0% of the samples"),
+        (np.full((6000, 3), np.inf), "0 usable channels, 2 needed .*0% of the samples"),
+        (np.random.default_rng(0).standard_normal((6000, 1)), "1 usable channels, 2 needed"),
+        (
+            np.random.default_rng(0).standard_normal((6000, 1)) * [1.0, -2.0],
+            "0 usable channels, 2 needed .*the same as",
+        ),
+        (np.empty((6000, 0)), "0 usable channels, 2 needed"),
+        (np.empty((0, 3)), "too short"),
+        (np.random.default_rng(0).standard_normal((400, 3)), "too short: at least"),
+    ],
+)
+def test_what_cannot_be_identified_is_one_clear_error(data: FloatArray, says: str) -> None:
+    channels = tuple(Channel(name=f"c{i}", device="d", axis=0) for i in range(data.shape[1]))
+    with pytest.raises(IdentificationError, match=says) as caught:
+        identify_all(Recording(channels=channels, data=data, rate=100.0, start=0))
+    assert "\n" not in str(caught.value)
