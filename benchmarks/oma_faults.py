@@ -55,7 +55,7 @@ def main() -> int:
             tally.add(identify_all(faulty(SCENE.record(seed), fault, seed)))
         covered = " | ".join(f"{np.mean(np.abs(z) < 2):.1%}" for z in (tally.frequency, tally.damping, tally.shape))
         bias = f"{np.mean(tally.frequency):+.2f}, {np.mean(tally.damping):+.2f}"
-        said = "all: gaps" if len(tally.said) > 2 else ", ".join(sorted(tally.said))
+        said = "those: gaps" if len(tally.said) > 2 else ", ".join(sorted(tally.said))
         print(f"| {text} | {tally.complete / n_windows:.0%} | {covered} | {bias} | {said} |", flush=True)
     return 0
 

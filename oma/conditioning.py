@@ -11,7 +11,7 @@ from oma.errors import TooFewChannels
 from oma.faults import MOST_SPIKES, signal_faults, without_spikes
 from oma.gaps import filled
 
-_MENTIONED = 0.01  # share of samples filled in a channel from which on it is said
+_MENTIONED = 0.01  # share of samples missing in a channel from which on it is said
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -52,15 +52,17 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
         if share > MOST_SPIKES:
             given_up.add(name)
     kept = [i for i, name in enumerate(names) if name not in given_up]
-    lost = np.isnan(data[:, kept])
+    lost = np.isnan(data).mean(axis=0)
     data[:, kept] = filled(data[:, kept])
-    mended = lost.mean(axis=0) - np.isnan(data[:, kept]).mean(axis=0)
-    for i, share in zip(kept, mended.tolist(), strict=True):
-        if share > _MENTIONED:
-            faults.setdefault(names[i], f"gaps: {share:.1%} of the samples were missing and are filled")
     for i, fault in _incomplete(data, kept, min_complete):
         kept.remove(i)
         faults[names[i]] = fault
+    for i in kept:
+        if lost[i] > _MENTIONED:
+            left = np.isnan(data[:, i]).mean()
+            faults.setdefault(
+                names[i], f"gaps: {lost[i]:.1%} of the samples were missing, {lost[i] - left:.1%} are filled"
+            )
     channels = tuple(recording.channels[i] for i in kept)
     return Cleaned(
         recording=replace(recording, channels=channels, data=data[:, kept]),

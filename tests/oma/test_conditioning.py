@@ -15,14 +15,20 @@ def test_faults_are_named() -> None:
     data[:, 0] = np.nan
     data[:, 1] = 9.81
     data[100:200, 2] = np.nan
-    assert channel_faults(recording(data)) == {"c0": "0% of the samples are there", "c1": "constant"}
+    assert channel_faults(recording(data)) == {
+        "c0": "0% of the samples are there",
+        "c1": "constant",
+        "c2": "gaps: 10.0% of the samples were missing, 0.0% are filled",
+    }
 
 
 def test_the_channel_with_most_gaps_is_given_up_first() -> None:
     data = np.random.default_rng(0).standard_normal((1000, 3))
     data[:400, 0] = np.nan
     data[700:, 1] = np.nan
-    assert channel_faults(recording(data)) == {"c0": "60% of the samples are there"}
+    faults = channel_faults(recording(data))
+    assert faults["c0"] == "60% of the samples are there"
+    assert faults["c1"].startswith("gaps: 30.0%")
 
 
 def test_mean_and_slope_go_whatever_is_missing() -> None:

@@ -21,7 +21,9 @@ GIVEN_UP = {
     "copy": {"mass_3": "the same as mass_6", "mass_6": "the same as mass_3"},
 }
 MENDED = {"spikes": {"mass_3": "spikes: 1."}, "scattered": {f"mass_{i}": "gaps: " for i in range(1, 9)}}
-UNHARMED: dict[str, dict[str, str]] = {"gaps": {}, "warming": {}}
+MENDED["gaps"] = {f"mass_{i}": "gaps: " for i in (3, 5, 8)}  # where this seed puts them
+
+UNHARMED: dict[str, dict[str, str]] = {"warming": {}}
 
 
 @cache
