@@ -13,12 +13,13 @@ from typing import ClassVar
 import numpy as np
 
 from daq import FloatArray
+from oma.decomposition import Decomposition, decompose
 from oma.estimate import ComplexArray
 from oma.mac import normalise
 from oma.methods import LevelModes
 from oma.modes import Mode
 from oma.pyramid import Level
-from oma.resonances import Decomposition, Resonance, decompose, residue_weight, resonances
+from oma.resonances import Resonance, residue_weight, resonances
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import SpectrumAccumulator
 from oma.stabilization import Stabilization
@@ -42,6 +43,7 @@ class Reading:
     damping_moves: FloatArray  #: (n_blocks,) [-]
     shape_moves: ComplexArray  #: (n_blocks, n_channels) of the shape as it stands
     frequency_resolution: float = 0.0  #: standard deviation of what the lines cannot show [Hz]
+    damping_resolution: float = 0.0  #: the same of damping [-]
     shape_resolution: FloatArray | float = 0.0  #: (n_channels,) what close modes may have added to the shape [-]
 
 
@@ -206,12 +208,13 @@ class SpectralLevel:
         bell = read_bell(parts, one, found)
         floor = uncertainty_law(reading.frequency, max(reading.damping, self._method.selection.min_damping), duration)
         frequency_std = np.hypot(block_std(reading.frequency_moves), reading.frequency_resolution)
+        damping_std = np.hypot(block_std(reading.damping_moves), reading.damping_resolution)
         shape_std = block_std(normalised_move(reading.shape, reading.shape_moves).real)
         return Mode(
             frequency=reading.frequency,
             frequency_std=max(float(frequency_std), floor[0]),
             damping=reading.damping,
-            damping_std=max(float(block_std(reading.damping_moves)), floor[1]),
+            damping_std=max(float(damping_std), floor[1]),
             shape=normalise(reading.shape),
             shape_std=np.hypot(shape_std, reading.shape_resolution),
             support=one.coherence,

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from oma.decomposition import Decomposition
 from oma.fdd import FDD, Reading, read_bell
-from oma.resonances import Decomposition, Resonance
+from oma.resonances import Resonance
 
 
 @dataclass(frozen=True, kw_only=True)

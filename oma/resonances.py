@@ -20,18 +20,15 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg, special
 
 from daq import FloatArray
-from oma.bells import BellFit, Windowed, fit_bell
+from oma.bells import BellFit, fit_bell
+from oma.decomposition import LEAST_LINES, Decomposition
 from oma.estimate import ComplexArray
 from oma.mac import mac, mpc, normalise
 from oma.selection import Selection
-from oma.spectra import SpectralSums
 
-_LEAST_LINES = 8  # on each side of a resonance: as many as make up a background
-_HALF_WIDTHS = 16  # on each side of a resonance: its tails tell half of its damping
 _WIDTHS_TRIED = 3
 _BESIDE = 2  # lines on each side that a peak exceeds
 _STANDS_OUT = 2.0  # standard deviations of a line that a peak exceeds its surroundings by: lower ones are not tried
-_LEVELS = 3  # singular values that are searched: as many modes may be close to each other
 _CHANCE = 1e-3  # of a false resonance among all lines of a spectrum of noise
 _OVERLAP_GAIN = 0.95  # of the information in a record that half overlapping Hann windows leave (Welch 1967)
 _SWEEPS = 2
@@ -64,80 +61,6 @@ class Resonance:
     def damping(self) -> float:
         """Ratio of critical [-]."""
         return -self.pole.real / abs(self.pole)
-
-
-@dataclass(frozen=True, eq=False)
-class Decomposition:
-    """Singular values and vectors of a spectral matrix, all of it and of its two halves of blocks."""
-
-    sums: SpectralSums
-    matrix: ComplexArray  # (n_lines, n_channels, n_channels)
-    values: FloatArray  # (n_lines, n_levels) falling
-    vectors: ComplexArray  # (n_lines, n_levels, n_channels)
-
-    @property
-    def width(self) -> float:
-        """Distance of two lines [rad/s]."""
-        return 2 * np.pi * self.sums.rate / self.sums.n_fft
-
-    def windowed(self, lines: slice) -> Windowed:
-        """Return what poles look like on some of the lines."""
-        first = self.sums.first
-        return Windowed(
-            window=self.sums.window, rate=self.sums.rate, lines=slice(lines.start + first, lines.stop + first)
-        )
-
-    def around(self, pole: complex) -> slice:
-        """Return the lines that the bell of a pole covers."""
-        reach = max(_LEAST_LINES, round(_HALF_WIDTHS * -pole.real / self.width))
-        centre = round(pole.imag / self.width) - self.sums.first
-        n = len(self.matrix)
-        centre, reach = min(max(centre, 0), n - 1), min(reach, n // 4)
-        return slice(max(centre - reach, 0), min(centre + reach + 1, n))
-
-    def moved(self, vector: ComplexArray, lines: slice) -> FloatArray:
-        """Return what each block moves the spectrum by that a vector filters out, (n_blocks, n_lines)."""
-        moves = self.sums.influences(lines)
-        return np.stack([np.einsum("i,lij,j->l", vector.conj(), move, vector).real for move in moves])
-
-    def moved_vectors(self, lines: slice, weight: FloatArray, like: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the eigenvector of a weighted sum of lines that is most like another, and what each block moves it by.
-
-        Parameters
-        ----------
-        lines : slice
-        weight : (n_lines,) array
-        like : (n_channels,) array
-
-        Returns
-        -------
-        vector : (n_channels,) array
-        moves : (n_blocks, n_channels) array
-        """
-        values, vectors = np.linalg.eigh(np.einsum("l,lij->ij", weight, self.matrix[lines]))
-        k = int(np.argmax(np.abs(like.conj() @ vectors)))
-        first, gap = vectors[:, k], values[k] - values
-        gap[k] = np.inf
-        turned = (vectors / gap) @ vectors.conj().T
-        moves = [turned @ (np.einsum("l,lij->ij", weight, move) @ first) for move in self.sums.influences(lines)]
-        return first, np.array(moves)
-
-    def filtered(self, vector: ComplexArray, lines: slice) -> FloatArray:
-        """Return the spectrum of the signal that a vector filters out."""
-        return np.asarray(np.einsum("i,lij,j->l", vector.conj(), self.matrix[lines], vector).real)
-
-
-def decompose(sums: SpectralSums) -> Decomposition:
-    """Return the singular value decomposition of every line."""
-    matrix = sums.mean()
-    values, vectors = np.linalg.eigh(matrix)
-    n_levels = max(1, min(_LEVELS, sums.n_channels // 2))
-    return Decomposition(
-        sums=sums,
-        matrix=matrix,
-        values=values[:, : -n_levels - 1 : -1],
-        vectors=vectors[:, :, : -n_levels - 1 : -1].transpose(0, 2, 1),
-    )
 
 
 def resonances(parts: Decomposition, band: tuple[float, float], duration: float, limits: Selection) -> list[Resonance]:
@@ -273,7 +196,7 @@ def _least_peak(parts: Decomposition, duration: float) -> float:
 
 def _surroundings(values: FloatArray) -> FloatArray:
     """Return the medians of the lines around each line."""
-    reach = 2 * _LEAST_LINES
+    reach = 2 * LEAST_LINES
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="reflect")
     return np.asarray(np.median(sliding_window_view(padded, 2 * reach + 1, axis=0), axis=-1))
 
@@ -336,7 +259,7 @@ def _stop(one: Resonance, others: list[Resonance]) -> ComplexArray:
     close = [
         other.shape
         for other in others
-        if abs(other.pole.imag - one.pole.imag) < _LEAST_LINES * abs(one.pole.real + other.pole.real)
+        if abs(other.pole.imag - one.pole.imag) < LEAST_LINES * abs(one.pole.real + other.pole.real)
         and mac(one.shape, other.shape) < _FILTERED
     ]
     if not close:
