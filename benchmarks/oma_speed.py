@@ -182,7 +182,7 @@ def run(name: str, folder: Path) -> None:
         data, truth = record(size, seed)
         np.save(folder / "data.npy", data)
         for who in ("ours_cov", "ours_data", "ours_correlations", *PEERS):
-            if (name, who) in HOPELESS:
+            if (name, who) in HOPELESS or (who == "pyoma_dat" and seed > 1):  # minutes, for a figure of two digits
                 continue
             python = OURS if who.startswith("ours") else peer_python()
             one = measured(python, Path(__file__), who, size.repeats, path=str(folder / "data.npy"), rate=size.rate)
