@@ -60,6 +60,7 @@ def ours_data(path: str, rate: float) -> Work:
 
 
 def _ours(path: str, rate: float, method: Any) -> Work:
+    from oma.correlation import correlation_sums
     from oma.realisation import realisations
     from oma.stabilization import Stabilization, stabilization
 
@@ -67,7 +68,7 @@ def _ours(path: str, rate: float, method: Any) -> Work:
     every = range(data.shape[1])
 
     def work() -> Stabilization:
-        sums = correlations(data)
+        sums = correlation_sums(data, 2 * BLOCK_ROWS + 1, 1)
         space = method.subspace(sums.mean, every, rate, 1)
         return stabilization(realisations(space, method.orders), (0.0, rate / 2), method.selection)
 
@@ -78,18 +79,13 @@ def _ours(path: str, rate: float, method: Any) -> Work:
     return work, poles
 
 
-def correlations(data: np.ndarray) -> Any:
-    """Return the correlation sums of a record."""
-    from oma.correlation import correlation_sums
-
-    return correlation_sums(data, 2 * BLOCK_ROWS + 1, 1)
-
-
 def ours_correlations(path: str, rate: float) -> Work:
     """Correlations alone."""
+    from oma.correlation import correlation_sums
+
     del rate
     data = np.load(path)
-    return lambda: correlations(data), lambda _: []
+    return lambda: correlation_sums(data, 2 * BLOCK_ROWS + 1, 1), lambda _: []
 
 
 def pyoma_cov(path: str, rate: float) -> Work:

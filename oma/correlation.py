@@ -13,7 +13,7 @@ from oma.errors import IdentificationError
 from oma.estimate import ComplexArray
 
 _PIECE = 3  # lag spans in a piece of one FFT: the overlap costs little, the transforms stay short
-_AT_ONCE = 1 << 20  # samples transformed at once, which bounds the memory
+_AT_ONCE = 1 << 18  # samples transformed at once: what the cache holds
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
