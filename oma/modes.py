@@ -145,14 +145,24 @@ def split_tones(modes: Sequence[Mode], selection: Selection) -> tuple[list[Mode]
 
 
 def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
-    """Keep the surer one of two modes that are the same one seen at two rates; in order of frequency."""
+    """Keep the surer one of two modes that are one and the same; in order of frequency."""
     kept: list[Mode] = []
     for mode in sorted(modes, key=lambda m: m.frequency_std):
-        twin = any(
-            abs(other.frequency - mode.frequency) < selection.max_shift * mode.frequency
-            and 1 - mac_matrix(other.shape[None], mode.shape[None])[0, 0] < selection.max_mac_loss
-            for other in kept
-        )
-        if not twin:
+        if not any(_same(mode, other, selection) for other in kept):
             kept.append(mode)
     return sorted(kept, key=lambda m: m.frequency)
+
+
+def _same(a: Mode, b: Mode, selection: Selection) -> bool:
+    """Tell whether two modes are one seen at two rates, or one whose shape falls into two groups over the orders.
+
+    The latter are nearer than their scatter, roughly alike, and no order can show both.
+    """
+    away, agreement = abs(a.frequency - b.frequency), mac_matrix(a.shape[None], b.shape[None])[0, 0]
+    if away < selection.max_shift * a.frequency and 1 - agreement < selection.max_mac_loss:
+        return True
+    return bool(
+        away < np.hypot(a.frequency_std, b.frequency_std)
+        and agreement > selection.min_agreement
+        and a.support + b.support <= 1
+    )

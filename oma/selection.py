@@ -31,6 +31,7 @@ class Selection:
     min_mpc: float = 0.5  #: modal phase collinearity of a peak of the spectra [-]
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
+    min_agreement: float = 0.5  #: MAC above which no two orthogonal shapes can be exchanged [-]
     cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
     max_law_ratio: float = 8.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
     min_law_ratio: float = 0.5  #: the same, of a mode in whose band a tone is known; below it is that tone again [-]
