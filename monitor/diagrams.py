@@ -7,6 +7,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
 
 from daq import FloatArray, IndexArray, Recording
 from oma import Follower, Identification, IdentificationError, ModalEstimate, mac_matrix, mpc, mpd, singular_values
@@ -29,10 +30,14 @@ def highest_shown(estimate: ModalEstimate) -> float:
 def draw_poles(axes: Axes, found: Identification, highest: float) -> None:
     """Draw the stabilization diagram."""
     poles = found.poles
-    for stable, colour, label in ((False, POLE, "pole"), (True, STABLE, "pole that the next order repeats")):
+    peaks = bool(np.any(poles.order == 1))  # no model has one pole: these are numbers of singular values
+    repeated, order = ("peak", "number of the singular value") if peaks else ("pole that the next order repeats", "model order")
+    for stable, colour, label in ((False, POLE, "pole"), (True, STABLE, repeated)):
         chosen = poles.stable == stable
-        axes.plot(poles.frequency[chosen], poles.order[chosen], ".", color=colour, markersize=4, label=label)
-    axes.set(xlabel="frequency [Hz]", ylabel="model order", ylim=(0, poles.order.max() * 1.15), xlim=(0, highest))
+        if np.any(chosen) or not peaks:
+            axes.plot(poles.frequency[chosen], poles.order[chosen], ".", color=colour, markersize=4, label=label)
+    axes.set(xlabel="frequency [Hz]", ylabel=order, ylim=(0, poles.order.max() * 1.15), xlim=(0, highest))
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def draw_spectrum(axes: Axes, recording: Recording, highest: float, n_lines: int = 3) -> None:
