@@ -31,7 +31,8 @@ def draw_poles(axes: Axes, found: Identification, highest: float) -> None:
     """Draw the stabilization diagram."""
     poles = found.poles
     peaks = bool(np.any(poles.order == 1))  # no model has one pole: these are numbers of singular values
-    repeated, order = ("peak", "number of the singular value") if peaks else ("pole that the next order repeats", "model order")
+    repeated = "peak" if peaks else "pole that the next order repeats"
+    order = "number of the singular value" if peaks else "model order"
     for stable, colour, label in ((False, POLE, "pole"), (True, STABLE, repeated)):
         chosen = poles.stable == stable
         if np.any(chosen) or not peaks:
