@@ -12,6 +12,8 @@ from oma.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_la
 from oma.stabilization import Stabilization
 from oma.uncertainty import PoleInfluence, block_std
 
+_CHANCE = 2.0  # standard deviations that may lie between two groups of one mode
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mode:
@@ -156,13 +158,13 @@ def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
 def _same(a: Mode, b: Mode, selection: Selection) -> bool:
     """Tell whether two modes are one seen at two rates, or one whose shape falls into two groups over the orders.
 
-    The latter are nearer than their scatter, roughly alike, and no order can show both.
+    The latter are as near as their scatter permits, roughly alike, and no order can show both.
     """
     away, agreement = abs(a.frequency - b.frequency), mac_matrix(a.shape[None], b.shape[None])[0, 0]
     if away < selection.max_shift * a.frequency and 1 - agreement < selection.max_mac_loss:
         return True
     return bool(
-        away < np.hypot(a.frequency_std, b.frequency_std)
+        away < _CHANCE * np.hypot(a.frequency_std, b.frequency_std)
         and agreement > selection.min_agreement
         and a.support + b.support <= 1
     )

@@ -21,10 +21,10 @@ from oma.correlation import CorrelationAccumulator, CorrelationSums
 from oma.estimate import ComplexArray
 from oma.fraction_poles import FractionModel, Windowed, fraction_model, pole_influences
 from oma.fraction_shapes import shape_moves
-from oma.mac import mac, mac_matrix, normalise
+from oma.mac import mac_matrix, normalise
 from oma.matrix_fraction import HalfSpectrum, half_spectrum, matrix_fractions
 from oma.methods import LevelModes
-from oma.modes import Mode, candidates
+from oma.modes import candidates
 from oma.pyramid import Level
 from oma.selection import Selection
 from oma.stabilization import stabilization
@@ -32,7 +32,6 @@ from oma.uncertainty import PoleInfluence, normalised_move, pole_moves
 
 _LINES = (0.058, 0.46)  # that are fitted, as a share of the rate: the band of any level and a margin
 _SHORTEST = 24  # lags
-_CHANCE, _TURNED = 2.0, 0.5  # standard deviations between modes that are one, and the MAC that is left of a shape
 _SAME, _ALIKE = 0.02, 0.9  # relative distance of poles and MAC of shapes of one mode in two orders
 _LAGS_A_SAMPLE = 16  # samples a lag, where the record is short
 
@@ -112,7 +111,7 @@ class PLSCFLevel:
         poles = stabilization(scaled, self._level.band, method.selection)
         influence = _Influences(models, spectrum, seen, scale)
         modes = candidates(poles, len(models), influence, n_complete / self._level.rate, method.selection)
-        return LevelModes(poles=poles, modes=single(modes))
+        return LevelModes(poles=poles, modes=modes)
 
     def _windowed(self, sums: CorrelationSums, n_lags: int) -> tuple[Windowed, FloatArray]:
         """Return the correlation of scaled channels with a few combinations of them, and the scale of the channels.
@@ -129,35 +128,6 @@ class PLSCFLevel:
         chosen = vectors[:, -min(self._method.n_references, self._n_channels) :]
         moves = np.stack([(window * block[used]) @ chosen for block in sums.influences()])
         return Windowed(values=mean @ chosen, moves=moves, decay=decay, rate=self._level.rate), scale
-
-
-def single(modes: Sequence[Mode]) -> list[Mode]:
-    """Keep one of modes that are one: of frequencies that chance may have parted, and seen in turn by the orders.
-
-    Shapes come from all poles of an order at once; one more pole that explains noise beside a mode may turn its shape,
-    so that the orders with it and those without make two groups.
-
-    Parameters
-    ----------
-    modes : sequence of Mode
-
-    Returns
-    -------
-    list of Mode
-        The best supported ones.
-    """
-    kept: list[Mode] = []
-    for mode in sorted(modes, key=lambda m: -m.support):
-        if not any(_one(mode, other) for other in kept):
-            kept.append(mode)
-    return kept
-
-
-def _one(mode: Mode, other: Mode) -> bool:
-    """Tell whether two modes are one; two real ones stand side by side in most orders."""
-    apart = abs(mode.frequency - other.frequency)
-    chance = apart < _CHANCE * np.hypot(mode.frequency_std, other.frequency_std)
-    return bool(chance and mode.support + other.support <= 1 and mac(mode.shape, other.shape) > _TURNED)
 
 
 class _Influences:

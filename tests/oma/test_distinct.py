@@ -27,7 +27,8 @@ def mode(frequency: float, shape: np.ndarray, support: float) -> Mode:
     [
         (10.02, TURNED, 0.4, 1),  # within the scatter, alike, and no order shows both: one
         (10.02, TURNED, 0.7, 2),  # some orders show both
-        (10.04, TURNED, 0.4, 2),  # farther than the scatter
+        (10.05, TURNED, 0.4, 1),  # 1.8 standard deviations of the difference
+        (10.06, TURNED, 0.4, 2),  # farther than the scatter
         (10.02, ACROSS, 0.4, 2),  # another shape
         (10.15, SHAPE, 0.9, 1),  # 1.5 % and the same shape: seen at two rates
         (10.30, SHAPE, 0.9, 2),

@@ -14,8 +14,6 @@ from oma.fraction_poles import FractionModel, Windowed, continuous, fraction_mod
 from oma.fraction_shapes import shape_moves
 from oma.mac import normalise
 from oma.matrix_fraction import half_spectrum, matrix_fractions
-from oma.modes import Mode
-from oma.plscf import single
 from oma.uncertainty import normalised_move
 
 SEEDS = range(6)
@@ -86,27 +84,6 @@ def test_two_channels_and_gaps_are_enough() -> None:
     near = np.abs(found.frequency[:, None] / chain().frequency - 1).min(axis=1)
     assert np.all(near < 0.005)
     assert found.n_modes >= 5
-
-
-def mode(frequency: float, support: float, shape: FloatArray) -> Mode:
-    return Mode(
-        frequency=frequency, frequency_std=0.005, damping=0.002, damping_std=0.001, shape=shape.astype(np.complex128),
-        shape_std=0 * shape, support=support, law_ratio=1.2,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("second", "n"),
-    [
-        (mode(13.859, 0.3, np.array([0.0, 0.8, 0.6])), 1),  # MAC 0.64, two standard deviations away
-        (mode(13.880, 0.3, np.array([0.0, 0.8, 0.6])), 2),  # too far
-        (mode(13.859, 0.9, np.array([0.0, 0.8, 0.6])), 2),  # side by side in the orders
-        (mode(13.859, 0.3, np.array([1.0, 0.0, 0.0])), 2),  # another shape
-    ],
-)
-def test_a_mode_whose_shape_turns_from_some_order_on_is_one(second: Mode, n: int) -> None:
-    first = mode(13.849, 0.5, np.array([0.0, 1.0, 0.0]))
-    assert len(single([first, second])) == n
 
 
 def free_decays(n_lags: int) -> tuple[FloatArray, FloatArray]:
