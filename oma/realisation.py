@@ -49,13 +49,18 @@ class Realisation:
     rate: float  #: [Hz]
     eigenvalue: ComplexArray  #: (order,) of the discrete state matrix
     vector: ComplexArray  #: (order, order) right eigenvectors, columns
-    gram_inverse: FloatArray  #: (order, order) inverse of up^T up
+    gram: FloatArray  #: (order, order) up^T up
     shape: ComplexArray  #: (order, n_channels) observed eigenvectors
 
     @cached_property
     def left_vector(self) -> ComplexArray:
         """Left eigenvectors, rows, (order, order): the inverse of `vector`."""
         return np.linalg.inv(self.vector).astype(np.complex128)
+
+    @cached_property
+    def gram_inverse(self) -> FloatArray:
+        """Inverse of `gram`, (order, order)."""
+        return np.linalg.inv(self.gram).astype(np.float64)
 
     @property
     def continuous(self) -> ComplexArray:
@@ -84,13 +89,12 @@ def realisations(space: Subspace, orders: range) -> list[Realisation]:
 
 def _realisation(space: Subspace, gram: FloatArray, cross: FloatArray) -> Realisation:
     """Solve the shift invariance of one order by least squares."""
-    gram_inverse = np.linalg.inv(gram).astype(np.float64)
-    eigenvalue, vector = (part.astype(np.complex128) for part in np.linalg.eig(gram_inverse @ cross))
+    eigenvalue, vector = (part.astype(np.complex128) for part in np.linalg.eig(np.linalg.solve(gram, cross)))
     return Realisation(
         order=len(gram),
         rate=space.rate,
         eigenvalue=eigenvalue,
         vector=vector,
-        gram_inverse=gram_inverse,
+        gram=gram,
         shape=(space.output[:, : len(gram)] @ vector).T,
     )

@@ -122,7 +122,7 @@ class CovarianceSSI:
         """
         n_channels = correlation.shape[1]
         whole = hankel(correlation[:, :, past], first_lag, self.rows(n_channels))
-        left, values, right = leading_svd(whole, self.max_order, 1)
+        left, values, right = leading_svd(whole, self.max_order, powers=2, flat=False)
         return Subspace(left=left, values=values, right=right, n_channels=n_channels, rate=rate)
 
 
@@ -148,7 +148,7 @@ class DataSSI(CovarianceSSI):
         whole = hankel(correlation[:, :, past], first_lag, rows)
         half = linalg.solve_triangular(future, whole, lower=True, check_finite=False)
         white = linalg.solve_triangular(before, half.T, lower=True, check_finite=False).T
-        left, values, right = leading_svd(white, self.max_order, 3)
+        left, values, right = leading_svd(white, self.max_order, powers=3, flat=True)
         return Subspace(
             left=future @ left,
             values=values,
@@ -196,15 +196,17 @@ class SSILevel:
         return LevelModes(poles=poles, modes=modes)
 
 
-def leading_svd(matrix: FloatArray, rank: int, powers: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the leading singular triplets: by LAPACK if that is quick, else by randomized block Krylov iteration.
+def leading_svd(matrix: FloatArray, rank: int, powers: int, *, flat: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the leading singular triplets: by LAPACK if that is quick, else by randomized iteration.
 
     Parameters
     ----------
     matrix : (m, n) array
     rank : int
     powers : int
-        Products with ``matrix @ matrix.T`` in the Krylov space: the more, the flatter the singular values are.
+        How often a random block is multiplied by ``matrix @ matrix.T``.
+    flat : bool
+        The singular values hardly fall: all powers span the space searched (block Krylov), not the last one only.
 
     Returns
     -------
@@ -222,7 +224,7 @@ def leading_svd(matrix: FloatArray, rank: int, powers: int) -> tuple[FloatArray,
     blocks = [np.linalg.qr(block)[0]]
     for _ in range(powers):
         blocks.append(np.linalg.qr(matrix @ (matrix.T @ blocks[-1]))[0])
-    basis = np.linalg.qr(np.concatenate(blocks, axis=1))[0]
+    basis = np.linalg.qr(np.concatenate(blocks, axis=1))[0] if flat else blocks[-1]
     small = basis.T @ matrix
     squares, left = linalg.eigh(
         small @ small.T, subset_by_index=[len(small) - rank, len(small) - 1], check_finite=False
