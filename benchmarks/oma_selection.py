@@ -86,8 +86,8 @@ def main() -> int:
     n_ours = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     n_theirs = int(sys.argv[2]) if len(sys.argv) > 2 else 20
     print(f"{n_ours} windows a line (seeds 0 to {n_ours - 1}), of which pyOMA2 had the first {n_theirs}\n")
-    ours, theirs = "all 8, none false | found / false | CPU s", "hier_avg: all 8, none false | found / false | CPU s"
-    print(f"| window | {ours} | tone named | {theirs} |")
+    columns = "all 8, none false | found / false | CPU s"
+    print(f"| window | {columns} | tone named | hier_avg: {columns} |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for scene in SCENES.values():
         mine = ours(scene, n_ours)
