@@ -65,7 +65,7 @@ def _load(path: Path) -> dict[str, Any]:
         return {name: array for name, array in loadmat(path).items() if not name.startswith("__")}
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
-    except NotImplementedError as error:
+    except NotImplementedError as error:  # so scipy says that it does not read this version
         raise DataError(path, "is a Matlab 7.3 file: save it with -v7") from error
     except (ValueError, TypeError, IndexError, AttributeError, EOFError, zipfile.BadZipFile, MatReadError) as error:
         raise DataError(path, f"holds no arrays: {error}") from error

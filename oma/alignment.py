@@ -18,8 +18,9 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray, IndexArray, Recording
-from oma.conditioning import BoolArray, bridged, detrended, usable
+from oma.conditioning import BoolArray, detrended, usable
 from oma.estimate import ComplexArray
+from oma.gaps import bridged
 from oma.pyramid import PASS
 from oma.spectra import spectral_matrix
 

@@ -136,13 +136,3 @@ def detrended(data: FloatArray) -> FloatArray:
         basis = np.column_stack((np.ones(valid.sum()), time[valid]))
         column[valid] -= basis @ np.linalg.lstsq(basis, column[valid], rcond=None)[0]
     return result
-
-
-def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
-    """Fill gaps with straight lines."""
-    result = data.copy()
-    time = np.arange(len(data))
-    for column, gap in zip(result.T, missing.T, strict=True):
-        if gap.any():
-            column[gap] = np.interp(time[gap], time[~gap], column[~gap]) if not gap.all() else 0.0
-    return result

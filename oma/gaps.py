@@ -70,7 +70,7 @@ def filled(data: FloatArray) -> FloatArray:
         return data
     mean, size = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
     size[size == 0] = 1.0
-    values = (_bridged(data, missing) - mean) / size
+    values = (bridged(data, missing) - mean) / size
     used = ~np.convolve((missing & ~lost).any(axis=1), np.ones(ORDER + 1), mode="valid").astype(np.bool_)
     for _ in range(_PASSES):
         model = _fit(values, used)
@@ -80,13 +80,14 @@ def filled(data: FloatArray) -> FloatArray:
     return result
 
 
-def _bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
+def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
     """Fill gaps with straight lines."""
-    result, time = data.copy(), np.arange(len(data))
+    result = data.copy()
+    time = np.arange(len(data))
     for column, gap in zip(result.T, missing.T, strict=True):
-        if gap.any() and not gap.all():
-            column[gap] = np.interp(time[gap], time[~gap], column[~gap])
-    return np.nan_to_num(result)
+        if gap.any():
+            column[gap] = np.interp(time[gap], time[~gap], column[~gap]) if not gap.all() else 0.0
+    return result
 
 
 def _fit(values: FloatArray, used: BoolArray) -> Autoregression:

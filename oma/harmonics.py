@@ -18,8 +18,9 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray
-from oma.conditioning import BoolArray, bridged
+from oma.conditioning import BoolArray
 from oma.estimate import ComplexArray, ModalEstimate
+from oma.gaps import bridged
 from oma.selection import BAND
 
 _WANDER = 0.01  # half a band that a wandering tone stays in, as a share of its frequency [-]

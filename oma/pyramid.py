@@ -10,7 +10,7 @@ import numpy as np
 from scipy import signal
 
 from daq import FloatArray
-from oma.conditioning import bridged
+from oma.gaps import bridged
 
 PASS = 0.40  #: upper end of the band kept at each rate, as a share of that rate [-]
 HALF_LENGTH = 12  #: of the decimating filter [samples of the new rate]

@@ -45,3 +45,13 @@ def test_equal_data_give_equal_digits_whatever_their_unit(name: str) -> None:
 def test_what_is_too_short_is_refused(name: str, n: int) -> None:
     with pytest.raises(IdentificationError):
         identify(replace(window(), data=window().data[:n]), METHODS[name]())
+
+
+@pytest.mark.parametrize("name", ["fsdd", "plscf"])
+def test_a_tone_is_no_mode(name: str) -> None:
+    recording = simulate(chain(), 300.0, 50.0, 5)
+    tone = np.sin(2 * np.pi * 7.3 * np.arange(len(recording.data)) / 50.0)
+    recording.data[:] += np.outer(tone, np.linspace(1, 2, 6)) * recording.data.std()
+    found = identify_all(recording, METHODS[name]())
+    assert found.estimate.n_modes == 6
+    assert found.harmonics == pytest.approx([7.3], abs=0.01)

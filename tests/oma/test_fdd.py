@@ -16,7 +16,6 @@ from oma import (
     IdentificationError,
     ModalEstimate,
     identify,
-    identify_all,
     mac_matrix,
     uncertainty_law,
 )
@@ -83,15 +82,6 @@ def test_gaps_are_left_out() -> None:
     found = identify(recording, FSDD())
     assert found.n_modes == 6
     assert np.all(np.abs(found.frequency - chain().frequency) < 5 * found.frequency_std)
-
-
-def test_a_tone_is_no_mode() -> None:
-    recording = simulate(chain(), 300.0, 50.0, 5)
-    tone = np.sin(2 * np.pi * 7.3 * np.arange(len(recording.data)) / 50.0)
-    recording.data[:] += np.outer(tone, np.linspace(1, 2, 6)) * recording.data.std()
-    found = identify_all(recording, FSDD())
-    assert found.estimate.n_modes == 6
-    assert found.harmonics == pytest.approx([7.3], abs=0.01)
 
 
 @pytest.mark.parametrize("seed", range(2))

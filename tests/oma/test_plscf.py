@@ -8,7 +8,7 @@ import pytest
 from oma_helpers import chain, frame, simulate
 
 from daq import FloatArray, Recording
-from oma import PLSCF, IdentificationError, ModalEstimate, identify, identify_all, mac_matrix, uncertainty_law
+from oma import PLSCF, IdentificationError, ModalEstimate, identify, mac_matrix, uncertainty_law
 from oma.correlation import correlation_sums
 from oma.fraction_poles import FractionModel, Windowed, continuous, fraction_model, pole_influences
 from oma.fraction_shapes import shape_moves
@@ -58,15 +58,6 @@ def test_errors_are_near_the_law_and_claimed_deviations_cover() -> None:
     assert np.sqrt(np.mean((damping / limits[1]) ** 2)) < 1.2 * 1.43
     for error, std in ((frequency, [f.frequency_std for f in found]), (damping, [f.damping_std for f in found])):
         assert np.mean(np.abs(error) < 2 * np.array(std)) >= 29 / 36  # chance 1e-4 if 93 % are covered
-
-
-def test_a_tone_is_no_mode() -> None:
-    recording = simulate(chain(), 300.0, 50.0, 5)
-    tone = np.sin(2 * np.pi * 7.3 * np.arange(len(recording.data)) / 50.0)
-    recording.data[:] += np.outer(tone, np.linspace(1, 2, 6)) * recording.data.std()
-    found = identify_all(recording, PLSCF())
-    assert found.estimate.n_modes == 6
-    assert found.harmonics == pytest.approx([7.3], abs=0.01)
 
 
 @pytest.mark.parametrize("seed", range(2))
