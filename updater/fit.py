@@ -12,11 +12,9 @@ from daq import FloatArray, IndexArray
 from updater.comparison import Comparison, residual
 from updater.reanalysis import Changed, Effect, derivative, picked, predict, reanalyse
 
-_NEWTON = 6
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
-_ENOUGH = 1e-3  # of chi-square: a step that gains less anywhere near the best is the last
-_NEAR = 100.0  # of chi-square over the best
-_HOPELESS = 1000.0  # of chi-square over the best: such alternatives are not followed any further
+_ENOUGH = 1e-3  # of chi-square: a step that gains less is an alternative's last
+_REACH = (1000.0, 1000.0, 100.0, 100.0, 100.0, 100.0)  # of chi-square over the best: what a step still follows
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 
 
@@ -52,8 +50,16 @@ class Hypotheses(Protocol):
         """Return what the alternatives `rows` do with parameters theta (len(rows), n_parameters)."""
         ...
 
-    def finer(self, log_density: FloatArray) -> Self | None:
-        """Return alternatives closer together where the posterior is; None if there is nothing between them."""
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
+        """Return alternatives closer together where the posterior is, which start from what those about them came to.
+
+        None if there is nothing between them.
+
+        Parameters
+        ----------
+        log_density : (n_alternatives,) log evidence of each
+        theta : (n_alternatives, n_parameters) the best of each
+        """
         ...
 
 
@@ -96,7 +102,7 @@ class Fit(Generic[H]):
 def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
     """Fit every alternative by Gauss-Newton, all at once; if asked, those between the best ones afterwards."""
     found = _fit(comparison, hypotheses)
-    closer = hypotheses.finer(found.log_density) if refine else None
+    closer = hypotheses.finer(found.log_density, found.theta) if refine else None
     return found if closer is None else _fit(comparison, closer)
 
 
@@ -118,14 +124,18 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
     everything = np.arange(len(hypotheses.start))
     point = _evaluate(comparison, hypotheses, hypotheses.start, everything)
     slope = _slope(comparison, hypotheses, point, everything)
-    for _ in range(_NEWTON if len(hypotheses.prior_std) else 0):
-        alive = np.flatnonzero(point.cost < point.cost.min() + _HOPELESS)
+    moving = np.full(len(everything), bool(len(hypotheses.prior_std)))
+    for reach in _REACH:
+        alive = np.flatnonzero(moving & (point.cost < point.cost.min() + reach))
+        if not len(alive):
+            break
         gradient = np.einsum("pij,pi->pj", slope[alive], point.residual[alive])
         step = np.linalg.solve(_normal(slope[alive]), gradient[..., None])[..., 0]
-        gained = _descend(comparison, hypotheses, point, step, alive)
+        before = point.cost[alive]
+        _descend(comparison, hypotheses, point, step, alive)
+        gained = before - point.cost[alive]
+        moving[alive] = gained > _ENOUGH
         slope[alive] = _slope(comparison, hypotheses, point, alive)
-        if gained < _ENOUGH:
-            break
     covariance: FloatArray = np.linalg.inv(_normal(slope)).astype(np.float64)
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
@@ -143,24 +153,16 @@ def _normal(slope: FloatArray) -> FloatArray:
     return slope.transpose(0, 2, 1) @ slope
 
 
-def _descend(
-    comparison: Comparison, hypotheses: Hypotheses, point: _Point, step: FloatArray, rows: IndexArray
-) -> float:
-    """Take of each row's step the largest share that fits better; return the largest gain in chi-square."""
-    best = float(point.cost.min())
-    gained = 0.0
+def _descend(comparison: Comparison, hypotheses: Hypotheses, point: _Point, step: FloatArray, rows: IndexArray) -> None:
+    """Take of each row's step the largest share that fits better."""
     for share in _SHARES:
         theta = np.maximum(point.theta[rows] - share * step, hypotheses.lower[rows])
         tried = _evaluate(comparison, hypotheses, theta, rows)
-        gain = point.cost[rows] - tried.cost
-        better = gain > 0
-        near = tried.cost < best + _NEAR
-        gained = max(gained, float(gain[better & near].max(initial=0.0)))
+        better = tried.cost < point.cost[rows]
         _adopt(point, tried, rows[better], better)
         rows, step = rows[~better], step[~better]
         if not len(rows):
             break
-    return gained
 
 
 def _adopt(point: _Point, tried: _Point, rows: IndexArray, chosen: npt.NDArray[np.bool_]) -> None:

@@ -27,7 +27,7 @@ DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body onl
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
-_MOST_FINE = 300  # fine positions on one member
+_MOST_FINE = 120  # fine positions on one member
 _MASS_STD = 0.2  # of the structure's mass, prior of the body's
 _LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
 _OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
@@ -45,6 +45,7 @@ class AddedMass:
     translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there
     rotation: FloatArray  #: (n, 3, n_modes) [rad/m]
     by_offset: FloatArray  #: (2, n, 3, n_modes) more of it a metre of offset along the two cross axes
+    start: FloatArray  #: (n, 4) where the fit begins
     name: str = "added_mass"
     cannot_be_told_from: tuple[str, ...] = ()
     drifting: bool = True
@@ -76,16 +77,6 @@ class AddedMass:
         """Every metre of the structure alike."""
         return np.asarray(np.log(self.weight / self.weight.sum()))
 
-    @property
-    def start(self) -> FloatArray:
-        """First order, d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies."""
-        data = self.comparison
-        effect = -0.5 * (self.translation[:, :, data.paired] ** 2).sum(1) @ data.drifting.matrix.T
-        mass = effect @ (data.drifting.matrix @ data.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
-        # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
-        mass = np.clip(mass, -_LARGEST_REMOVED * self._total, _MASS_STD * self._total)
-        return np.column_stack([mass, np.zeros((len(mass), 3))])
-
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes m (Phi^T Phi + r^2 Theta^T Theta)."""
         at = self.translation[rows] + np.einsum("po,opar->par", theta[:, 1:3], self.by_offset[:, rows])
@@ -94,12 +85,15 @@ class AddedMass:
         mass = theta[:, 0, None, None] * (moved.transpose(0, 2, 1) @ moved)
         return replace(no_effect(len(rows), self.comparison), mass=mass)
 
-    def finer(self, log_density: FloatArray) -> "AddedMass":
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass":
         """Return the positions and, where one comes near the best, many more between."""
         near = log_density > log_density.max() - _NEAR
-        members = self.reference.calibration.structure.member
-        grids = {int(m): _closer(self.position[self.member == m], near[self.member == m]) for m in range(len(members))}
-        return _along(self.reference, self.comparison, grids)
+        grids, starts = {}, []
+        for m in range(len(self.reference.calibration.structure.member)):
+            here = self.member == m
+            grids[m] = _closer(self.position[here], near[here])
+            starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
+        return _along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T)
 
     def _member(self, row: int) -> Member:
         return self.reference.calibration.structure.member[int(self.member[row])]
@@ -151,10 +145,12 @@ def propose_added_mass(reference: Reference, comparison: Comparison) -> AddedMas
     grids = {
         i: np.linspace(0, member.length, max(4, round(member.length / _COARSE)) + 1) for i, member in enumerate(members)
     }
-    return _along(reference, comparison, grids)
+    return _along(reference, comparison, grids, None)
 
 
-def _along(reference: Reference, comparison: Comparison, grids: dict[int, FloatArray]) -> AddedMass:
+def _along(
+    reference: Reference, comparison: Comparison, grids: dict[int, FloatArray], start: FloatArray | None
+) -> AddedMass:
     structure, model = reference.calibration.structure, reference.calibration.model
     modes, rotations, turned = [], [], []
     for index, grid in grids.items():
@@ -164,15 +160,28 @@ def _along(reference: Reference, comparison: Comparison, grids: dict[int, FloatA
         modes.append(here[:, :3])
         rotations.append(here[:, 3:])
         turned.append(np.array([np.cross(here[:, 3:], axis, axisa=1, axisc=1) for axis in cross_axes]))
+    translation = np.concatenate(modes)
     return AddedMass(
         reference=reference,
         comparison=comparison,
         member=np.concatenate([np.full(len(grid), m, np.intp) for m, grid in grids.items()]),
         position=np.concatenate(list(grids.values())),
-        translation=np.concatenate(modes),
+        translation=translation,
         rotation=np.concatenate(rotations),
         by_offset=np.concatenate(turned, axis=1),
+        start=_first_order(reference, comparison, translation) if start is None else start,
     )
+
+
+def _first_order(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
+    """Return d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies; no offset, no inertia."""
+    whitener = comparison.drifting.matrix
+    effect = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1) @ whitener.T
+    mass = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
+    # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
+    total = reference.calibration.model.total_mass()
+    mass = np.clip(mass, -_LARGEST_REMOVED * total, _MASS_STD * total)
+    return np.column_stack([mass, np.zeros((len(mass), 3))])
 
 
 def _closer(position: FloatArray, near: FloatArray) -> FloatArray:

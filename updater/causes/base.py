@@ -78,9 +78,9 @@ class Discrete:
         """All alike."""
         return np.full(len(self.lower), -np.log(len(self.lower)))
 
-    def finer(self, log_density: FloatArray) -> None:
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
         """There is nothing between the alternatives."""
-        del log_density
+        del log_density, theta
 
     @property
     def cannot_be_told_from(self) -> tuple[str, ...]:

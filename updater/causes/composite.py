@@ -67,9 +67,9 @@ class Beside(Generic[C]):
             at += n
         return found
 
-    def finer(self, log_density: FloatArray) -> "Beside[C] | None":
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> "Beside[C] | None":
         """Refine the free one."""
-        closer = self.free.finer(log_density)
+        closer = self.free.finer(log_density, theta[:, : len(self.free.prior_std)])
         return None if closer is None else replace(self, free=closer)
 
     def of_free(self, fit: "Fit[Beside[C]]") -> Fit[C]:

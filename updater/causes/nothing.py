@@ -41,6 +41,6 @@ class Nothing:
         del theta
         return no_effect(len(rows), self.comparison)
 
-    def finer(self, log_density: FloatArray) -> None:
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
         """There is nothing to refine."""
-        del log_density
+        del log_density, theta
