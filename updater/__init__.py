@@ -4,7 +4,9 @@ from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.diagnosis import Explained, diagnose
 from updater.errors import ModelError, PairingError, StructureError, UpdaterError
-from updater.fe.model import Model, Modes, build_model
+from updater.fe.assembly import build_model
+from updater.fe.model import Model
+from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.localization import MassChange, Stretch, locate_mass
 from updater.mass_update import Flag, MassUpdate, MassUpdater

@@ -13,7 +13,9 @@ from scipy.optimize import least_squares
 from daq import FloatArray, IndexArray
 from oma import pair_modes
 from updater.errors import PairingError
-from updater.fe.model import Model, Modes, build_model
+from updater.fe.assembly import build_model
+from updater.fe.model import Model
+from updater.fe.modes import Modes
 from updater.statistics import ModalMean
 from updater.structure import AXES, Joint, Member, Structure, Support
 

@@ -11,7 +11,9 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.expansion import LARGEST_CLUSTER, well_posed_cluster
-from updater.fe.model import Model, Modes, build_model
+from updater.fe.assembly import build_model
+from updater.fe.model import Model
+from updater.fe.modes import Modes
 from updater.reference import Reference, first_stage, pair_baseline
 
 

@@ -10,7 +10,8 @@ from oma import ModalEstimate, pair_modes
 from updater.calibration import Calibration, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
-from updater.fe.model import Model, Modes
+from updater.fe.model import Model
+from updater.fe.modes import Modes
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks
 from updater.structure import Structure
 

@@ -1,0 +1,126 @@
+"""Stiffness and mass of a frame, assembled from its elements, springs and bodies."""
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+from scipy import sparse
+
+from daq import FloatArray, IntArray
+from updater.fe.element import Element, local_axes
+from updater.fe.mesh import Mesh
+from updater.fe.model import Model
+from updater.structure import AXES, Body, Member, Structure
+
+MassKind = Literal["lumped", "consistent"]
+
+
+class _Matrix:
+    """A sparse symmetric matrix gathered from many equal-sized blocks at a time."""
+
+    def __init__(self) -> None:
+        self._rows: list[IntArray] = []
+        self._columns: list[IntArray] = []
+        self._values: list[FloatArray] = []
+
+    def add(self, dofs: IntArray, blocks: FloatArray) -> None:
+        """Add blocks (n, k, k) at rows and columns (n, k); what is held (-1) is left out."""
+        row, column = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+        keep = (row >= 0) & (column >= 0) & (blocks != 0)
+        self._rows.append(row[keep])
+        self._columns.append(column[keep])
+        self._values.append(blocks[keep])
+
+    def build(self, n: int) -> sparse.csc_array:
+        index = (np.concatenate(self._rows), np.concatenate(self._columns))
+        return sparse.csc_array((np.concatenate(self._values), index), shape=(n, n))
+
+
+def build_model(structure: Structure, *, shear_flexible: bool = False, mass: MassKind = "lumped") -> Model:
+    """Assemble a model; the defaults are the paper's (Euler-Bernoulli, particle-lumped mass).
+
+    Raises
+    ------
+    ModelError
+        If a support, joint or body does not lie on a member.
+    """
+    mesh = Mesh(structure)
+    dofs = mesh.number()
+    kinds = _Kinds(mesh, shear_flexible=shear_flexible, mass=mass)
+    rows = np.concatenate([dofs[kinds.first], dofs[kinds.last]], axis=1)
+    k, m = _Matrix(), _Matrix()
+    k.add(rows, np.array(kinds.stiffness)[kinds.which])
+    m.add(rows, np.array(kinds.mass)[kinds.which])
+    _add_springs(k, mesh, dofs)
+    n = int(dofs.max()) + 1
+    bare = Model(
+        structure=structure,
+        nodes=mesh.nodes,
+        dofs=dofs,
+        elements=tuple((a, b, kinds.element[i]) for (a, b, _), i in zip(mesh.spans, kinds.which, strict=True)),
+        member_names=tuple(member.name for _, _, member in mesh.spans),
+        stiffness=k.build(n),
+        mass=m.build(n),
+        twins=tuple(mesh.twins),
+    )
+    return _with_bodies(bare) if structure.body else bare
+
+
+class _Kinds:
+    """Elements of a member share their matrices, as long as they are of a length."""
+
+    def __init__(self, mesh: Mesh, *, shear_flexible: bool, mass: MassKind) -> None:
+        self.first = np.array([a for a, _, _ in mesh.spans])
+        self.last = np.array([b for _, b, _ in mesh.spans])
+        self.element: list[Element] = []
+        self.stiffness: list[FloatArray] = []  # of each kind (12, 12), global axes
+        self.mass: list[FloatArray] = []
+        along = mesh.nodes[self.last] - mesh.nodes[self.first]
+        known: dict[tuple[str, float], int] = {}
+        self.which = np.empty(len(along), np.intp)  # kind of each span
+        for i, ((_, _, member), length) in enumerate(zip(mesh.spans, np.linalg.norm(along, axis=1), strict=True)):
+            key = member.name, round(float(length), 12)
+            if key not in known:
+                known[key] = len(self.element)
+                self._add(
+                    _element(mesh.structure, member, float(length), shear_flexible=shear_flexible), along[i], mass
+                )
+            self.which[i] = known[key]
+
+    def _add(self, element: Element, direction: FloatArray, mass: MassKind) -> None:
+        turn = np.kron(np.eye(4), local_axes(direction))
+        local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
+        self.element.append(element)
+        self.stiffness.append(turn.T @ element.stiffness() @ turn)
+        self.mass.append(turn.T @ local @ turn)
+
+
+def _element(structure: Structure, member: Member, length: float, *, shear_flexible: bool) -> Element:
+    return Element(length, structure.material[member.material], structure.section[member.section], shear_flexible)
+
+
+def _add_springs(stiffness: _Matrix, mesh: Mesh, dofs: IntArray) -> None:
+    """Add the springs of joints and of supports."""
+    for node, twin, joint in mesh.twins:
+        for axis, value in joint.stiffness.items():
+            stiffness.add(dofs[[[node, twin]], AXES.index(axis)], value * np.array([[[1.0, -1.0], [-1.0, 1.0]]]))
+    for support in mesh.structure.support:
+        for turn_axis, value in support.stiffness.items():
+            stiffness.add(dofs[[[mesh.find(support.at, "support")]], AXES.index(turn_axis)], np.array([[[value]]]))
+
+
+def body_mass(body: Body) -> FloatArray:
+    """Return the mass matrix (6, 6) of a rigid body about the point it is fixed to."""
+    x, y, z = body.offset
+    arm = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]], float)  # u_centre = u + arm @ rotation
+    rigid = np.block([[np.eye(3), arm], [np.zeros((3, 3)), np.eye(3)]])
+    own = scipy.linalg.block_diag(body.mass * np.eye(3), np.diag(body.inertia))
+    return np.asarray(rigid.T @ own @ rigid)
+
+
+def _with_bodies(model: Model) -> Model:
+    bodies = model.structure.body
+    rows = model.reader(np.array([body.at for body in bodies]))
+    own = sparse.csr_array(scipy.linalg.block_diag(*(body_mass(body) for body in bodies)))
+    return replace(model, mass=sparse.csc_array(model.mass + rows.T @ own @ rows))

@@ -1,0 +1,119 @@
+"""Nodes of a frame and the numbers of their DOFs."""
+
+import itertools
+from collections import defaultdict
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from daq import FloatArray, IntArray
+from updater.errors import ModelError
+from updater.structure import AXES, Joint, Member, Structure
+
+COINCIDENT = 1e-6  # m: points nearer than this are the same node
+_CELL = 4 * COINCIDENT  # of the hash: a point's neighbours lie in at most eight cells, nearly always in one
+
+Cell = tuple[int, ...]
+
+
+class _Places:
+    """Points found again by place, in a time that does not grow with their number."""
+
+    def __init__(self) -> None:
+        self.points: list[FloatArray] = []
+        self._cells: defaultdict[Cell, list[int]] = defaultdict(list)
+
+    def add(self, point: FloatArray) -> int:
+        self._cells[tuple(np.floor(point / _CELL).astype(int).tolist())].append(len(self.points))
+        self.points.append(point)
+        return len(self.points) - 1
+
+    def near(self, point: FloatArray) -> list[int]:
+        """Return the points at a place, first added first."""
+        low, high = (np.floor((point + side * COINCIDENT) / _CELL).astype(int).tolist() for side in (-1, 1))
+        cells = itertools.product(*({a, b} for a, b in zip(low, high, strict=True)))
+        found = sorted(i for cell in cells for i in self._cells.get(cell, ()))
+        return [i for i in found if np.linalg.norm(self.points[i] - point) < COINCIDENT]
+
+
+class Mesh:
+    """Nodes and DOF numbers while a model is being built."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self.twins: list[tuple[int, int, Joint]] = []  # node, its twin on the jointed member, the springs
+        self.spans: list[tuple[int, int, Member]] = []
+        self._places = _Places()
+        self._twin_of: dict[tuple[int, int], int] = {}  # node, joint -> twin
+        self._doubles: set[int] = set()  # nodes that are twins of others
+        self._marks = _marks(structure)
+        self._tree = KDTree(self._marks)
+        for member in structure.member:
+            self._add(member)
+        self.nodes = np.array(self._places.points)
+
+    def _add(self, member: Member) -> None:
+        line = [self._node(p, member) for p in self._stations(member)]
+        self.spans += [(a, b, member) for a, b in itertools.pairwise(line)]
+
+    def _stations(self, member: Member) -> FloatArray:
+        """Nodes of one member, with one wherever another member ends on it or a joint, support stands."""
+        even = np.linspace(0, member.length, member.elements + 1)
+        axis = np.subtract(member.end, member.start) / member.length
+        near = self._tree.query_ball_point(member.point(member.length / 2), member.length / 2 + 2 * COINCIDENT)
+        for point in self._marks[sorted(near)]:
+            s = float(np.dot(point - member.start, axis))
+            off = np.linalg.norm(point - member.point(s))
+            if (
+                off < COINCIDENT
+                and -COINCIDENT < s < member.length + COINCIDENT
+                and np.abs(even - s).min() > COINCIDENT
+            ):
+                even = np.sort(np.append(even, s))
+        return member.point(even)
+
+    def _node(self, point: FloatArray, member: Member) -> int:
+        plain = [i for i in self._places.near(point) if i not in self._doubles]
+        node = plain[0] if plain else self._places.add(point)
+        own = (i for i, j in enumerate(self.structure.joint) if j.member == member.name)
+        joint = next((i for i in own if np.linalg.norm(self.structure.joint[i].at - point) < COINCIDENT), None)
+        if joint is None:
+            return node
+        if (node, joint) not in self._twin_of:
+            twin = self._twin_of[node, joint] = self._places.add(point)
+            self._doubles.add(twin)
+            self.twins.append((node, twin, self.structure.joint[joint]))
+        return self._twin_of[node, joint]
+
+    def find(self, at: tuple[float, float, float], what: str) -> int:
+        """Return the node at a point.
+
+        Raises
+        ------
+        ModelError
+            If there is none.
+        """
+        near = self._places.near(np.asarray(at))
+        if not near:
+            raise ModelError(f"{what} at {list(at)}: no member passes there")
+        return near[0]
+
+    def number(self) -> IntArray:
+        """Return the DOFs' numbers (n_nodes, 6): held ones -1, twins share what their joint leaves rigid."""
+        free = np.ones((len(self.nodes), 6), bool)
+        for support in self.structure.support:
+            free[self.find(support.at, "support"), [AXES.index(a) for a in support.fixed]] = False
+        for _, twin, joint in self.twins:
+            free[twin] = [axis in joint.stiffness for axis in AXES]
+        dofs = np.full(free.shape, -1, np.int32)
+        dofs[free] = np.arange(free.sum())
+        for node, twin, _ in self.twins:
+            dofs[twin] = np.where(free[twin], dofs[twin], dofs[node])
+        return dofs
+
+
+def _marks(structure: Structure) -> FloatArray:
+    """Return the points (n, 3) that any member they lie on must have a node at."""
+    points = [p for member in structure.member for p in (member.start, member.end)]
+    points += [support.at for support in structure.support] + [joint.at for joint in structure.joint]
+    return np.array(points, float)

@@ -1,0 +1,61 @@
+"""Factors of a sparse symmetric positive definite matrix: PyPardiso's if it is installed, else SuperLU's.
+
+Both keep to the symmetry: SuperLU orders A + A^T by minimum degree and takes its pivots from the diagonal, PARDISO
+makes a Cholesky factor of an ordering by nested dissection, which fills less the larger a lattice is.
+"""
+
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from daq import FloatArray
+from updater.errors import ModelError
+
+Solve = Callable[[FloatArray], FloatArray]
+LARGE = 20_000  # DOFs from which PARDISO gains more than its start costs
+
+
+def factorise(matrix: sparse.csc_array, *, pardiso: bool | None = None) -> Solve:
+    """Return what solves A x = b for b (n,) or (n, k).
+
+    Parameters
+    ----------
+    matrix : (n, n), symmetric, positive definite
+    pardiso : whether to use PyPardiso (`pip install 'modalwatch[cholesky]'`); None: for large matrices, if it is there
+
+    Raises
+    ------
+    ModelError
+        If the matrix is singular; PARDISO also finds out that it is indefinite.
+    """
+    if pardiso is None:
+        pardiso = matrix.shape[0] >= LARGE and find_spec("pypardiso") is not None
+    return _pardiso(matrix) if pardiso else _superlu(matrix)
+
+
+def _superlu(matrix: sparse.csc_array) -> Solve:
+    try:
+        factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError as error:
+        raise ModelError("the stiffness is singular") from error
+    return factor.solve
+
+
+def _pardiso(matrix: sparse.csc_array) -> Solve:
+    from pypardiso import PyPardisoError, PyPardisoSolver  # an extra
+
+    upper = sparse.csr_matrix(sparse.triu(matrix))
+    upper.sort_indices()
+    solver = PyPardisoSolver(mtype=2)  # real, symmetric, positive definite
+    try:
+        solver.factorize(upper)
+    except (PyPardisoError, ValueError) as error:
+        raise ModelError("the stiffness is singular or indefinite") from error
+
+    def solve(right: FloatArray) -> FloatArray:
+        return np.asarray(solver.solve(upper, right), float)
+
+    return solve
