@@ -3,12 +3,12 @@
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.diagnosis import Explained, diagnose
-from updater.errors import ModelError, PairingError, StructureError, UpdaterError
+from updater.errors import ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
-from updater.localization import MassChange, Stretch, locate_mass
+from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
 from updater.nominal import nominal_reference
@@ -39,9 +39,11 @@ from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair,
 
 __all__ = [
     "NO_DELAYS",
+    "Alternative",
     "Ambient",
     "AmbientResponse",
     "Body",
+    "BodyShape",
     "Calibration",
     "Cause",
     "DeviceDelays",
@@ -55,6 +57,7 @@ __all__ = [
     "MassUpdate",
     "MassUpdater",
     "Member",
+    "ModalDataError",
     "ModalMean",
     "ModeFit",
     "Model",
@@ -93,6 +96,7 @@ __all__ = [
     "nominal_reference",
     "novelty",
     "novelty_limit",
+    "open_question",
     "parse_structure",
     "real_shape",
     "remove_delays",

@@ -12,10 +12,11 @@ from scipy.optimize import least_squares
 
 from daq import FloatArray, IndexArray
 from oma import pair_modes
-from updater.errors import PairingError
+from updater.errors import ModalDataError, PairingError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
+from updater.modal_checks import check_baseline, unit_hint
 from updater.statistics import ModalMean
 from updater.structure import AXES, Joint, Member, Structure, Support
 
@@ -72,7 +73,10 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     ------
     PairingError
         If fewer than three measured modes have a partner in the model.
+    ModalDataError
+        If one mode is on two tracks, or the frequencies are not in hertz.
     """
+    check_baseline(measured)
     nominal = best_model(structure)
     n_modes = min(n_modes, int((nominal.dofs[:, :3] >= 0).sum()))
     modes = nominal.modes(n_modes)
@@ -80,6 +84,12 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     seen = (rows @ modes.shape).T
     frequency = np.exp(measured.log_frequency)
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
+    unit = unit_hint(frequency, measured.shape, modes.frequency, seen)
+    if unit:
+        raise ModalDataError(
+            f"frequencies: expected hertz, found {np.round(frequency, 2).tolist()}, which answer to the model's "
+            f"{np.round(modes.frequency[:12], 2).tolist()} Hz if they are in {unit}"
+        )
     if (answers >= 0).sum() < 3:
         raise PairingError(
             f"only {(answers >= 0).sum()} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "

@@ -7,11 +7,15 @@ cancels to first order.
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
+from updater.errors import ModalDataError
+from updater.modal_checks import check_event
 from updater.reference import Reference
 from updater.statistics import COMMON_STD, ModalMean
 
+BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
 _LEAST_GAP = 1e-6  # of squared frequencies
@@ -37,7 +41,8 @@ class Comparison:
     log_frequency_std: FloatArray  #: (n,) of what is measured now, without the model's error
     plain: Whitener  #: of the log ratios, if nothing but noise adds to what a hypothesis says
     drifting: Whitener  #: the same with a change common to all, which temperature brings
-    shape: FloatArray  #: (n, n_channels) measured now, unit norm
+    shaped: BoolArray  #: (n,) whether the shape was measured now; else only the frequency counts
+    shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
     base: FloatArray  #: (n, n_channels) measured before, unit norm
     shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
     overdispersion: float  #: components of a shape that err as one [-]
@@ -49,7 +54,7 @@ class Comparison:
     def freedom(self) -> float:
         """Number of data: unit norm leaves a shape one component fewer than it has channels."""
         n_modes, n_channels = (int(n) for n in self.shape.shape)
-        return n_modes * (1 + (n_channels - 1) / self.overdispersion)
+        return n_modes + int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
 
 
 def compare(reference: Reference, event: ModalMean) -> Comparison:
@@ -58,29 +63,33 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
     Parameters
     ----------
     reference : learnt before
-    event : (n_tracks,) mean of the windows since; NaN where a track is not seen
+    event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
 
     Raises
     ------
-    ValueError
-        If fewer than three modes or two channels can be compared.
+    ModalDataError
+        If fewer than three modes or two channels can be compared, or the event's modes cannot be right.
     """
     channels = tuple(c for c in reference.baseline.channels if c in event.channels)
     if len(channels) < 2:
-        raise ValueError(f"channels to compare: expected at least 2 in both, found {len(channels)}")
+        raise ModalDataError(f"channels to compare: expected at least 2 in both, found {len(channels)}")
     base, event = reference.baseline.at(channels), event.at(channels)
-    tracks = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape[:, 0]))
+    tracks = np.flatnonzero(np.isfinite(event.log_frequency))
     if len(tracks) < 3:
-        raise ValueError(f"modes to compare: expected at least 3, found {len(tracks)}")
+        raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")
     ratio = (event.log_frequency - base.log_frequency)[tracks]
     shift = np.abs(ratio)
     variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks]
     variance += (2 * _MODEL_ERROR) ** 2 * shift * shift.mean()
-    shape, before = event.shape[tracks], base.shape[tracks]
+    check_event(base.only(tracks), event.only(tracks))
+    before = base.shape[tracks]
+    shaped = np.asarray(np.isfinite(event.shape[tracks]).all(1))
+    shape = np.where(shaped[:, None], event.shape[tracks], before)
     shape = shape * np.where((shape * before).sum(1) < 0, -1, 1)[:, None]
     # components that err together are so much less data: each is believed less, all together as much as they are worth
     overdispersion = reference.scatter.shape_overdispersion
-    own = overdispersion * (event.shape_std**2 + base.shape_std**2)[tracks] + _SHAPE_BIAS**2
+    spread = np.where(shaped[:, None], event.shape_std[tracks], 0.0) ** 2 + base.shape_std[tracks] ** 2
+    own = overdispersion * spread + _SHAPE_BIAS**2
     at_channels = reference.at_channels(event.channels)
     expected = at_channels[:, reference.paired[tracks]].T
     return Comparison(
@@ -91,9 +100,11 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
         log_frequency_std=event.log_frequency_std[tracks],
         plain=_whitener(np.diag(variance)),
         drifting=_whitener(np.diag(variance) + COMMON_STD**2),
+        shaped=shaped,
         shape=shape,
         base=before,
-        shape_whitener=_shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels)),
+        shape_whitener=shaped[:, None, None]
+        * _shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels)),
         overdispersion=overdispersion,
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,

@@ -4,6 +4,7 @@ UpdaterError
     StructureError      the file that describes the structure
     ModelError          the model built from it (a mechanism, a point that lies on no member)
     PairingError        measured modes that no model modes answer to
+    ModalDataError      measured modes that cannot be right or are too few (a ValueError as well)
 """
 
 from pathlib import Path
@@ -27,3 +28,7 @@ class ModelError(UpdaterError):
 
 class PairingError(UpdaterError):
     """Too few measured modes answer to modes of the model."""
+
+
+class ModalDataError(UpdaterError, ValueError):
+    """Measured modes that cannot be compared: too few, doubled, a shape of zeros, frequencies in a wrong unit."""

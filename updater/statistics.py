@@ -9,6 +9,7 @@ from scipy.stats import f as f_distribution
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from updater.delays import real_shape
+from updater.modal_checks import check_windows
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
 _WORTH_WINDOWS = 12  # that this knowledge is worth
@@ -36,7 +37,13 @@ def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray
     """Order the modes of windows by track; `tracks` holds for each window (n_tracks,) indices into its modes, or -1.
 
     Windows that lack channels of the first keep their frequencies and give no shapes.
+
+    Raises
+    ------
+    ModalDataError
+        Naming the window and the mode that cannot be right.
     """
+    check_windows(estimates, tracks)
     channels = max((e.channels for e in estimates), key=len)
     n_windows, n_tracks = len(estimates), len(tracks[0])
     flat = np.full((3, n_windows, n_tracks), np.nan)
@@ -90,6 +97,11 @@ class ModalMean:
         norm = np.linalg.norm(self.shape[:, column], axis=1, keepdims=True)
         shape, std = self.shape[:, column] / norm, self.shape_std[:, column] / norm
         return replace(self, channels=channels, shape=shape, shape_std=std)
+
+    def without_shapes(self) -> "ModalMean":
+        """Return the same modes as if only their frequencies had been measured."""
+        unknown = np.full(self.shape.shape, np.nan)
+        return replace(self, shape=unknown, shape_std=unknown)
 
     def only(self, tracks: IndexArray) -> "ModalMean":
         """Return the mean of some tracks."""

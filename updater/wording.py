@@ -95,7 +95,7 @@ def modes_of(data: Comparison, chosen: Sequence[Chosen] | None) -> tuple[ModeFit
     base = np.log(data.frequency[data.paired])
     measured = np.exp(base + data.log_ratio)
     before, after = prediction(data, None), prediction(data, chosen)
-    macs = _mac(data.shape, before[1][0]), _mac(data.shape, after[1][0])
+    macs = [_said(_mac(data, shape[0])) for _, shape in (before, after)]
     return tuple(
         ModeFit(
             frequency=FrequencyFit(
@@ -104,15 +104,20 @@ def modes_of(data: Comparison, chosen: Sequence[Chosen] | None) -> tuple[ModeFit
                 before=float(np.exp(base[i])),
                 after=float(np.exp(base[i] + after[0][0, i])) if chosen else None,
             ),
-            mac=Pair(before=float(macs[0][i]), after=float(macs[1][i]) if chosen else None),
+            mac=Pair(before=macs[0][i], after=macs[1][i] if chosen else None),
         )
         for i in range(len(base))
     )
 
 
-def _mac(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the modal assurance criterion of unit shapes (n, n_channels) with others, one by one."""
-    return np.asarray((one * other).sum(1) ** 2 / (other**2).sum(1))
+def _mac(data: Comparison, shape: FloatArray) -> FloatArray:
+    """Return the modal assurance criterion (n,) of measured shapes with others, one by one; NaN if not measured."""
+    mac = (data.shape * shape).sum(1) ** 2 / (shape**2).sum(1)
+    return np.where(data.shaped, mac, np.nan)
+
+
+def _said(values: FloatArray) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def gain_of(data: Comparison, chosen: Sequence[Chosen], *, heldout: bool) -> Gain:
@@ -124,9 +129,8 @@ def gain_of(data: Comparison, chosen: Sequence[Chosen], *, heldout: bool) -> Gai
         used = whitener if drift else data.plain
         rest = residual(data, log_ratio, shape, used)
         error = 100 * float(np.sqrt(np.mean((data.log_ratio - log_ratio[0]) ** 2)))
-        figures.append(
-            (error, float(1 - _mac(data.shape, shape[0]).mean()), float(-0.5 * (rest**2).sum() + used.log_det))
-        )
+        apart = float(1 - _mac(data, shape[0])[data.shaped].mean()) if data.shaped.any() else None
+        figures.append((error, apart, float(-0.5 * (rest**2).sum() + used.log_det)))
     before, after = figures
     names = ("frequency_error_percent", "one_minus_mac", "log_likelihood")
     pairs = {name: Pair(before=b, after=a) for name, b, a in zip(names, before, after, strict=True)}

@@ -14,6 +14,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.comparison import Comparison
 from updater.fe.element import local_axes
+from updater.posterior import Place, credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure
@@ -99,17 +100,14 @@ class AddedMass:
         return self.reference.calibration.structure.member[int(self.member[row])]
 
     def where(self, fit: "Fit[Cause]") -> Where:
-        """Return mean and region on the most probable member."""
-        probability = fit.probability
-        share = np.bincount(self.member, probability)
-        chosen = int(np.argmax(share))
-        here = np.where(self.member == chosen, probability, 0) / share[chosen]
-        distance = float(here @ self.position)
-        std = float(np.sqrt(here @ (self.position - distance) ** 2 + FINE**2 / 12))
+        """Return mean of the most probable place, and the region."""
+        place = self.places(fit)[0]
+        distance, std = self.distance(place)
         members = self.reference.calibration.structure.member
+        probability = fit.probability
         return Where(
-            member=members[chosen].name,
-            position=_vector(members[chosen].point(distance)),
+            member=members[place.member].name,
+            position=_vector(members[place.member].point(distance)),
             position_std=std,
             region=tuple(
                 (_vector(members[m].point(a)), _vector(members[m].point(b)))
@@ -119,16 +117,29 @@ class AddedMass:
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the mass, averaged over positions."""
-        value, std = self.mass(fit)
+        value, std = self.mass(fit, self.places(fit)[0])
         return {"mass": Quantity(value=value, std=std, unit="kg")}
 
-    def mass(self, fit: "Fit[Any]") -> tuple[float, float]:
-        """Return mean and standard deviation of the mass on the most probable member [kg]."""
-        share = np.bincount(self.member, fit.probability)
-        here = np.where(self.member == np.argmax(share), fit.probability, 0) / share.max()
-        mean = float(here @ fit.theta[:, 0])
-        spread = here @ (fit.covariance[:, 0, 0] + (fit.theta[:, 0] - mean) ** 2)
-        return mean, float(np.sqrt(spread + (DENSITY_STD * mean) ** 2))
+    def places(self, fit: "Fit[Any]") -> list[Place]:
+        """Return the places that a fit leaves open, the most probable first."""
+        probability = fit.probability
+        return places(self.member, self.position, probability / self.weight, probability)
+
+    def distance(self, place: Place) -> tuple[float, float]:
+        """Return mean and standard deviation of the distance from the member's start at a place [m]."""
+        mean = float(place.share @ self.position)
+        return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + FINE**2 / 12))
+
+    def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
+        """Return mean and standard deviation of the mass at a place [kg]."""
+        mean, std = self.averaged(fit, place, 0)
+        return mean, float(np.hypot(std, DENSITY_STD * mean))
+
+    def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:
+        """Return mean and standard deviation of a parameter over the positions of a place."""
+        value = fit.theta[:, parameter]
+        mean = float(place.share @ value)
+        return mean, float(np.sqrt(place.share @ (fit.covariance[:, parameter, parameter] + (value - mean) ** 2)))
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add the body."""
@@ -191,18 +202,6 @@ def _closer(position: FloatArray, near: FloatArray) -> FloatArray:
     steps = np.arange(-_COARSE, _COARSE + spacing / 2, spacing)
     fine = np.clip((position[near][:, None] + steps).ravel(), 0, position[-1])
     return np.unique(np.round(np.concatenate([position, fine]), 6))
-
-
-def credible(
-    member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray
-) -> list[tuple[int, float, float]]:
-    """Return the stretches (member, from, to) of highest density that hold 95 %."""
-    order = np.argsort(-density, kind="stable")
-    inside = np.zeros(len(density), bool)
-    inside[order[: int(np.searchsorted(np.cumsum(probability[order]), 0.95)) + 1]] = True
-    starts = np.flatnonzero(inside & ~np.r_[False, inside[:-1] & (member[1:] == member[:-1])])
-    stops = np.flatnonzero(inside & ~np.r_[inside[1:] & (member[1:] == member[:-1]), False])
-    return [(int(member[a]), float(position[a]), float(position[b])) for a, b in zip(starts, stops, strict=True)]
 
 
 def _vector(values: FloatArray) -> Vector:

@@ -1,0 +1,131 @@
+"""Measured modes that cannot be right, refused by name before anything is computed from them."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from oma import ModalEstimate, mac_matrix, pair_modes
+from updater.errors import ModalDataError
+
+if TYPE_CHECKING:
+    from updater.statistics import ModalMean
+
+_UNITS = {  # what one hertz is called in units that frequencies are taken in by mistake
+    "rad/s": 2 * np.pi,
+    "kHz": 1e-3,
+    "revolutions a minute": 60.0,
+}
+_UNIT_REACH = 0.2  # of ln f: what the structure itself may have changed by
+_SAME_STD = 3.0  # standard deviations within which two frequencies may be one
+_SAME_MAC = 0.95  # of two shapes that may be one mode's
+
+
+def check_windows(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> None:
+    """Refuse windows whose modes are no modes.
+
+    Parameters
+    ----------
+    estimates : modes of each window
+    tracks : (n_tracks,) indices into each window's modes, or -1
+
+    Raises
+    ------
+    ModalDataError
+        Naming the window and the mode: one on two tracks, no positive frequency, a shape of zeros or with gaps.
+    """
+    for number, (estimate, track) in enumerate(zip(estimates, tracks, strict=True)):
+        used = track[track >= 0]
+        twice = np.flatnonzero(np.bincount(used, minlength=1) > 1)
+        if len(twice):
+            raise ModalDataError(f"window {number}: mode {twice[0]} is on more than one track")
+        for mode in used:
+            fault = _fault(estimate, int(mode))
+            if fault:
+                raise ModalDataError(f"window {number}, mode {mode}: {fault}")
+
+
+def _fault(estimate: ModalEstimate, mode: int) -> str:
+    frequency, shape = estimate.frequency[mode], estimate.shape[mode]
+    if not (np.isfinite(frequency) and frequency > 0):
+        return f"expected a frequency over 0 Hz, found {frequency:g} (a rigid-body mode?)"
+    if not np.isfinite(shape).all():
+        channel = estimate.channels[int(np.argmin(np.isfinite(shape)))]
+        return f"the shape at {frequency:.4g} Hz has no value at channel {channel}"
+    return "" if shape.any() else f"the shape at {frequency:.4g} Hz is zero at every channel"
+
+
+def check_baseline(modes: "ModalMean") -> None:
+    """Refuse a baseline that has one mode on two tracks.
+
+    Raises
+    ------
+    ModalDataError
+        Naming the two.
+    """
+    for one, other in _alike(modes):
+        _refuse_doubled(modes, one, other)
+
+
+def check_event(baseline: "ModalMean", event: "ModalMean") -> None:
+    """Refuse an event that is not of the baseline's structure, or not in its unit.
+
+    Parameters
+    ----------
+    baseline, event : (n_tracks,) the same tracks at the same channels; the event's shapes may be NaN
+
+    Raises
+    ------
+    ModalDataError
+        Naming the track without a deviation, the unit, or the two tracks that have become one mode.
+    """
+    unsure = np.flatnonzero(~(event.log_frequency_std >= 0) | ~np.isfinite(event.log_frequency_std))
+    if len(unsure):
+        found = event.log_frequency_std[unsure[0]]
+        raise ModalDataError(f"track {unsure[0]}: expected a standard deviation of its frequency, found {found:g}")
+    ratio = float(np.median(event.log_frequency - baseline.log_frequency))
+    for unit, factor in _UNITS.items():
+        if abs(ratio - np.log(factor)) < _UNIT_REACH:
+            raise ModalDataError(
+                f"frequencies: expected hertz, found {np.exp(ratio):.4g} times the baseline's: are they in {unit}?"
+            )
+    once = mac_matrix(baseline.shape, baseline.shape)
+    for one, other in _alike(event):
+        if once[one, other] < _SAME_MAC:  # the sensors can tell the two apart, and now they see one
+            _refuse_doubled(event, one, other)
+
+
+def _refuse_doubled(modes: "ModalMean", one: int, other: int) -> None:
+    both = np.exp(modes.log_frequency[[one, other]])
+    raise ModalDataError(
+        f"tracks {one} and {other} are one mode twice: {both[0]:.5g} and {both[1]:.5g} Hz with the same shape"
+    )
+
+
+def _alike(modes: "ModalMean") -> list[tuple[int, int]]:
+    """Return pairs of tracks that agree in frequency and shape."""
+    shaped = np.flatnonzero(np.isfinite(modes.shape).all(1) & np.isfinite(modes.log_frequency))
+    frequency, std, shape = modes.log_frequency[shaped], modes.log_frequency_std[shaped], modes.shape[shaped]
+    near = np.abs(frequency[:, None] - frequency) <= _SAME_STD * np.hypot(std[:, None], std)
+    found = np.argwhere(np.triu(near & (mac_matrix(shape, shape) > _SAME_MAC), 1))
+    return [(int(shaped[i]), int(shaped[j])) for i, j in found]
+
+
+def unit_hint(
+    frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
+) -> str | None:
+    """Return a unit in which clearly more of the measured modes answer to a model's; None if hertz is as good.
+
+    Parameters
+    ----------
+    frequency, shape : (n,) and (n, n_channels) measured; NaN for a mode that was never seen
+    model_frequency, model_shape : (k,) [Hz] and (k, n_channels)
+    """
+
+    def partners(factor: float) -> int:
+        return int((pair_modes(frequency / factor, shape, model_frequency, model_shape) >= 0).sum())
+
+    hertz = partners(1.0)
+    best = max(_UNITS, key=lambda unit: partners(_UNITS[unit]))
+    return best if partners(_UNITS[best]) >= max(3, 2 * hertz) else None

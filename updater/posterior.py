@@ -1,0 +1,84 @@
+"""A posterior over positions along members: its 95 % region, and the separate places that it leaves open."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+
+HELD = 0.95  # of the posterior, by the region
+_APART = 0.02  # m: stretches of the region nearer than this are one place
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """One of the places where the posterior is: a stretch of a member and what is nearest to it."""
+
+    member: int
+    start: float  #: of the stretch, from the member's start [m]
+    stop: float  #: [m]
+    probability: float  #: of the place [-]
+    share: FloatArray  #: (n,) probability of each position, given the place; sums to one
+
+
+def credible(
+    member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray
+) -> list[tuple[int, float, float]]:
+    """Return the stretches (member, from, to) of highest density that hold 95 %.
+
+    Parameters
+    ----------
+    member, position : (n,) member and distance from its start [m], ascending on each member
+    density : (n,) posterior [1/m]
+    probability : (n,) posterior, summing to one
+    """
+    order = np.argsort(-density, kind="stable")
+    inside = np.zeros(len(density), bool)
+    inside[order[: int(np.searchsorted(np.cumsum(probability[order]), HELD)) + 1]] = True
+    starts = np.flatnonzero(inside & ~np.r_[False, inside[:-1] & (member[1:] == member[:-1])])
+    stops = np.flatnonzero(inside & ~np.r_[inside[1:] & (member[1:] == member[:-1]), False])
+    return [(int(member[a]), float(position[a]), float(position[b])) for a, b in zip(starts, stops, strict=True)]
+
+
+def places(member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray) -> list[Place]:
+    """Return the separate places of a posterior, the most probable first.
+
+    A mean over two places is neither: where the data cannot tell left from right it lies in the middle. So each
+    position counts for the nearest stretch of the region on its member, and every place has figures of its own.
+    Probability on members that the region leaves out belongs to no place.
+
+    Parameters
+    ----------
+    member, position : (n,) member and distance from its start [m], ascending on each member
+    density : (n,) posterior [1/m]
+    probability : (n,) posterior, summing to one
+    """
+    stretches = _merged(credible(member, position, density, probability))
+    owner = _nearest(stretches, member, position)
+    found = []
+    for number, (m, a, b) in enumerate(stretches):
+        own = np.where(owner == number, probability, 0.0)
+        found.append(Place(member=m, start=a, stop=b, probability=float(own.sum()), share=own / own.sum()))
+    return sorted(found, key=lambda place: -place.probability)
+
+
+def _merged(stretches: list[tuple[int, float, float]]) -> list[tuple[int, float, float]]:
+    """Return the stretches with those of one member that all but touch as one."""
+    merged = stretches[:1]
+    for m, a, b in stretches[1:]:
+        last = merged[-1]
+        if last[0] == m and a - last[2] < _APART:
+            merged[-1] = (m, last[1], b)
+        else:
+            merged.append((m, a, b))
+    return merged
+
+
+def _nearest(stretches: list[tuple[int, float, float]], member: IndexArray, position: FloatArray) -> IndexArray:
+    """Return for each position (n,) the nearest stretch of its member, -1 where the member has none."""
+    away = np.full((len(stretches) + 1, len(position)), np.inf)
+    for number, (m, a, b) in enumerate(stretches):
+        off = np.maximum(np.maximum(a - position, position - b), 0.0)
+        away[number] = np.where(member == m, off, np.inf)
+    nearest = np.argmin(away, axis=0)
+    return np.where(np.isfinite(away[nearest, np.arange(len(position))]), nearest, -1)
