@@ -13,6 +13,7 @@ from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
 from updater.nominal import nominal_reference
 from updater.reference import Reference, learn_reference
+from updater.section import Section
 from updater.statistics import (
     ModalMean,
     Scatter,
@@ -23,18 +24,8 @@ from updater.statistics import (
     novelty_limit,
     stack_tracks,
 )
-from updater.structure import (
-    Body,
-    Joint,
-    Member,
-    Sensor,
-    Structure,
-    Support,
-    dump_structure,
-    load_structure,
-    parse_structure,
-    t_structure_toml,
-)
+from updater.structure import Body, Joint, Material, Member, Sensor, Structure, Support
+from updater.structure_file import dump_structure, load_structure, parse_structure, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
 
 __all__ = [
@@ -56,6 +47,7 @@ __all__ = [
     "MassChange",
     "MassUpdate",
     "MassUpdater",
+    "Material",
     "Member",
     "ModalDataError",
     "ModalMean",
@@ -70,6 +62,7 @@ __all__ = [
     "Reference",
     "Rejected",
     "Scatter",
+    "Section",
     "Sensor",
     "Stretch",
     "Structure",

@@ -1,30 +1,23 @@
 """What structure.toml says: members, supports, joints, bodies and sensors."""
 
-import tomllib
 from collections.abc import Iterable
-from importlib.resources import as_file, files
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from daq import FloatArray
-from updater.errors import StructureError
+from updater.entry import Entry, Positive
+from updater.section import Section
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 Vector = tuple[float, float, float]
 _ON_MEMBER = 1e-4  # m
-Positive = Annotated[float, Field(gt=0)]
+_ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
-
-
-class Material(_Entry):
+class Material(Entry):
     """An isotropic, linear elastic material."""
 
     youngs_modulus: Positive  #: E [Pa]
@@ -32,16 +25,7 @@ class Material(_Entry):
     density: Positive  #: [kg/m3]
 
 
-class Section(_Entry):
-    """A cross-section, by its constants."""
-
-    area: Positive  #: [m2]
-    second_moment: tuple[Positive, Positive]  #: about the local y and z axes [m4]
-    torsion_constant: Positive  #: [m4]
-    shear_factor: Positive = 5 / 6  #: effective shear area over area [-]
-
-
-class Member(_Entry):
+class Member(Entry):
     """A straight member of constant section."""
 
     name: str
@@ -50,11 +34,17 @@ class Member(_Entry):
     material: str
     section: str
     elements: Annotated[int, Field(ge=1)]  #: of equal length
+    preload: float = 0.0  #: axial force, positive in tension [N]
+    local_y: Vector | None = None  #: roughly where the section's y axis points; horizontally if not said
 
     @model_validator(mode="after")
-    def _has_length(self) -> Self:
+    def _has_axes(self) -> Self:
         if self.start == self.end:
             raise ValueError(f"member {self.name}: it ends where it begins, at {list(self.start)}")
+        if self.local_y is not None:
+            across = np.linalg.norm(np.cross(self.local_y, np.subtract(self.end, self.start))) / self.length
+            if across <= _ALONG * np.linalg.norm(self.local_y):
+                raise ValueError(f"member {self.name}: local_y {list(self.local_y)} does not point across it")
         return self
 
     @property
@@ -74,15 +64,15 @@ class Member(_Entry):
         return bool(np.linalg.norm(self.point(distance) - point) < _ON_MEMBER)
 
 
-class Support(_Entry):
+class Support(Entry):
     """A node held to the ground: rigidly on the fixed axes, by a spring on those in `stiffness`."""
 
     at: Vector
     fixed: tuple[Axis, ...] = ()
-    stiffness: dict[Axis, Positive] = {}  #: [N/m] or [N m/rad]
+    stiffness: dict[Axis, Positive] = Field(default_factory=dict)  #: [N/m] or [N m/rad]
 
 
-class Joint(_Entry):
+class Joint(Entry):
     """Rotational springs between one member and the others that meet it; axes without one stay rigid."""
 
     member: str
@@ -90,7 +80,7 @@ class Joint(_Entry):
     stiffness: dict[Literal["rx", "ry", "rz"], Positive]  #: about the global axes [N m/rad]
 
 
-class Body(_Entry):
+class Body(Entry):
     """A rigid body fixed to a member."""
 
     at: Vector  #: the point of the member it is fixed to [m]
@@ -99,7 +89,7 @@ class Body(_Entry):
     inertia: Vector = (0.0, 0.0, 0.0)  #: about its own centre, global axes [kg m2]
 
 
-class Sensor(_Entry):
+class Sensor(Entry):
     """A single-axis accelerometer channel."""
 
     channel: str
@@ -114,7 +104,7 @@ class Sensor(_Entry):
         return self
 
 
-class Structure(_Entry):
+class Structure(Entry):
     """A frame of straight members with everything fixed to it."""
 
     name: str
@@ -176,49 +166,3 @@ class Structure(_Entry):
 def _known(kind: str, name: str, field: str, value: str, known: Iterable[str]) -> None:
     if value not in known:
         raise ValueError(f"{kind} {name}: {field} {value!r} is not defined; there are {sorted(known)}")
-
-
-def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure:
-    """Read a structure from TOML text.
-
-    Raises
-    ------
-    StructureError
-        Naming the file and the entry that is wrong.
-    """
-    try:
-        content: dict[str, Any] = tomllib.loads(text)
-        return Structure.model_validate(content)
-    except tomllib.TOMLDecodeError as error:
-        raise StructureError(path, str(error)) from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "structure"
-        raise StructureError(path, f"{place}: {first['msg']}, found {first['input']!r:.80}") from error
-
-
-def load_structure(path: Path | str) -> Structure:
-    """Read a structure file.
-
-    Raises
-    ------
-    StructureError
-        If it cannot be read or an entry is wrong.
-    """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise StructureError(path, f"cannot be read: {error}") from error
-    return parse_structure(text, path)
-
-
-def dump_structure(structure: Structure) -> str:
-    """Return a structure as TOML that `parse_structure` reads back equal."""
-    content = structure.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    return tomlkit.dumps({key: value for key, value in content.items() if value})
-
-
-def t_structure_toml() -> str:
-    """Return the text of the shipped T-frame's structure file."""
-    with as_file(files("updater") / "structures" / "t_structure.toml") as path:
-        return path.read_text(encoding="utf-8")

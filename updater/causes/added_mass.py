@@ -144,7 +144,7 @@ class AddedMass:
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add the body."""
         member = self._member(row)
-        offset = theta[1:3] @ local_axes(np.subtract(member.end, member.start))[1:]
+        offset = theta[1:3] @ local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
         at = _vector(member.point(self.position[row]))
         inertia = _vector(np.full(3, theta[0] * theta[3]))
         return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=_vector(offset), inertia=inertia)])
@@ -167,7 +167,7 @@ def _along(
     for index, grid in grids.items():
         member = structure.member[index]
         here = np.array([model.read(p) @ reference.shape for p in member.point(grid)])
-        cross_axes = local_axes(np.subtract(member.end, member.start))[1:]
+        cross_axes = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
         modes.append(here[:, :3])
         rotations.append(here[:, 3:])
         turned.append(np.array([np.cross(here[:, 3:], axis, axisa=1, axisc=1) for axis in cross_axes]))

@@ -8,7 +8,7 @@ import scipy.linalg
 from scipy import sparse
 
 from daq import FloatArray, IntArray
-from updater.fe.element import Element, local_axes
+from updater.fe.element import Element
 from updater.fe.mesh import Mesh
 from updater.fe.model import Model
 from updater.structure import AXES, Body, Member, Structure
@@ -89,7 +89,7 @@ class _Kinds:
             self.which[i] = known[key]
 
     def _add(self, element: Element, direction: FloatArray, mass: MassKind) -> None:
-        turn = np.kron(np.eye(4), local_axes(direction))
+        turn = np.kron(np.eye(4), element.axes(direction))
         local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
         self.element.append(element)
         self.stiffness.append(turn.T @ element.stiffness() @ turn)
@@ -97,7 +97,8 @@ class _Kinds:
 
 
 def _element(structure: Structure, member: Member, length: float, *, shear_flexible: bool) -> Element:
-    return Element(length, structure.material[member.material], structure.section[member.section], shear_flexible)
+    material, section = structure.material[member.material], structure.section[member.section]
+    return Element(length, material, section, shear_flexible, member.preload, member.local_y)
 
 
 def _add_springs(stiffness: _Matrix, mesh: Mesh, dofs: IntArray) -> None:

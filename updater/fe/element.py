@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray
-from updater.structure import Material, Section
+from updater.section import Section
+from updater.structure import Material, Vector
 
 #: DOFs bending in the x-y plane (v, rz), and in the x-z plane (w, ry, which turns the other way)
 _PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
@@ -25,19 +26,30 @@ class Element:
     material: Material
     section: Section
     shear_flexible: bool  #: Timoshenko if true, Euler-Bernoulli if not
+    tension: float = 0.0  #: axial force [N], negative in compression
+    local_y: Vector | None = None  #: roughly where the local y axis points; horizontally if not said
+
+    def axes(self, direction: FloatArray) -> FloatArray:
+        """Return (3, 3), rows = local x, y, z of the element that points in a direction (3,)."""
+        return local_axes(direction, self.local_y)
 
     def shear_parameter(self, plane: int) -> float:
         """Return phi = 12 E I / (kappa G A L^2), 0 for Euler-Bernoulli."""
         if not self.shear_flexible:
             return 0.0
-        shear = self.section.shear_factor * self.material.shear_modulus * self.section.area
+        shear = self.material.shear_modulus * self.section.shear_area(plane)
         return 12 * self.material.youngs_modulus * self._second_moment(plane) / (shear * self.length**2)
 
     def _second_moment(self, plane: int) -> float:
         return self.section.second_moment[1 - plane]
 
     def stiffness(self) -> FloatArray:
-        """Return the stiffness matrix (12, 12)."""
+        """Return the stiffness matrix (12, 12), preload included."""
+        elastic = self.elastic_stiffness()
+        return elastic + self.tension * self.geometric_stiffness() if self.tension else elastic
+
+    def elastic_stiffness(self) -> FloatArray:
+        """Return the stiffness matrix (12, 12) of the element without preload."""
         length, e = self.length, self.material.youngs_modulus
         k = np.zeros((12, 12))
         bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
@@ -52,15 +64,35 @@ class Element:
             )
         return k
 
+    def geometric_stiffness(self) -> FloatArray:
+        """Return what a tension of 1 N adds to the stiffness matrix (12, 12) [1/m].
+
+        The tension does work as the axis turns, int (v'^2 + w'^2) / 2 dx, and as the section twists about it,
+        (I_y + I_z) / A int rx'^2 / 2 dx. Exact for the shape functions; buckling loads converge with fourth order.
+
+        References
+        ----------
+        Przemieniecki (1968), s. 15.3; McGuire, Gallagher & Ziemian (2000), s. 9.2; for beams that shear,
+        Timoshenko & Gere (1961), s. 2.17, the first of the two formulas (Engesser's).
+        """
+        k = np.zeros((12, 12))
+        for x, weight in zip(_GAUSS_X, _GAUSS_W, strict=True):
+            for plane, (dofs, sign) in enumerate(_PLANES):
+                turn = np.array([1, sign, 1, sign]) * self._slope((1 + x) / 2, self.shear_parameter(plane))
+                k[np.ix_(dofs, dofs)] += weight * self.length / 2 * np.outer(turn, turn)
+        twist = sum(self.section.second_moment) / self.section.area / self.length
+        k[np.ix_([3, 9], [3, 9])] = twist * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return k
+
     def displacement(self, xi: float) -> FloatArray:
         """Return N (6, 12): displacements and rotations at x = xi L from the DOFs of the ends."""
         n = np.zeros((6, 12))
         n[0, [0, 6]] = n[3, [3, 9]] = 1 - xi, xi
         for plane, (dofs, sign) in enumerate(_PLANES):
-            value, slope = self._bending(xi, self.shear_parameter(plane))
+            value, rotation = self._bending(xi, self.shear_parameter(plane))
             turn = np.array([1, sign, 1, sign])
             n[1 + plane, list(dofs)] = value * turn
-            n[5 - plane, list(dofs)] = slope * turn * sign
+            n[5 - plane, list(dofs)] = rotation * turn * sign
         return n
 
     def _bending(self, xi: float, phi: float) -> tuple[FloatArray, FloatArray]:
@@ -73,7 +105,7 @@ class Element:
                 length * (-x2 + x3 - phi / 2 * (xi - x2)),
             ]
         )
-        slope = np.array(
+        rotation = np.array(
             [
                 6 / length * (x2 - xi),
                 1 - 4 * xi + 3 * x2 + phi * (1 - xi),
@@ -81,7 +113,14 @@ class Element:
                 -2 * xi + 3 * x2 + phi * xi,
             ]
         )
-        return value / (1 + phi), slope / (1 + phi)
+        return value / (1 + phi), rotation / (1 + phi)
+
+    def _slope(self, xi: float, phi: float) -> FloatArray:
+        """Return the derivative of the deflection by x, which is not the section's rotation where it shears."""
+        steep, near, far = 6 * (xi**2 - xi) - phi, 1 - 4 * xi + 3 * xi**2, 3 * xi**2 - 2 * xi
+        shear = phi / 2 * (1 - 2 * xi)
+        slope = np.array([steep / self.length, near + shear, -steep / self.length, far - shear])
+        return np.asarray(slope / (1 + phi))
 
     def consistent_mass(self) -> FloatArray:
         """Return the consistent mass matrix (12, 12) with rotary and polar inertia, by Gauss quadrature (exact)."""
@@ -99,10 +138,14 @@ class Element:
         return np.diag(np.tile([half] * 3 + [0.0] * 3, 2))
 
 
-def local_axes(direction: FloatArray) -> FloatArray:
-    """Return (3, 3), rows = local x, y, z; local y is horizontal, or global y for a vertical member."""
+def local_axes(direction: FloatArray, local_y: Vector | None = None) -> FloatArray:
+    """Return (3, 3), rows = local x, y, z; local y is horizontal, or global y for a vertical member, unless given."""
     x = direction / np.linalg.norm(direction)
-    vertical = abs(x[2]) > 1 - 1e-9
-    y = np.array([0.0, 1.0, 0.0]) if vertical else np.cross([0.0, 0.0, 1.0], x)
+    if local_y is None:
+        vertical = abs(x[2]) > 1 - 1e-9
+        y = np.array([0.0, 1.0, 0.0]) if vertical else np.cross([0.0, 0.0, 1.0], x)
+    else:
+        y = np.asarray(local_y, float)
+    y = y - (y @ x) * x
     y = y / np.linalg.norm(y)
     return np.array([x, y, np.cross(x, y)])

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from daq import FloatArray, IntArray
+from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
 from updater.fe.element import Element
 from updater.fe.mesh import COINCIDENT
@@ -88,12 +88,20 @@ class Model:
             if key not in shapes:
                 shapes[key] = element.displacement(share)
             local[i] = shapes[key]
-        block = _to_global(local, self._index.axes(found))
+        block = _to_global(local, self._axes(found))
         dofs = np.concatenate([self.dofs[self._index.first[found]], self.dofs[self._index.last[found]]], axis=1)
         row = np.broadcast_to(np.arange(6 * len(found)).reshape(-1, 6, 1), block.shape)
         column = np.broadcast_to(dofs[:, None, :], block.shape)
         keep = (column >= 0) & (block != 0)
         return sparse.csr_array((block[keep], (row[keep], column[keep])), shape=(6 * len(found), self.n_dofs))
+
+    def _axes(self, spans: IndexArray) -> FloatArray:
+        """Return the local axes (n, 3, 3) of elements (n,); those of a kind point the same way."""
+        known: dict[int, FloatArray] = {}
+        for first, last, element in (self.elements[span] for span in spans.tolist()):
+            if id(element) not in known:
+                known[id(element)] = element.axes(self.nodes[last] - self.nodes[first])
+        return np.array([known[id(self.elements[span][2])] for span in spans.tolist()]).reshape(-1, 3, 3)
 
     @cached_property
     def _index(self) -> SpanIndex:

@@ -7,7 +7,6 @@ from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray
 from updater.errors import ModelError
-from updater.fe.element import local_axes
 
 ON_MEMBER = 1e-4  # m
 
@@ -59,9 +58,3 @@ class SpanIndex:
     @cached_property
     def _tree(self) -> KDTree:
         return KDTree(self._start + self._along / 2)
-
-    def axes(self, span: IndexArray) -> FloatArray:
-        """Return the local axes (n, 3, 3) of spans (n,)."""
-        direction = self._along[span] / self._length[span, None]
-        kinds, which = np.unique(np.round(direction, 12), axis=0, return_inverse=True)
-        return np.array([local_axes(d) for d in kinds]).reshape(-1, 3, 3)[which]

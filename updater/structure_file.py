@@ -1,0 +1,74 @@
+"""Structures read from structure.toml and written back."""
+
+import tomllib
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import ValidationError
+
+from updater.errors import StructureError
+from updater.structure import Structure
+
+
+def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure:
+    """Read a structure from TOML text.
+
+    Raises
+    ------
+    StructureError
+        Naming the file and the entry that is wrong.
+    """
+    try:
+        content: dict[str, Any] = tomllib.loads(text)
+        return Structure.model_validate(content)
+    except tomllib.TOMLDecodeError as error:
+        raise StructureError(path, str(error)) from error
+    except ValidationError as error:
+        raise StructureError(path, _wrong(error, content)) from error
+
+
+def _wrong(error: ValidationError, content: dict[str, Any]) -> str:
+    """Say in one line which entry is wrong and how."""
+    first = error.errors()[0]
+    place, message = _place(first["loc"], content), first["msg"].removeprefix("Value error, ")
+    found = "" if isinstance(first["input"], dict) else f", found {first['input']!r:.80}"
+    return f"{place}: {message}{found}"
+
+
+def _place(location: tuple[int | str, ...], content: dict[str, Any]) -> str:
+    """Return such as `member.0.to of column`."""
+    place = ".".join(str(part) for part in location) or "structure"
+    if len(location) < 2 or not isinstance(location[1], int):
+        return place
+    entry = content[str(location[0])][location[1]]
+    name = entry.get("name") or entry.get("channel") if isinstance(entry, dict) else None
+    return f"{place} of {name}" if isinstance(name, str) else place
+
+
+def load_structure(path: Path | str) -> Structure:
+    """Read a structure file.
+
+    Raises
+    ------
+    StructureError
+        If it cannot be read or an entry is wrong.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise StructureError(path, f"cannot be read: {error}") from error
+    return parse_structure(text, path)
+
+
+def dump_structure(structure: Structure) -> str:
+    """Return a structure as TOML that `parse_structure` reads back equal."""
+    content = structure.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return tomlkit.dumps({key: value for key, value in content.items() if value})
+
+
+def t_structure_toml() -> str:
+    """Return the text of the shipped T-frame's structure file."""
+    with as_file(files("updater") / "structures" / "t_structure.toml") as path:
+        return path.read_text(encoding="utf-8")
