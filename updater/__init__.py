@@ -11,6 +11,7 @@ from updater.fe.simulate import Ambient, AmbientResponse
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
+from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.reference import Reference, learn_reference
 from updater.section import Section
@@ -55,6 +56,7 @@ __all__ = [
     "Model",
     "ModelError",
     "Modes",
+    "NodalMasses",
     "Pair",
     "PairingError",
     "Parameter",
@@ -93,6 +95,7 @@ __all__ = [
     "parse_structure",
     "real_shape",
     "remove_delays",
+    "spread_mass",
     "stack_tracks",
     "t_structure_toml",
 ]

@@ -1,14 +1,15 @@
 """Physical parameters of the structure fitted to the baseline's frequencies, before the one-step update.
 
-The iterative sensitivity method (Friswell & Mottershead 1995, ch. 8), kept small: Young's modulus of each material
-(with its shear modulus), rotational flexibility of each support and of each joint, all with priors, so that what the
-frequencies do not show stays where it was. Density is not fitted: frequencies alone cannot tell it from stiffness.
+By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), rotational flexibility
+of each support and of each joint. Density is not fitted: frequencies alone cannot tell it from stiffness.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy import sparse
 
 from daq import FloatArray, IndexArray
 from oma import pair_modes
@@ -16,15 +17,14 @@ from updater.errors import ModalDataError, PairingError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
+from updater.knobs import TURNS, Knob, apply_knobs, bending_stiffness, knobs_of
 from updater.modal_checks import check_baseline, unit_hint
+from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
-from updater.structure import AXES, Joint, Member, Structure, Support
+from updater.structure import Structure
 
-_STIFFNESS_PRIOR = 0.03  # of ln E
-_FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
 _MODEL_ERROR = 2e-3  # of ln f: what no parameter of a beam model explains
-_RIGID = 1e-6  # the least flexibility c E I / L
-_TURNS = AXES[3:]
+_START = 1e-3  # where it begins
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +34,7 @@ class Parameter:
     name: str  #: such as `support 0 ry`
     value: float  #: factor of stiffness, or c E I / L [-]
     std: float
+    at_bound: bool  #: that it would leave what is possible if it could
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,16 +49,7 @@ class Calibration:
     nominal_frequency: FloatArray  #: (n_tracks,) before calibration [Hz]
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
-
-
-@dataclass(frozen=True)
-class _Knob:
-    name: str
-    prior: float
-    lower: float
-    kind: str  #: stiffness, support or joint
-    target: str  #: material, index of the support, or member
-    axis: str
+    reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
 
 
 def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -> Calibration:
@@ -99,23 +91,11 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     tracks = np.flatnonzero(answers >= 0)
     measured = measured.only(tracks)
     paired = answers[tracks]
-    knobs = _knobs(structure)
-    tolerance = np.hypot(measured.log_frequency_std, _MODEL_ERROR)
-    prior = np.array([k.prior for k in knobs])
-    start = np.array([max(k.lower, 0.0) for k in knobs])
-    start[[k.kind != "stiffness" for k in knobs]] = 1e-3
-
-    def residual(x: FloatArray) -> FloatArray:
-        fitted = best_model(_apply(structure, knobs, x)).modes(int(paired.max()) + 1).frequency
-        return np.asarray(np.r_[(np.log(fitted[paired]) - measured.log_frequency) / tolerance, x / prior])
-
-    step = np.full(len(knobs), 1e-4)
-    fit = least_squares(residual, start, bounds=([k.lower for k in knobs], np.inf), x_scale=prior, diff_step=step)
-    slope = np.asarray(fit.jac)
-    std = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
-    fitted = _apply(structure, knobs, fit.x)
+    knobs = knobs_of(structure)
+    fit = fit_parameters(_Misfit(structure, knobs, measured, paired), _prior(knobs))
+    fitted = apply_knobs(structure, knobs, fit.value)
     model = best_model(fitted)
-    value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.x, strict=True)]
+    value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
     cross = (measured.shape * seen[paired]).sum(1) ** 2
     return Calibration(
         structure=fitted,
@@ -126,15 +106,73 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         nominal_frequency=modes.frequency[paired],
         nominal_mac=cross / (seen[paired] ** 2).sum(1),
         parameters=tuple(
-            Parameter(name=k.name, value=float(v), std=float(s)) for k, v, s in zip(knobs, value, std, strict=True)
+            Parameter(name=k.name, value=float(v), std=float(s), at_bound=bool(b))
+            for k, v, s, b in zip(knobs, value, fit.std, fit.at_bound, strict=True)
         ),
+        reason=fit.reason,
     )
 
 
-def with_springs(structure: Structure, flexibility: float = 1e-5) -> Structure:
-    """Return the structure with springs where feet and joints are rigid, so stiff (c E I / L) that it shows nowhere."""
-    knobs = [knob for knob in _knobs(structure) if knob.kind != "stiffness"]
-    return _apply(structure, knobs, np.full(len(knobs), flexibility))
+def _prior(knobs: list[Knob]) -> Prior:
+    lower = np.array([k.lower for k in knobs])
+    return Prior(
+        mean=np.zeros(len(knobs)),
+        std=np.array([k.prior for k in knobs]),
+        lower=lower,
+        upper=np.full(len(knobs), np.inf),
+        start=np.array([0.0 if k.kind == "stiffness" else _START for k in knobs]),
+    )
+
+
+class _Misfit:
+    """Log frequencies of the structure with parameters x over the measured ones."""
+
+    def __init__(self, structure: Structure, knobs: list[Knob], measured: ModalMean, paired: IndexArray) -> None:
+        self._structure, self._knobs, self._paired = structure, knobs, paired
+        self._goal = measured.log_frequency
+        self._tolerance = np.hypot(measured.log_frequency_std, _MODEL_ERROR)
+        self._solved = lru_cache(1)(self._solve)
+
+    def _solve(self, *x: float) -> tuple[Model, Modes]:
+        model = best_model(apply_knobs(self._structure, self._knobs, np.array(x)))
+        modes = model.modes(int(self._paired.max()) + 1)
+        return model, Modes(frequency=modes.frequency[self._paired], shape=modes.shape[:, self._paired])
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        return np.asarray((np.log(self._solved(*x)[1].frequency) - self._goal) / self._tolerance)
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        model, modes = self._solved(*x)
+        columns = [
+            frequency_slope(modes.omega, modes.shape, self._stiffened(model, x, i) @ modes.shape)
+            if knob.kind == "stiffness"
+            else self._by_spring(model, modes, knob)
+            for i, knob in enumerate(self._knobs)
+        ]
+        return np.asarray(np.column_stack(columns) / self._tolerance[:, None])
+
+    def _stiffened(self, model: Model, x: FloatArray, i: int) -> sparse.csc_array:
+        """Return dK / d ln E of a material: its members' part of K, which is proportional to E."""
+        doubled = x.copy()
+        doubled[i] += np.log(2)
+        return sparse.csc_array(
+            best_model(apply_knobs(self._structure, self._knobs, doubled)).stiffness - model.stiffness
+        )
+
+    def _by_spring(self, model: Model, modes: Modes, knob: Knob) -> FloatArray:
+        """Return d ln omega / dc, -q^2 / (2 omega^2 E I / L) by the moments q of the modes in the spring."""
+        axis = TURNS.index(knob.axis)
+        if knob.kind == "support":
+            support = model.structure.support[int(knob.target)]
+            row, stiffness = model.turn_rows(support.at, axis), support.stiffness[knob.axis]
+        else:
+            joint = next(j for j in model.structure.joint if j.member == knob.target)
+            row, stiffness = (
+                model.joint_rows(joint, axis),
+                next(v for a, v in joint.stiffness.items() if a == knob.axis),
+            )
+        moment = stiffness * (row @ modes.shape)
+        return np.asarray(-(moment**2) / (2 * modes.omega**2 * bending_stiffness(self._structure)))
 
 
 def best_model(structure: Structure) -> Model:
@@ -155,68 +193,3 @@ def channel_rows(model: Model, channels: tuple[str, ...]) -> FloatArray:
     if missing:
         raise PairingError(f"the structure has no sensor for channel {missing[0]!r}; it has {', '.join(known)}")
     return np.asarray(model.sensor_rows[[known.index(c) for c in channels]])
-
-
-def _knobs(structure: Structure) -> list[_Knob]:
-    knobs = [_Knob(f"stiffness of {m}", _STIFFNESS_PRIOR, -np.inf, "stiffness", m, "") for m in structure.material]
-    for i, support in enumerate(structure.support):
-        held = [a for a in _TURNS if a in support.fixed]
-        knobs += [_Knob(f"support {i} flexibility {a}", _FLEXIBILITY_PRIOR, _RIGID, "support", str(i), a) for a in held]
-    for member in _jointed(structure):
-        knobs += [
-            _Knob(f"joint of {member} flexibility {a}", _FLEXIBILITY_PRIOR, _RIGID, "joint", member, a) for a in _TURNS
-        ]
-    return knobs
-
-
-def _jointed(structure: Structure) -> dict[str, tuple[float, float, float]]:
-    """Members that another member's end meets rigidly -> the point; each meeting once, springs on the later member."""
-    found: dict[str, tuple[float, float, float]] = {}
-    for i, member in enumerate(structure.member):
-        for other in structure.member[:i]:
-            for point in (other.start, other.end, member.start, member.end):
-                if member.name not in found and _on(member, point) and _on(other, point):
-                    found[member.name] = point
-    given = {joint.member for joint in structure.joint}
-    return {name: point for name, point in found.items() if name not in given}
-
-
-def _on(member: Member, point: tuple[float, float, float]) -> bool:
-    along = np.subtract(member.end, member.start) / member.length
-    s = float(np.clip(np.dot(np.subtract(point, member.start), along), 0, member.length))
-    return bool(np.linalg.norm(member.point(s) - np.asarray(point)) < 1e-6)
-
-
-def _apply(structure: Structure, knobs: list[_Knob], x: FloatArray) -> Structure:
-    """Return the structure with the parameters `x` written into it."""
-    material = dict(structure.material)
-    springs: dict[tuple[str, str], dict[str, float]] = {}
-    for knob, value in zip(knobs, x, strict=True):
-        if knob.kind == "stiffness":
-            old, factor = material[knob.target], float(np.exp(value))
-            changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
-            material[knob.target] = old.model_copy(update=changed)
-        else:
-            springs.setdefault((knob.kind, knob.target), {})[knob.axis] = bending_stiffness(structure) / float(value)
-    supports = [_sprung(s, springs.get(("support", str(i)), {})) for i, s in enumerate(structure.support)]
-    meeting = _jointed(structure)
-    joints = [
-        Joint.model_validate({"member": name, "at": meeting[name], "stiffness": axes})
-        for (kind, name), axes in springs.items()
-        if kind == "joint"
-    ]
-    return structure.model_copy(
-        update={"material": material, "support": tuple(supports), "joint": (*structure.joint, *joints)}
-    )
-
-
-def _sprung(support: Support, springs: dict[str, float]) -> Support:
-    fixed = [axis for axis in support.fixed if axis not in springs]
-    return Support.model_validate({"at": support.at, "fixed": fixed, "stiffness": {**support.stiffness, **springs}})
-
-
-def bending_stiffness(structure: Structure) -> float:
-    """E I / L of the longest member: the measure of every flexibility [N m/rad]."""
-    member = max(structure.member, key=lambda m: m.length)
-    section = structure.section[member.section]
-    return structure.material[member.material].youngs_modulus * max(section.second_moment) / member.length

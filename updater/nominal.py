@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from updater.calibration import Calibration, best_model, channel_rows, with_springs
+from updater.calibration import Calibration, best_model, channel_rows
 from updater.delays import NO_DELAYS
 from updater.errors import PairingError
+from updater.knobs import with_springs
 from updater.matching import match_modes
 from updater.reference import Reference
 from updater.statistics import ModalMean, TrackedModes, learn_scatter, mean_modes
@@ -64,6 +65,7 @@ def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: i
             nominal_frequency=modes.frequency[seen[paired]],
             nominal_mac=(shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
+            reason="nothing was fitted",
         ),
         baseline=own.only(paired),
         scatter=scatter,

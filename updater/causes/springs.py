@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
-from updater.calibration import bending_stiffness
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
+from updater.knobs import bending_stiffness
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Joint, Structure, Support

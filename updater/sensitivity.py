@@ -1,0 +1,125 @@
+"""The iterative sensitivity method, the paper's alternative to one step: parameters until model and measurement agree.
+
+Whitened residuals r(x) and a prior, which regularises: what the data do not show stays where it was. The cost
+|r(x)|^2 + |(x - x0) / s|^2 is lowered by Gauss-Newton steps in a trust region, inside bounds, with exact sensitivities.
+
+References
+----------
+Friswell, M. I. & Mottershead, J. E. (1995). Finite Element Model Updating in Structural Dynamics, ch. 8.
+Fox, R. L. & Kapoor, M. P. (1968). Rates of change of eigenvalues and eigenvectors. AIAA Journal 6(12), 2426-2429.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+from daq import FloatArray
+
+Convergence = Literal[
+    "gave up after too many iterations",
+    "no step lowers the cost",
+    "the cost no longer falls",
+    "the parameters stand still",
+    "cost and parameters stand still",
+]
+_REASONS: tuple[Convergence, ...] = (
+    "gave up after too many iterations",
+    "no step lowers the cost",
+    "the cost no longer falls",
+    "the parameters stand still",
+    "cost and parameters stand still",
+)
+
+_ENOUGH = 1e-6  # of the cost: an iteration that gains less is the last
+
+
+class Problem(Protocol):
+    """What is to be explained."""
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        """Return whitened residuals (n_data,) at parameters (n,)."""
+        ...
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        """Return their derivatives (n_data, n)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prior:
+    """What is known of parameters (n,) before anything is measured."""
+
+    mean: FloatArray  #: what the prior draws to
+    std: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    start: FloatArray  #: where the iteration begins
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensitivityFit:
+    """Parameters after the last iteration."""
+
+    value: FloatArray  #: (n,)
+    std: FloatArray  #: (n,) of noise and prior, where no bound holds
+    at_bound: npt.NDArray[np.bool_]  #: (n,) parameters that a bound holds
+    chi_square: float  #: of data and prior
+    log_evidence: float  #: Laplace's, of the parameters that no bound holds; up to the data's own constant
+    iterations: int  #: models solved on the way
+    reason: Convergence  #: why it ended
+
+    @property
+    def converged(self) -> bool:
+        """Whether a minimum was reached."""
+        return self.reason != _REASONS[0]
+
+
+def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> SensitivityFit:
+    """Iterate from the prior's start to the nearest minimum.
+
+    Parameters
+    ----------
+    problem : with exact sensitivities; a minimum is local, so start near
+    prior : regularises; bounds may be infinite
+    most : iterations
+    """
+    regular = np.diag(1 / prior.std)
+
+    def residual(x: FloatArray) -> FloatArray:
+        return np.concatenate([problem.residual(x), (x - prior.mean) / prior.std])
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        return np.vstack([problem.slope(x), regular])
+
+    bounds = prior.lower, prior.upper
+    found = least_squares(
+        residual, prior.start, jac=jacobian, bounds=bounds, x_scale=prior.std, ftol=_ENOUGH, max_nfev=most
+    )
+    slope = np.asarray(found.jac)
+    normal = slope.T @ slope
+    free = found.active_mask == 0
+    log_det = np.linalg.slogdet(normal[np.ix_(free, free)])[1]
+    return SensitivityFit(
+        value=found.x,
+        std=np.sqrt(np.diag(np.linalg.inv(normal))),
+        at_bound=~free,
+        chi_square=2 * float(found.cost),
+        log_evidence=float(-found.cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
+        iterations=int(found.nfev),
+        reason=_REASONS[found.status],
+    )
+
+
+def frequency_slope(omega: FloatArray, shape: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Return d ln omega (n_modes,) by a parameter of the stiffness alone, d omega^2 = b^T dK b.
+
+    Parameters
+    ----------
+    omega : (n_modes,) [rad/s]
+    shape : (n_dofs, n_modes) mass-normalised b
+    stiffness : (n_dofs, n_modes) dK b
+    """
+    return np.asarray((shape * stiffness).sum(0) / (2 * omega**2))
