@@ -1,7 +1,8 @@
 """What structure.toml says: members, supports, joints, bodies and sensors."""
 
+from collections import Counter
 from collections.abc import Iterable
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,11 +19,23 @@ _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
 class Material(Entry):
-    """An isotropic, linear elastic material."""
+    """An isotropic, linear elastic material; in a file, `poisson_ratio` may stand for the shear modulus."""
 
     youngs_modulus: Positive  #: E [Pa]
     shear_modulus: Positive  #: G [Pa]
     density: Positive  #: [kg/m3]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_poisson_ratio(cls, content: object) -> object:
+        """Put E / (2 (1 + nu)) in the place of nu."""
+        if not isinstance(content, dict) or "poisson_ratio" not in content or "shear_modulus" in content:
+            return content
+        ratio, modulus = content["poisson_ratio"], content.get("youngs_modulus")
+        if not isinstance(ratio, int | float) or not -1 < ratio <= 0.5:
+            raise ValueError(f"poisson_ratio: expected more than -1 and up to 0.5, found {ratio!r}")
+        known = {key: value for key, value in content.items() if key != "poisson_ratio"}
+        return known | ({"shear_modulus": modulus / (2 * (1 + ratio))} if isinstance(modulus, int | float) else {})
 
 
 class Member(Entry):
@@ -64,12 +77,25 @@ class Member(Entry):
         return bool(np.linalg.norm(self.point(distance) - point) < _ON_MEMBER)
 
 
+class Mesh(Entry):
+    """How members are cut into elements that do not say it themselves."""
+
+    element_length: Positive  #: at most [m]
+
+
 class Support(Entry):
     """A node held to the ground: rigidly on the fixed axes, by a spring on those in `stiffness`."""
 
     at: Vector
     fixed: tuple[Axis, ...] = ()
     stiffness: dict[Axis, Positive] = Field(default_factory=dict)  #: [N/m] or [N m/rad]
+
+    @model_validator(mode="after")
+    def _fixed_or_sprung(self) -> Self:
+        both = sorted(set(self.fixed) & set(self.stiffness))
+        if both:
+            raise ValueError(f"support at {list(self.at)}: {', '.join(both)} is both fixed and on a spring")
+        return self
 
 
 class Joint(Entry):
@@ -87,6 +113,14 @@ class Body(Entry):
     mass: float  #: [kg], negative for a body that was removed
     offset: Vector = (0.0, 0.0, 0.0)  #: from that point to the body's centre of mass [m]
     inertia: Vector = (0.0, 0.0, 0.0)  #: about its own centre, global axes [kg m2]
+
+    @model_validator(mode="after")
+    def _inertia_has_its_sign(self) -> Self:
+        if any(own * self.mass < 0 for own in self.inertia):
+            raise ValueError(
+                f"body at {list(self.at)}: inertia {list(self.inertia)} is not of the sign of its mass {self.mass}"
+            )
+        return self
 
 
 class Sensor(Entry):
@@ -110,11 +144,24 @@ class Structure(Entry):
     name: str
     material: dict[str, Material]
     section: dict[str, Section]
+    mesh: Mesh | None = None
     member: Annotated[tuple[Member, ...], Field(min_length=1)]
     support: tuple[Support, ...] = ()
     joint: tuple[Joint, ...] = ()
     body: tuple[Body, ...] = ()
     sensor: tuple[Sensor, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _cut_members(cls, content: object) -> object:
+        """Count the elements of members that leave it to the mesh; what is wrong in them is found later."""
+        if not isinstance(content, dict) or "mesh" not in content:
+            return content
+        try:
+            length = Mesh.model_validate(content["mesh"]).element_length
+            return content | {"member": [_cut(member, length) for member in content["member"]]}
+        except (KeyError, TypeError, ValueError):
+            return content
 
     @model_validator(mode="after")
     def _names_exist(self) -> Self:
@@ -124,9 +171,11 @@ class Structure(Entry):
         names = [member.name for member in self.member]
         for joint in self.joint:
             _known("joint at", str(list(joint.at)), "member", joint.member, names)
-        channels = [sensor.channel for sensor in self.sensor]
-        for repeated in {c for c in channels if channels.count(c) > 1} | {n for n in names if names.count(n) > 1}:
-            raise ValueError(f"the name {repeated!r} is given twice")
+        joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in self.joint]
+        for known in (names, self.channels, joints):
+            repeated = [name for name, times in Counter(known).items() if times > 1]
+            if repeated:
+                raise ValueError(f"the name {repeated[0]!r} is given twice")
         return self
 
     @model_validator(mode="after")
@@ -153,14 +202,24 @@ class Structure(Entry):
     def with_mesh(self, element_length: float) -> "Structure":
         """Return the same structure with elements no longer than `element_length` [m]."""
         members = tuple(
-            member.model_copy(update={"elements": max(1, int(np.ceil(member.length / element_length - 1e-9)))})
-            for member in self.member
+            member.model_copy(update={"elements": _count(member.length, element_length)}) for member in self.member
         )
         return self.model_copy(update={"member": members})
 
     def with_bodies(self, bodies: Iterable[Body]) -> "Structure":
         """Return the same structure with bodies added."""
         return self.model_copy(update={"body": (*self.body, *bodies)})
+
+
+def _count(length: float, element_length: float) -> int:
+    return max(1, int(np.ceil(length / element_length - 1e-9)))
+
+
+def _cut(member: dict[str, Any], element_length: float) -> dict[str, Any]:
+    if "elements" in member:
+        return member
+    length = float(np.linalg.norm(np.subtract(member["to"], member["from"])))
+    return member | {"elements": _count(length, element_length)}
 
 
 def _known(kind: str, name: str, field: str, value: str, known: Iterable[str]) -> None:

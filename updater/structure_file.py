@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from updater.errors import StructureError
 from updater.structure import Structure
+from updater.structure_rewrite import rewrite
 
 
 def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure:
@@ -62,10 +63,26 @@ def load_structure(path: Path | str) -> Structure:
     return parse_structure(text, path)
 
 
-def dump_structure(structure: Structure) -> str:
-    """Return a structure as TOML that `parse_structure` reads back equal."""
-    content = structure.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    return tomlkit.dumps({key: value for key, value in content.items() if value})
+def dump_structure(structure: Structure, onto: str | None = None, *, note: str = "") -> str:
+    """Return a structure as TOML that `parse_structure` reads back equal.
+
+    Parameters
+    ----------
+    structure : what to write
+    onto : text of a structure file; only what differs from it is changed, and its comments stay
+    note : comment in each support, joint, body, member or sensor that the text does not have
+
+    Raises
+    ------
+    StructureError
+        If the text is no structure.
+    """
+    brief = structure.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    brief = {key: value for key, value in brief.items() if value}
+    if onto is None:
+        return tomlkit.dumps(brief)
+    old, new = (s.model_dump(mode="json", by_alias=True) for s in (parse_structure(onto), structure))
+    return rewrite(onto, old, new, brief, note)
 
 
 def t_structure_toml() -> str:

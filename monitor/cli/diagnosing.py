@@ -51,7 +51,7 @@ def diagnose_command(
                 found = explain_model(structure, after, heldout)
         except ValueError as error:
             raise LogError(_named(logs.current), str(error)) from error
-    diagnosis = _write(found, structure, out, json_path)
+    diagnosis = _write(found, structure_path, out, json_path, title=structure.name)
     _say(diagnosis, logs)
     return 0 if diagnosis.verdict in {"explained", "nothing_to_explain"} else 1
 
@@ -82,7 +82,9 @@ def _recordings(structure: Structure, paths: Sequence[Path], seconds: float) -> 
         yield from load_recordings(path, window_seconds=seconds, channels=channels)
 
 
-def _write(found: Explained, structure: Structure, out: Path | None, json_path: Path | None) -> Diagnosis:
+def _write(
+    found: Explained, structure_path: Path, out: Path | None, json_path: Path | None, *, title: str
+) -> Diagnosis:
     """Write what is asked for; return the diagnosis with the path of the extended model in it."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
     try:
@@ -90,14 +92,16 @@ def _write(found: Explained, structure: Structure, out: Path | None, json_path: 
             out.mkdir(parents=True, exist_ok=True)
         if found.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
-            path.write_text(dump_structure(found.extended), encoding="utf-8")
+            given = structure_path.read_text(encoding="utf-8")
+            text = dump_structure(found.extended, given, note="found by modalwatch diagnose")
+            path.write_text(text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:
         raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror}") from error
     for path in filter(None, (json_path, out and out / "diagnosis.json")):
         write_json(path, diagnosis.model_dump(mode="json"))
     if out:
-        diagnosis_report(diagnosis, out / "report.html", title=structure.name)
+        diagnosis_report(diagnosis, out / "report.html", title=title)
     return diagnosis
 
 

@@ -38,6 +38,29 @@ from updater import Structure, StructureError, build_model, load_structure, pars
             '[[joint]]\nmember = "beam"\nat = [0.0, 0.0, 1.48]\nstiffness = {rx = 1.0}\n\n[[support]]',
             "member 'beam' is not defined; there are ['column', 'crossbeam']",
         ),
+        ("elements = 37\n", "", "member.0.elements of column: Field required"),
+        ("elements = 37", "elements = 0", "member.0.elements of column: Input should be greater"),
+        (
+            "shear_modulus = 80.8e9",
+            "poisson_ratio = 0.7",
+            "material.steel: poisson_ratio: expected more than -1 and up",
+        ),
+        (
+            "shear_modulus = 80.8e9",
+            "shear_modulus = 80.8e9\npoisson_ratio = 0.3",
+            "material.steel.poisson_ratio: Extra",
+        ),
+        ("[[support]]", "[mesh]\nelement_length = 0.0\n\n[[support]]", "mesh.element_length: Input should be greater"),
+        (
+            'fixed = ["x", "y", "z", "rx", "ry", "rz"]',
+            'fixed = ["x", "y", "z"]\nstiffness = {z = 1.0, rx = 1.0}',
+            "support at [0.0, 0.0, 0.0]: z is both fixed and on a spring",
+        ),
+        (
+            "[[support]]",
+            "[[body]]\nat = [0.0, 0.0, 1.0]\nmass = -1.0\ninertia = [1e-3, 0.0, 0.0]\n\n[[support]]",
+            "body at [0.0, 0.0, 1.0]: inertia [0.001, 0.0, 0.0] is not of the sign of its mass -1.0",
+        ),
     ],
 )
 def test_wrong_entry_is_named(old: str, new: str, entry: str) -> None:
@@ -100,6 +123,23 @@ def test_shipped_frame_is_the_golden_one() -> None:
         "col_037_x col_037_y col_074_x col_074_y col_111_x col_111_y "
         "beam_mid_x beam_mid_y beam_left_y beam_left_z beam_right_y beam_right_z"
     )
+
+
+def test_members_that_do_not_say_their_elements_are_cut_by_the_mesh() -> None:
+    text = t_structure_toml().replace("elements = 37\n", "") + "\n[mesh]\nelement_length = 0.05\n"
+    assert [m.elements for m in parse_structure(text).member] == [30, 16]  # 1.48 m / 0.05 m = 29.6; the other says it
+
+
+def test_poisson_ratio_stands_for_the_shear_modulus() -> None:
+    steel = parse_structure(t_structure_toml().replace("shear_modulus = 80.8e9", "poisson_ratio = 0.3")).material[
+        "steel"
+    ]
+    assert steel.shear_modulus == pytest.approx(210e9 / 2.6)
+
+
+def test_two_joints_of_a_member_at_one_point_are_refused() -> None:
+    with pytest.raises(StructureError, match=r"joint of b at .* is given twice"):
+        _portal(_joint("b") + _joint("b"))
 
 
 def test_mesh_length_is_an_upper_bound_and_keeps_everything_else() -> None:

@@ -1,0 +1,156 @@
+"""structure.toml changed where a structure has changed: comments, order and figures stay as they were written.
+
+Entries of a list answer to each other by name, channel or place. What a file leaves to be worked out (a section by its
+shape, elements by the mesh) stays so until it changes.
+"""
+
+from collections import Counter
+from collections.abc import MutableMapping
+from typing import Any
+
+import numpy as np
+import tomlkit
+from tomlkit.items import AoT, Comment, Item, Table, Trivia, Whitespace
+from tomlkit.items import Float as TomlFloat
+
+Content = dict[str, Any]
+Key = tuple[object, ...]
+
+#: what tells the entries of a list apart
+_NAMES: dict[str, tuple[str, ...]] = {
+    "member": ("name",),
+    "sensor": ("channel",),
+    "support": ("at",),
+    "joint": ("member", "at"),
+    "body": ("at",),
+}
+
+
+def rewrite(text: str, old: Content, new: Content, brief: Content, note: str) -> str:
+    """Return the text with what differs between two contents changed.
+
+    Parameters
+    ----------
+    text : TOML that `old` was read from
+    old, new : all fields of the structure as it was and as it is now
+    brief : `new` without what is left at its default, for entries that are added
+    note : comment put into entries that are added, or nothing
+    """
+    document = tomlkit.parse(text)
+    for key in (key for key in new if new[key] != old[key]):
+        if key in _NAMES:
+            _rewrite_list(document, key, old[key], new[key], brief.get(key, []), note)
+        elif isinstance(new[key], dict) and key in document:
+            _merge(document[key], old[key], new[key])
+        else:
+            _set(document, key, new[key])
+    return tomlkit.dumps(document)
+
+
+def _merge(table: Any, old: Content, new: Content) -> None:  # noqa: ANN401  tomlkit's tables have no common type
+    """Change a table's values where they differ, and take out what is no longer there."""
+    worked_out = any(key not in new for key in table)  # such as `shape`, which stands for other keys
+    for key, value in new.items():
+        if key in old and old[key] == value and not (worked_out and key not in table):
+            continue
+        if isinstance(value, dict) and key in table:
+            _merge(table[key], old.get(key) or {}, value)
+        else:
+            _set(table, key, value)
+    for key in [key for key in table if key not in new]:
+        del table[key]
+
+
+def _set(table: MutableMapping[str, Any], key: str, value: object) -> None:
+    if value is None:
+        table.pop(key, None)
+    else:
+        table[key] = _item(value)
+
+
+def _item(value: object) -> Item:
+    """Return a value as TOML; large and small figures in scientific notation, exactly."""
+    if isinstance(value, float) and value and not 1e-4 <= abs(value) < 1e7:
+        return TomlFloat(value, Trivia(), np.format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "e"))
+    if isinstance(value, list):
+        found = tomlkit.array()
+        for part in value:
+            found.append(_item(part))
+        return found
+    if isinstance(value, dict):
+        inline = tomlkit.inline_table()
+        for key, part in value.items():
+            inline.append(key, _item(part))
+        return inline
+    return tomlkit.item(value)
+
+
+def _rewrite_list(
+    document: tomlkit.TOMLDocument, key: str, old: list[Content], new: list[Content], brief: list[Content], note: str
+) -> None:
+    before, after = _keys(key, old), _keys(key, new)
+    kept = [k for k in before if k in after]
+    if not kept or kept != after[: len(kept)]:  # new, all gone, or in another order
+        document.pop(key, None)
+        if brief:
+            document.append(key, _array(brief, note))
+        return
+    entries: Any = document[key]
+    for row in reversed(range(len(before))):
+        if before[row] not in after:
+            del entries[row]
+    for row, k in enumerate(kept):
+        if old[before.index(k)] != new[row]:
+            _merge(entries[row], old[before.index(k)], new[row])
+    for content in brief[len(kept) :]:
+        _append(entries, content, note)
+
+
+def _array(entries: list[Content], note: str) -> AoT:
+    tables = [_table(content, note) for content in entries]
+    for table in tables:
+        table.trivia.indent = "\n"
+    return AoT(tables)
+
+
+def _table(content: Content, note: str) -> Table:
+    table = tomlkit.table()
+    if note:
+        table.add(tomlkit.comment(note))
+    for key, value in content.items():
+        table.append(key, _item(value))
+    return table
+
+
+def _keys(key: str, entries: list[Content]) -> list[Key]:
+    """Return what each entry is known by; of several at a place, which of them it is."""
+    seen: Counter[str] = Counter()
+    found: list[Key] = []
+    for entry in entries:
+        name = repr([entry[field] for field in _NAMES[key]])
+        found.append((name, seen[name]))
+        seen[name] += 1
+    return found
+
+
+def _append(entries: Any, content: Content, note: str) -> None:  # noqa: ANN401  an array of tables, or of inline ones
+    """Add an entry after the last; comments that end the last one head what follows, and stay there."""
+    if not isinstance(entries, AoT):
+        entries.append(_item(content))
+        return
+    tail = _cut_tail(entries[-1])
+    entries[-1].add(tomlkit.nl())
+    entries.append(_table(content, note))
+    for item in tail:
+        entries[-1].value.append(None, item)
+
+
+def _cut_tail(table: Table) -> list[Item]:
+    """Take blank lines and comments off the end of a table."""
+    body = table.value.body
+    keep = len(body)
+    while keep and isinstance(body[keep - 1][1], Comment | Whitespace):
+        keep -= 1
+    tail = [item for _, item in body[keep:]]
+    del body[keep:]
+    return tail
