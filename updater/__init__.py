@@ -8,6 +8,7 @@ from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
+from updater.hinges import Hinges, hinges_of
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
@@ -25,6 +26,7 @@ from updater.statistics import (
     novelty_limit,
     stack_tracks,
 )
+from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
 from updater.structure import Body, Joint, Material, Member, Sensor, Structure, Support
 from updater.structure_file import dump_structure, load_structure, parse_structure, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
@@ -44,6 +46,7 @@ __all__ = [
     "Flag",
     "FrequencyFit",
     "Gain",
+    "Hinges",
     "Joint",
     "MassChange",
     "MassUpdate",
@@ -66,6 +69,8 @@ __all__ = [
     "Scatter",
     "Section",
     "Sensor",
+    "StiffnessUpdate",
+    "StiffnessUpdater",
     "Stretch",
     "Structure",
     "StructureError",
@@ -80,6 +85,7 @@ __all__ = [
     "diagnose",
     "dump_structure",
     "estimate_delays",
+    "hinges_of",
     "learn_delays",
     "learn_reference",
     "learn_scatter",

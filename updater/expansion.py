@@ -67,6 +67,25 @@ def orthonormal(t: FloatArray) -> FloatArray:
     return np.asarray(u @ vh)
 
 
+def orthonormal_slope(t: FloatArray, column: int, slope: FloatArray) -> FloatArray:
+    """Return the derivative (m * m, k) of `orthonormal`, flattened by rows, by what moves one column of t (m, m).
+
+    With t = U P, W = U^T dt - dt^T U and dU = U Z: Z P + P Z = W, which the axes of P solve entry by entry.
+
+    Parameters
+    ----------
+    t : (m, m)
+    column : the one that moves
+    slope : (m, k) its derivatives by k inputs
+    """
+    u, p, vh = np.linalg.svd(t)
+    moved = np.zeros((slope.shape[1], *t.shape))
+    moved[:, :, column] = slope.T
+    along = u.T @ moved @ vh.T
+    turn = (along - along.transpose(0, 2, 1)) / (p[:, None] + p)
+    return np.asarray((u @ turn @ vh).reshape(len(moved), -1).T)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExpandedChange:
     """A measured mode as the reference's and what has changed since the baseline, at unit norm (eq. 12)."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.expansion import LARGEST_CLUSTER, well_posed_cluster
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
@@ -22,6 +21,7 @@ class Particles:
     """The calibrated structure with particle masses, one-step updated to the baseline (the first stage)."""
 
     model: Model
+    before: Modes  #: of the model itself
     modes: Modes  #: [A B2] of the first stage
     paired: IndexArray  #: (n_tracks,) mode that answers to each track, -1 where none does
     at_channels: FloatArray  #: (n_modes, n_channels) of the baseline's channels
@@ -33,10 +33,6 @@ class Particles:
     def share(self, paired: IndexArray) -> FloatArray:
         """Return the share (n,) of some modes in each entry of M^-1, eq. 14 [-]."""
         return np.asarray(self.mass * (self.translation[:, paired] ** 2).sum(1))
-
-    def clusters(self, paired: IndexArray, largest: int = LARGEST_CLUSTER) -> list[IndexArray]:
-        """Return the modes that the change of each paired mode is expanded in."""
-        return [well_posed_cluster(self.at_channels, self.modes.omega, k, largest=largest) for k in paired]
 
     def by_node(self, values: FloatArray, held: float) -> FloatArray:
         """Return values (n,) of translations as (n_nodes, 3); twins at a joint share theirs."""
@@ -53,14 +49,15 @@ def lump(reference: Reference) -> Particles:
     """Put a reference's mass in particles and take the one-step update's first stage anew."""
     baseline = reference.baseline
     model = build_model(reference.calibration.structure, shear_flexible=True)
-    modes = model.modes(len(reference.frequency))
-    paired = pair_baseline(model, modes, baseline)
+    before = model.modes(len(reference.frequency))
+    paired = pair_baseline(model, before, baseline)
     partnered = np.flatnonzero(paired >= 0)
-    modes = first_stage(model, modes, paired[partnered], baseline.only(partnered))
+    modes = first_stage(model, before, paired[partnered], baseline.only(partnered))
     node, direction = _translations(model)
     rows = model.dofs[node, direction]
     return Particles(
         model=model,
+        before=before,
         modes=modes,
         paired=paired,
         at_channels=(reference.rows(model) @ modes.shape).T,

@@ -1,0 +1,80 @@
+"""What of a frame stiffness resists: how far the ends of each element and the springs turn against each other.
+
+These are to flexibility what particles are to mass: in a frame without redundant members the flexibility of a hinge,
+f_j = (R K^-1 R^T)_jj, is that of its own element or spring, L / (E I), L / (G J) or 1 / k, and nobody else's. Where
+members are redundant it is less, since the others hold as well.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from daq import FloatArray, IndexArray
+from updater.fe.model import Model
+from updater.fe.solver import factorise
+from updater.structure import AXES
+
+_TURNS = AXES[3:]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hinges:
+    """Relative rotations of a model, elements first."""
+
+    name: tuple[str, ...]  #: (n,) of the member; `foot 0`, `joint of ..` for a spring
+    position: FloatArray  #: (n, 3) an element's middle, a spring's node [m]
+    axis: IndexArray  #: (n,) of elements 0 twist, 1 and 2 bending about the local y and z; of springs the global axis
+    rows: sparse.csr_array  #: (n, n_dofs) what reads them [rad]
+
+
+def hinges_of(model: Model) -> Hinges:
+    """Return the hinges of all elements and rotational springs that are free to turn."""
+    found = [*_of_elements(model), *_of_supports(model), *_of_joints(model)]
+    rows = sparse.csr_array(np.array([row for _, _, _, row in found]))
+    turning = np.flatnonzero(abs(rows).sum(1) > 0)
+    return Hinges(
+        name=tuple(found[i][0] for i in turning),
+        position=np.array([found[i][1] for i in turning]),
+        axis=np.array([found[i][2] for i in turning], np.intp),
+        rows=rows[turning],
+    )
+
+
+_Hinge = tuple[str, FloatArray, int, FloatArray]
+
+
+def _of_elements(model: Model) -> list[_Hinge]:
+    found = []
+    for name, (first, last, element) in zip(model.member_names, model.elements, strict=True):
+        middle = model.nodes[[first, last]].mean(0)
+        axes = element.axes(model.nodes[last] - model.nodes[first])
+        rows = np.zeros((3, model.n_dofs + 1))  # the last column takes what is held, and is cut off
+        rows[:, model.dofs[last, 3:]] += axes
+        rows[:, model.dofs[first, 3:]] -= axes
+        found += [(name, middle, axis, row) for axis, row in enumerate(rows[:, :-1])]
+    return found
+
+
+def _of_supports(model: Model) -> list[_Hinge]:
+    return [
+        (f"foot {i}", np.array(support.at), axis, model.turn_rows(support.at, axis))
+        for i, support in enumerate(model.structure.support)
+        for axis, name in enumerate(_TURNS)
+        if name in support.stiffness
+    ]
+
+
+def _of_joints(model: Model) -> list[_Hinge]:
+    return [
+        (f"joint of {joint.member}", np.array(joint.at), axis, model.joint_rows(joint, axis))
+        for joint in model.structure.joint
+        for axis, name in enumerate(_TURNS)
+        if name in joint.stiffness
+    ]
+
+
+def flexibility(model: Model, rows: sparse.csr_array) -> FloatArray:
+    """Return the diagonal (n,) of R K^-1 R^T, by one factorisation."""
+    right = rows.toarray()
+    return np.asarray((right * factorise(model.stiffness)(right.T).T).sum(1))
