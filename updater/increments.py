@@ -27,7 +27,7 @@ class Increments:
     common: FloatArray  #: (n,) the same of a common change of all frequencies
 
     def deviations(self, variance: FloatArray) -> FloatArray:
-        """Return (n, n_inputs + 1) what each input moves them by, noise scaled to a variance of z, (n,) or one for all."""
+        """Return what each input moves them by (n, n_inputs + 1), noise scaled to a variance (n,) or () of z."""
         return np.column_stack([np.sqrt(variance)[..., None] * self.noise, self.common])
 
 
