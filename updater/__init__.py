@@ -16,6 +16,7 @@ from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.reference import Reference, learn_reference
 from updater.section import Section
+from updater.several import MassChanges, locate_masses
 from updater.statistics import (
     ModalMean,
     Scatter,
@@ -49,6 +50,7 @@ __all__ = [
     "Hinges",
     "Joint",
     "MassChange",
+    "MassChanges",
     "MassUpdate",
     "MassUpdater",
     "Material",
@@ -91,6 +93,7 @@ __all__ = [
     "learn_scatter",
     "load_structure",
     "locate_mass",
+    "locate_masses",
     "match_modes",
     "matched",
     "mean_modes",

@@ -106,6 +106,22 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]
     return found if closer is None else _fit(comparison, closer)
 
 
+def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
+    """Return where alternatives leave the data at their start, and what a step in their parameters does to that.
+
+    Returns
+    -------
+    rest : (n_alternatives, n_data)
+        Whitened residuals, without the priors'.
+    slope : (n_alternatives, n_data, n_parameters)
+        Their derivatives.
+    """
+    everything = np.arange(len(hypotheses.start))
+    point = _evaluate(comparison, hypotheses, hypotheses.start, everything)
+    n_data = point.residual.shape[1] - len(hypotheses.prior_std)
+    return point.residual[:, :n_data], _slope(comparison, hypotheses, point, everything)[:, :n_data]
+
+
 @dataclass(eq=False)
 class _Point:
     """Where the fit of some alternatives stands."""

@@ -154,7 +154,7 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
     average = np.array([cause.averaged(found, place, parameter) for parameter in range(4)])
     known = average[:, 1] < _LEARNT * cause.prior_std
     member = cause.reference.calibration.structure.member[place.member]
-    cross = local_axes(np.subtract(member.end, member.start))[1:]
+    cross = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
     return BodyShape(
         offset=average[1:3, 0] @ cross,
         offset_std=np.sqrt(average[1:3, 1] ** 2 @ cross**2),

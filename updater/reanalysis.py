@@ -91,7 +91,7 @@ def predict(
     along = (shape * comparison.model_base).sum(-1, keepdims=True)
     along = np.where(np.abs(along) < 1e-6, 1e-6, along)
     true = comparison.base + shape / along - comparison.model_base
-    return -0.5 * np.log(value / old), true @ chain.transpose(0, 2, 1)
+    return -0.5 * np.log(np.maximum(value / old, _LEAST)), true @ chain.transpose(0, 2, 1)
 
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:

@@ -29,10 +29,10 @@ FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _MOST_FINE = 120  # fine positions on one member
-_MASS_STD = 0.2  # of the structure's mass, prior of the body's
-_LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
-_OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
-_GYRATION_STD = 0.03**2  # m2, prior of its squared radius of gyration
+MASS_STD = 0.2  # of the structure's mass, prior of the body's
+LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
+OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
+GYRATION_STD = 0.03**2  # m2, prior of its squared radius of gyration
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,12 +60,12 @@ class AddedMass:
     @property
     def prior_std(self) -> FloatArray:
         """Mass [kg], offsets [m] and squared radius of gyration [m2]."""
-        return np.array([_MASS_STD * self._total, _OFFSET_STD, _OFFSET_STD, _GYRATION_STD])
+        return np.array([MASS_STD * self._total, OFFSET_STD, OFFSET_STD, GYRATION_STD])
 
     @property
     def lower(self) -> FloatArray:
         """Only so much can be taken off."""
-        return np.tile([-_LARGEST_REMOVED * self._total, -np.inf, -np.inf, 0.0], (len(self.position), 1))
+        return np.tile([-LARGEST_REMOVED * self._total, -np.inf, -np.inf, 0.0], (len(self.position), 1))
 
     @property
     def weight(self) -> FloatArray:
@@ -166,7 +166,7 @@ def _along(
     modes, rotations, turned = [], [], []
     for index, grid in grids.items():
         member = structure.member[index]
-        here = np.array([model.read(p) @ reference.shape for p in member.point(grid)])
+        here = (model.reader(member.point(grid)) @ reference.shape).reshape(len(grid), 6, -1)
         cross_axes = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
         modes.append(here[:, :3])
         rotations.append(here[:, 3:])
@@ -191,7 +191,7 @@ def _first_order(reference: Reference, comparison: Comparison, translation: Floa
     mass = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
     # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
     total = reference.calibration.model.total_mass()
-    mass = np.clip(mass, -_LARGEST_REMOVED * total, _MASS_STD * total)
+    mass = np.clip(mass, -LARGEST_REMOVED * total, MASS_STD * total)
     return np.column_stack([mass, np.zeros((len(mass), 3))])
 
 

@@ -1,0 +1,108 @@
+"""Several rigid bodies at once, each near a place it starts from: positions are parameters as masses are.
+
+A grid of positions for each of k bodies has (number of positions)^k points. Here a few starting places are taken and
+the rest is Gauss-Newton: modes between the grid's positions by cubic splines, so that a position has a derivative.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from daq import FloatArray, IndexArray
+from updater.causes.added_mass import GYRATION_STD, LARGEST_REMOVED, MASS_STD, OFFSET_STD, AddedMass
+from updater.reanalysis import Effect, no_effect
+
+PER_BODY = 5  # shift from the start [m], mass [kg], two offsets [m], squared radius of gyration [m2]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bodies:
+    """Bodies near places; an alternative is a set of places, its parameters `PER_BODY` for each body."""
+
+    grid: AddedMass  #: its positions carry the splines
+    member: IndexArray  #: (n_alternatives, n_bodies)
+    place: FloatArray  #: (n_alternatives, n_bodies) distance from the member's start [m]
+    start: FloatArray  #: (n_alternatives, n_bodies * PER_BODY) where the fit begins
+    drifting: bool = True
+
+    @property
+    def n_bodies(self) -> int:
+        """How many there are."""
+        return int(self.member.shape[1])
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Those of a shift have the density, 1 / (sqrt(2 pi) std), of a position that is anywhere alike."""
+        total = self.grid.reference.calibration.model.total_mass()
+        anywhere = sum(m.length for m in self.grid.reference.calibration.structure.member)
+        own = [anywhere / np.sqrt(2 * np.pi), MASS_STD * total, OFFSET_STD, OFFSET_STD, GYRATION_STD]
+        return np.tile(own, self.n_bodies)
+
+    @property
+    def lower(self) -> FloatArray:
+        """Not before a member's start, not more removed than can be."""
+        least = np.full((*self.member.shape, PER_BODY), -np.inf)
+        least[..., 0] = -self.place
+        least[..., 1] = -LARGEST_REMOVED * self.grid.reference.calibration.model.total_mass()
+        least[..., 4] = 0.0
+        return least.reshape(len(self.member), -1)
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """The bodies have no order: each set of places stands for all orders of it."""
+        return np.full(len(self.member), float(np.log(np.arange(1, self.n_bodies + 1)).sum()))
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return modal mass changes sum m (Phi^T Phi + r^2 Theta^T Theta)."""
+        found = no_effect(len(rows), self.grid.comparison)
+        mass = found.mass
+        for k in range(self.n_bodies):
+            own = theta[:, k * PER_BODY : (k + 1) * PER_BODY]
+            moved = self._moved(self.member[rows, k], self.place[rows, k] + own[:, 0], own[:, 2:])
+            mass = mass + own[:, 1, None, None] * (moved.transpose(0, 2, 1) @ moved)
+        return replace(found, mass=mass)
+
+    def _moved(self, member: IndexArray, position: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return translations of the centres and rotations times the radius of gyration (n, 6, n_modes)."""
+        moved = np.empty((len(member), 6, len(self.grid.comparison.frequency)))
+        for m in np.unique(member):
+            here = np.flatnonzero(member == m)
+            spline, length = self._splines[int(m)]
+            values = spline(np.clip(position[here], 0, length))
+            turn = np.sqrt(np.maximum(rest[here, 2, None, None], 0))
+            moved[here, :3] = values[:, :3] + np.einsum(
+                "po,poar->par", rest[here, :2], values[:, 6:].reshape(-1, 2, 3, values.shape[2])
+            )
+            moved[here, 3:] = turn * values[:, 3:6]
+        return moved
+
+    @cached_property
+    def _splines(self) -> dict[int, tuple[CubicSpline, float]]:
+        """Translation, rotation and what offsets add (12, n_modes) along each member, and its length."""
+        found = {}
+        for m in np.unique(self.grid.member):
+            here = self.grid.member == m
+            values = [self.grid.translation[here], self.grid.rotation[here], *self.grid.by_offset[:, here]]
+            position = self.grid.position[here]
+            found[int(m)] = CubicSpline(position, np.concatenate(values, axis=1)), float(position[-1])
+        return found
+
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+        """Positions are parameters already."""
+        del log_density, theta
+
+    def at(self, row: int, theta: FloatArray, left_out: int | None) -> "Bodies":
+        """Return one alternative, of all bodies or of all but one, where a fit has brought them.
+
+        Parameters
+        ----------
+        row, theta : the alternative and its parameters (n_bodies * PER_BODY,)
+        left_out : the body that is left out, if any
+        """
+        kept = [k for k in range(self.n_bodies) if k != left_out]
+        own = theta.reshape(self.n_bodies, PER_BODY)[kept].copy()
+        place = self.place[row, kept] + own[:, 0]
+        own[:, 0] = 0.0
+        return replace(self, member=self.member[row, kept][None], place=place[None], start=own.reshape(1, -1))
