@@ -35,7 +35,7 @@ from monitor.results import (
 )
 from monitor.settings import DeviceSettings, Settings, load_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
-from updater import load_structure
+from updater import load_structure, portable_text
 
 _POLL = 0.2  # s
 
@@ -74,7 +74,7 @@ def load_site(path: Path) -> Site:
         path=path,
         settings=settings,
         site_text=path.read_text(encoding="utf-8"),
-        structure_text=structure_path.read_text(encoding="utf-8"),
+        structure_text=portable_text(structure_path),
     )
 
 

@@ -5,6 +5,7 @@ from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delay
 from updater.diagnosis import Explained, diagnose
 from updater.errors import ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.fe.assembly import build_model
+from updater.fe.matrices import Matrices, read_matrices, save_matrices
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
@@ -28,8 +29,8 @@ from updater.statistics import (
     stack_tracks,
 )
 from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
-from updater.structure import Body, Joint, Material, Member, Sensor, Structure, Support
-from updater.structure_file import dump_structure, load_structure, parse_structure, t_structure_toml
+from updater.structure import Body, External, Joint, Material, Member, Sensor, Structure, Support
+from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "DeviceDelays",
     "Diagnosis",
     "Explained",
+    "External",
     "Flag",
     "FrequencyFit",
     "Gain",
@@ -54,6 +56,7 @@ __all__ = [
     "MassUpdate",
     "MassUpdater",
     "Material",
+    "Matrices",
     "Member",
     "ModalDataError",
     "ModalMean",
@@ -102,8 +105,11 @@ __all__ = [
     "novelty_limit",
     "open_question",
     "parse_structure",
+    "portable_text",
+    "read_matrices",
     "real_shape",
     "remove_delays",
+    "save_matrices",
     "spread_mass",
     "stack_tracks",
     "t_structure_toml",

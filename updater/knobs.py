@@ -34,6 +34,8 @@ def with_springs(structure: Structure, flexibility: float = 1e-5) -> Structure:
 
 def knobs_of(structure: Structure) -> list[Knob]:
     """Return the stiffness of each material and what each foot and joint may give."""
+    if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
+        return [Knob("stiffness", _STIFFNESS_PRIOR, -np.inf, "stiffness", "", "x")]
     knobs = [Knob(f"stiffness of {m}", _STIFFNESS_PRIOR, -np.inf, "stiffness", m, "x") for m in structure.material]
     for i, support in enumerate(structure.support):
         held = [a for a in TURNS if a in support.fixed]
@@ -48,6 +50,8 @@ def knobs_of(structure: Structure) -> list[Knob]:
 def _jointed(structure: Structure) -> dict[str, tuple[float, float, float]]:
     """Members that another member's end meets rigidly -> the point; each meeting once, springs on the later member."""
     found: dict[str, tuple[float, float, float]] = {}
+    if structure.external is not None:
+        return found
     for i, member in enumerate(structure.member):
         for other in structure.member[:i]:
             for point in (other.start, other.end, member.start, member.end):
@@ -67,8 +71,11 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
     """Return the structure with the parameters `x` written into it."""
     material = dict(structure.material)
     springs: dict[tuple[str, str], dict[str, float]] = {}
+    external = structure.external
     for knob, value in zip(knobs, x, strict=True):
-        if knob.kind == "stiffness":
+        if knob.kind == "stiffness" and external is not None:
+            external = external.model_copy(update={"factor": external.factor * float(np.exp(value))})
+        elif knob.kind == "stiffness":
             old, factor = material[knob.target], float(np.exp(value))
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
@@ -82,7 +89,12 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
         if kind == "joint"
     ]
     return structure.model_copy(
-        update={"material": material, "support": tuple(supports), "joint": (*structure.joint, *joints)}
+        update={
+            "external": external,
+            "material": material,
+            "support": tuple(supports),
+            "joint": (*structure.joint, *joints),
+        }
     )
 
 

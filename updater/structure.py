@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -38,15 +39,40 @@ class Material(Entry):
         return known | ({"shear_modulus": modulus / (2 * (1 + ratio))} if isinstance(modulus, int | float) else {})
 
 
+class External(Entry):
+    """Stiffness and mass that another program made; one npz file may stand for all three.
+
+    Members are then straight lines of the matrices' nodes, and have neither material, section nor elements.
+    """
+
+    stiffness: Path  #: Matrix Market, or npz
+    mass: Path
+    dofs: Path  #: CSV with node, x, y, z, axis of every row, or npz
+    factor: Positive = 1.0  #: of the stiffness, as calibrated [-]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_file(cls, given: Any) -> Any:  # noqa: ANN401 - whatever stands in the file
+        if isinstance(given, dict) and "matrices" in given:
+            others = {key: value for key, value in given.items() if key != "matrices"}
+            return dict.fromkeys(("stiffness", "mass", "dofs"), given["matrices"]) | others
+        return given
+
+    def beside(self, folder: Path) -> "External":
+        """Return the same with paths that are relative to a folder."""
+        paths = {key: folder / getattr(self, key) for key in ("stiffness", "mass", "dofs")}
+        return self.model_copy(update=paths)
+
+
 class Member(Entry):
     """A straight member of constant section."""
 
     name: str
     start: Vector = Field(alias="from")  #: [m]
     end: Vector = Field(alias="to")  #: [m]
-    material: str
-    section: str
-    elements: Annotated[int, Field(ge=1)]  #: of equal length
+    material: str = ""  #: "" where matrices stand for it
+    section: str = ""
+    elements: Annotated[int, Field(ge=1)] = 0  #: of equal length; 0 where matrices stand for them
     preload: float = 0.0  #: axial force, positive in tension [N]
     local_y: Vector | None = None  #: roughly where the section's y axis points; horizontally if not said
 
@@ -142,8 +168,9 @@ class Structure(Entry):
     """A frame of straight members with everything fixed to it."""
 
     name: str
-    material: dict[str, Material]
-    section: dict[str, Section]
+    external: External | None = None
+    material: dict[str, Material] = Field(default_factory=dict)
+    section: dict[str, Section] = Field(default_factory=dict)
     mesh: Mesh | None = None
     member: Annotated[tuple[Member, ...], Field(min_length=1)]
     support: tuple[Support, ...] = ()
@@ -165,9 +192,13 @@ class Structure(Entry):
 
     @model_validator(mode="after")
     def _names_exist(self) -> Self:
-        for member in self.member:
+        for member in self.member if self.external is None else ():
+            if not (member.material and member.section and member.elements):
+                raise ValueError(f"member {member.name}: it needs material, section and elements")
             _known("member", member.name, "material", member.material, self.material)
             _known("member", member.name, "section", member.section, self.section)
+        if self.external is not None and self.joint:
+            raise ValueError("joint: matrices from elsewhere have their joints in them")
         names = [member.name for member in self.member]
         for joint in self.joint:
             _known("joint at", str(list(joint.at)), "member", joint.member, names)
@@ -182,13 +213,17 @@ class Structure(Entry):
     def _lie_on_members(self) -> Self:
         places = [(f"sensor {sensor.channel}", sensor.at) for sensor in self.sensor]
         places += [("support", support.at) for support in self.support] + [("body", body.at) for body in self.body]
-        for what, at in places:
+        for what, at in places if self.external is None else ():  # else the matrices' nodes decide
             if not any(member.passes(at) for member in self.member):
                 raise ValueError(f"{what}: {list(at)} lies on no member")
         for joint in self.joint:
             if not self.member_named(joint.member).passes(joint.at):
                 raise ValueError(f"joint of {joint.member}: {list(joint.at)} does not lie on it")
         return self
+
+    def beside(self, folder: Path) -> "Structure":
+        """Return the same structure, files it names taken as relative to a folder."""
+        return self if self.external is None else self.model_copy(update={"external": self.external.beside(folder)})
 
     @property
     def channels(self) -> tuple[str, ...]:

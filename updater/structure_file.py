@@ -23,7 +23,7 @@ def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure
     """
     try:
         content: dict[str, Any] = tomllib.loads(text)
-        return Structure.model_validate(content)
+        return Structure.model_validate(content).beside(Path(path).parent)
     except tomllib.TOMLDecodeError as error:
         raise StructureError(path, str(error)) from error
     except ValidationError as error:
@@ -56,11 +56,33 @@ def load_structure(path: Path | str) -> Structure:
     StructureError
         If it cannot be read or an entry is wrong.
     """
+    return parse_structure(_text(path), path)
+
+
+def _text(path: Path | str) -> str:
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise StructureError(path, f"cannot be read: {error}") from error
-    return parse_structure(text, path)
+
+
+def portable_text(path: Path | str) -> str:
+    """Return a structure file's text for use in another folder: files that it names have their whole path.
+
+    Raises
+    ------
+    StructureError
+        If it cannot be read or an entry is wrong.
+    """
+    external = load_structure(path).external
+    text = _text(path)
+    if external is None:
+        return text
+    content = tomlkit.parse(text)
+    table = tomlkit.table()
+    table.update(external.beside(Path(path).parent.resolve()).model_dump(mode="json", exclude_defaults=True))
+    content["external"] = table
+    return tomlkit.dumps(content)
 
 
 def dump_structure(structure: Structure, onto: str | None = None, *, note: str = "") -> str:

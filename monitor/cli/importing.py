@@ -11,7 +11,7 @@ from rich.markup import escape
 from daq import DataError, Recording, read_data, with_channels, write_recording
 from monitor.daemon import load_site
 from monitor.errors import ArgumentError
-from updater import StructureError, parse_structure
+from updater import parse_structure, portable_text
 
 UNITS = {"m/s2": 1.0, "g": 9.80665}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -115,17 +115,9 @@ def _for_site(data: Path, recording: Recording, path: Path) -> tuple[Recording, 
 
 def _structure_text(data: Path, recording: Recording, path: Path) -> str:
     """Return the text of a structure file, once all columns are known to be sensors of it."""
-    text = structure_text(path)
+    text = portable_text(path)
     known = parse_structure(text, path).channels
     for channel in recording.channels:
         if channel.name not in known:
             raise DataError(data, f"column {channel.name!r} is no sensor of {path}; there are {', '.join(known)}")
     return text
-
-
-def structure_text(path: Path) -> str:
-    """Return the text of a structure file."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise StructureError(path, f"cannot be read: {error}") from error

@@ -63,7 +63,10 @@ class GlobalStiffness(Discrete):
             )
             for kind, parts in (("support", structure.support), ("joint", structure.joint))
         }
-        return structure.model_copy(update={"material": material, **springs})
+        external = structure.external
+        if external is not None:
+            external = external.model_copy(update={"factor": external.factor * factor})
+        return structure.model_copy(update={"external": external, "material": material, **springs})
 
 
 def propose_global_stiffness(reference: Reference, comparison: Comparison) -> GlobalStiffness:

@@ -114,8 +114,8 @@ def _springs(
     connections: tuple[Support | Joint, ...],
     rows: list[list[FloatArray]],
 ) -> Springs | None:
-    if not connections:
-        return None
+    if not connections or reference.calibration.structure.external is not None:
+        return None  # of matrices from elsewhere nobody knows E I / L
     unit = bending_stiffness(reference.calibration.structure)
     moment = np.array(rows) @ reference.shape
     own = np.array([[unit / c.stiffness[a] if a in c.stiffness else 0.0 for a in TURNS] for c in connections])

@@ -9,6 +9,7 @@ from scipy import sparse
 
 from daq import FloatArray, IntArray
 from updater.fe.element import Element
+from updater.fe.external import external_model
 from updater.fe.mesh import Mesh
 from updater.fe.model import Model
 from updater.structure import AXES, Body, Member, Structure
@@ -44,7 +45,17 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
     ------
     ModelError
         If a support, joint or body does not lie on a member.
+    StructureError
+        If matrices that the structure names cannot be used.
     """
+    if structure.external is not None:
+        bare = external_model(structure, structure.external, lumped=mass == "lumped")
+    else:
+        bare = _frame(structure, shear_flexible=shear_flexible, mass=mass)
+    return _with_bodies(bare) if structure.body else bare
+
+
+def _frame(structure: Structure, *, shear_flexible: bool, mass: MassKind) -> Model:
     mesh = Mesh(structure)
     dofs = mesh.number()
     kinds = _Kinds(mesh, shear_flexible=shear_flexible, mass=mass)
@@ -54,7 +65,7 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
     m.add(rows, np.array(kinds.mass)[kinds.which])
     _add_springs(k, mesh, dofs)
     n = int(dofs.max()) + 1
-    bare = Model(
+    return Model(
         structure=structure,
         nodes=mesh.nodes,
         dofs=dofs,
@@ -64,7 +75,6 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         mass=m.build(n),
         twins=tuple(mesh.twins),
     )
-    return _with_bodies(bare) if structure.body else bare
 
 
 class _Kinds:

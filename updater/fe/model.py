@@ -2,17 +2,50 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
-from updater.fe.element import Element
 from updater.fe.mesh import COINCIDENT
 from updater.fe.modes import Modes, lowest_modes
 from updater.fe.spans import SpanIndex
 from updater.structure import Joint, Member, Structure
+
+
+class Interpolation(Protocol):
+    """What lies between two nodes: displacements along it."""
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        ...
+
+    def axes(self, direction: FloatArray) -> FloatArray:
+        """Return local axes (3, 3)."""
+        ...
+
+    def displacement(self, xi: float) -> FloatArray:
+        """Return N (6, 12) at the share xi of the length."""
+        ...
+
+
+@dataclass(frozen=True)
+class AtNode:
+    """A node by itself: what is read there are its own DOFs."""
+
+    length: float = 0.0
+
+    def axes(self, direction: FloatArray) -> FloatArray:
+        """Return the global axes: no direction is meant."""
+        del direction
+        return np.eye(3)
+
+    def displacement(self, xi: float) -> FloatArray:
+        """Return the first of both nodes."""
+        return np.eye(6, 12) * (1 - xi)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,16 +55,22 @@ class Model:
     structure: Structure
     nodes: FloatArray  #: (n_nodes, 3) [m]
     dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where it is held
-    elements: tuple[tuple[int, int, Element], ...]  #: start node, end node, constants
+    elements: tuple[tuple[int, int, Interpolation], ...]  #: start node, end node, constants
     member_names: tuple[str, ...]  #: member that each element belongs to
     stiffness: sparse.csc_array  #: (n_dofs, n_dofs)
     mass: sparse.csc_array  #: (n_dofs, n_dofs)
     twins: tuple[tuple[int, int, Joint], ...] = ()  #: node, its twin on the jointed member, the springs between
+    loose: tuple[int, ...] = ()  #: nodes on no member
 
     @property
     def n_dofs(self) -> int:
         """Number of free DOFs."""
         return int(self.stiffness.shape[0])
+
+    @cached_property
+    def _readable(self) -> tuple[tuple[int, int, Interpolation], ...]:
+        """Elements, and after them the nodes on no member."""
+        return (*self.elements, *((node, node, AtNode()) for node in self.loose))
 
     def modes(self, n: int) -> Modes:
         """Return the lowest `n` modes; a semidefinite mass matrix is fine.
@@ -83,7 +122,7 @@ class Model:
         shapes: dict[tuple[int, float], FloatArray] = {}  # elements of a kind are read alike at the same share
         local = np.empty((len(found), 6, 12))
         for i, (span, share) in enumerate(zip(found.tolist(), xi.tolist(), strict=True)):
-            element = self.elements[span][2]
+            element = self._readable[span][2]
             key = id(element), share
             if key not in shapes:
                 shapes[key] = element.displacement(share)
@@ -98,15 +137,15 @@ class Model:
     def _axes(self, spans: IndexArray) -> FloatArray:
         """Return the local axes (n, 3, 3) of elements (n,); those of a kind point the same way."""
         known: dict[int, FloatArray] = {}
-        for first, last, element in (self.elements[span] for span in spans.tolist()):
+        for first, last, element in (self._readable[span] for span in spans.tolist()):
             if id(element) not in known:
                 known[id(element)] = element.axes(self.nodes[last] - self.nodes[first])
-        return np.array([known[id(self.elements[span][2])] for span in spans.tolist()]).reshape(-1, 3, 3)
+        return np.array([known[id(self._readable[span][2])] for span in spans.tolist()]).reshape(-1, 3, 3)
 
     @cached_property
     def _index(self) -> SpanIndex:
-        first, last = (np.array([span[i] for span in self.spans], np.intp) for i in (0, 1))
-        return SpanIndex(self.nodes, first, last)
+        ends = np.array([span[:2] for span in self._readable], np.intp)
+        return SpanIndex(self.nodes, ends[:, 0], ends[:, 1])
 
     @property
     def spans(self) -> list[tuple[int, int]]:
@@ -151,9 +190,15 @@ class Model:
         return row
 
     def total_mass(self) -> float:
-        """Return the mass that a rigid translation along x would move, held nodes included [kg]."""
+        """Return the mass that a rigid translation would move [kg], held nodes included where it has members."""
+        if self.structure.external is not None:
+            return max(float(self.mass[rows][:, rows].sum()) for rows in self._along_axes())
         members = sum(_member_mass(self.structure, m) for m in self.structure.member)
         return members + sum(body.mass for body in self.structure.body)
+
+    def _along_axes(self) -> list[IntArray]:
+        """Return the rows of x, of y and of z that are free."""
+        return [axis[axis >= 0] for axis in self.dofs[:, :3].T]
 
 
 def _member_mass(structure: Structure, member: Member) -> float:

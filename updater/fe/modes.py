@@ -52,8 +52,8 @@ def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, na
         value, shape = _all(stiffness, mass) if few else _lanczos(stiffness, mass, n)
     except ArpackNoConvergence as error:
         raise ModelError(f"{name}: only {len(error.eigenvalues)} of {n} modes converged") from error
-    except (ModelError, np.linalg.LinAlgError) as error:
-        raise ModelError(f"{name}: the stiffness is singular: a support or a member is missing") from error
+    except ModelError as error:
+        raise ModelError(f"{name}: {error}") from error
     if value[0] <= 0 or strain(stiffness, shape[:, 0]) <= _FREE:
         raise ModelError(f"{name}: it can move without deforming: a support is missing")
     if len(value) < n:
@@ -78,6 +78,7 @@ def _lanczos(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int) -> tup
 
 def _all(stiffness: sparse.csc_array, mass: sparse.csc_array) -> tuple[FloatArray, FloatArray]:
     """Return omega^2 and shapes of all modes that have inertia, by M b = omega^-2 K b."""
+    factorise(stiffness)  # says what is wrong with it
     inverse, vector = scipy.linalg.eigh(mass.toarray(), stiffness.toarray())
     inert = np.flatnonzero(inverse > _MASSLESS * inverse[-1])[::-1]
     # orthonormal in M to rounding, which division by the smallest omega^-2 is not: then M^-1 = sum b b^T exactly

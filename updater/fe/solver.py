@@ -15,6 +15,9 @@ from daq import FloatArray
 from updater.errors import ModelError
 
 Solve = Callable[[FloatArray], FloatArray]
+_SINGULAR = "the stiffness is singular: a support or a member is missing"
+_INDEFINITE = "the stiffness is indefinite: a member is compressed beyond buckling, or it is no structure's"
+_ROUNDING = 1e-6  # of a DOF's own stiffness: a negative pivot that is less is zero
 LARGE = 20_000  # DOFs from which PARDISO gains more than its start costs
 
 
@@ -29,18 +32,31 @@ def factorise(matrix: sparse.csc_array, *, pardiso: bool | None = None) -> Solve
     Raises
     ------
     ModelError
-        If the matrix is singular; PARDISO also finds out that it is indefinite.
+        If the matrix is singular or indefinite.
     """
     if pardiso is None:
         pardiso = matrix.shape[0] >= LARGE and find_spec("pypardiso") is not None
     return _pardiso(matrix) if pardiso else _superlu(matrix)
 
 
+def is_definite(matrix: sparse.csc_array) -> bool:
+    """Tell whether a symmetric matrix (n, n) is positive definite."""
+    try:
+        factorise(matrix)
+    except ModelError:
+        return False
+    return True
+
+
 def _superlu(matrix: sparse.csc_array) -> Solve:
     try:
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as error:
-        raise ModelError("the stiffness is singular") from error
+        raise ModelError(_SINGULAR) from error
+    # pivots from the diagonal have the signs of the eigenvalues (Sylvester), to rounding those of a mechanism
+    pivot = factor.U.diagonal() / matrix.diagonal()[np.argsort(factor.perm_c)]
+    if (pivot <= 0).any():
+        raise ModelError(_INDEFINITE if pivot.min() < -_ROUNDING else _SINGULAR)
     return factor.solve
 
 
@@ -53,7 +69,7 @@ def _pardiso(matrix: sparse.csc_array) -> Solve:
     try:
         solver.factorize(upper)
     except (PyPardisoError, ValueError) as error:
-        raise ModelError("the stiffness is singular or indefinite") from error
+        raise ModelError("the stiffness is singular or indefinite: a support or a member is missing") from error
 
     def solve(right: FloatArray) -> FloatArray:
         return np.asarray(solver.solve(upper, right), float)

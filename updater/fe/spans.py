@@ -52,7 +52,8 @@ class SpanIndex:
     def _project(self, points: FloatArray, span: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return the share along spans (n,) nearest to points (n, 3), and the distance from it [m]."""
         away = points - self._start[span]
-        xi = np.clip(np.einsum("ij,ij->i", away, self._along[span]) / self._length[span] ** 2, 0, 1)
+        squared = np.maximum(self._length[span] ** 2, np.finfo(float).tiny)  # a node alone is a span of no length
+        xi = np.clip(np.einsum("ij,ij->i", away, self._along[span]) / squared, 0, 1)
         return xi, np.linalg.norm(away - xi[:, None] * self._along[span], axis=1)
 
     @cached_property

@@ -1,0 +1,168 @@
+"""Stiffness and mass that another program made, read from Matrix Market or npz files and checked.
+
+What the rows mean stands in a DOF table: node, its place and the axis (x y z rx ry rz) of every row.
+"""
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from scipy import sparse
+from scipy.io import mmread, mmwrite
+
+from daq import FloatArray, IntArray
+from updater.errors import StructureError
+from updater.fe.solver import is_definite
+from updater.structure import AXES
+
+_SYMMETRIC = 1e-8  # of the largest entry: what digits cut off in a text file may leave
+_TINY = 1e-12  # of a mass's diagonal: makes a semidefinite one definite
+_COLUMNS = ("node", "x", "y", "z", "axis")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Matrices:
+    """Symmetric matrices and what their rows are."""
+
+    stiffness: sparse.csc_array  #: (n_dofs, n_dofs) [N/m, N, N m]
+    mass: sparse.csc_array  #: (n_dofs, n_dofs) [kg, kg m, kg m2]
+    nodes: FloatArray  #: (n_nodes, 3) [m]
+    dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where there is none
+
+
+def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
+    """Read Matrix Market files and a DOF table (CSV with the columns node, x, y, z, axis, a line a row).
+
+    One npz file may stand for all three: `save_matrices` says what is in it.
+
+    Raises
+    ------
+    StructureError
+        Naming the file and the row if one cannot be read, if they do not fit together, or if a matrix is not
+        symmetric, not finite, singular by an empty row, or indefinite.
+    """
+    files = [(path, _changed(path)) for path in (stiffness, mass, table)]
+    return _read(*files)
+
+
+def _changed(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError as error:
+        raise StructureError(path, f"cannot be read: {error.strerror}") from error
+
+
+@lru_cache(maxsize=4)
+def _read(stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int]) -> Matrices:
+    """Read what the files hold, once for every time they were changed."""
+    k, m = _matrix(stiffness[0], "stiffness"), _matrix(mass[0], "mass")
+    nodes, dofs = _table(table[0])
+    n = int(dofs.max(initial=-1)) + 1
+    for path, matrix in ((stiffness[0], k), (mass[0], m)):
+        if matrix.shape != (n, n):
+            raise StructureError(path, f"expected {n} x {n} entries as {table[0].name} has rows, found {matrix.shape}")
+    found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs)
+    _check(stiffness[0], k, found, "stiffness")
+    _check(mass[0], m, found, "mass")
+    return found
+
+
+def save_matrices(path: Path, matrices: Matrices) -> None:
+    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx and dofs.csv in a folder.
+
+    Parameters
+    ----------
+    path : ends in .npz, or an existing folder
+    matrices : to write; the npz holds `nodes`, `dofs` and, of each matrix by columns, `NAME_data`, `NAME_indices` and
+        `NAME_indptr`, as scipy.sparse has them
+    """
+    both = {"stiffness": matrices.stiffness, "mass": matrices.mass}
+    if path.suffix == ".npz":
+        parts = {f"{name}_{part}": getattr(a, part) for name, a in both.items() for part in _PARTS}
+        np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, **parts)
+        return
+    for name, a in both.items():
+        mmwrite(path / f"{name}.mtx", sparse.coo_array(a), symmetry="symmetric", precision=17)
+    node, axis = np.nonzero(matrices.dofs >= 0)
+    order = np.argsort(matrices.dofs[node, axis])
+    with (path / "dofs.csv").open("w", newline="", encoding="utf-8") as file:
+        lines = ((node[i], *matrices.nodes[node[i]].tolist(), AXES[axis[i]]) for i in order)
+        csv.writer(file).writerows([_COLUMNS, *lines])
+
+
+_PARTS = ("data", "indices", "indptr")
+
+
+def _matrix(path: Path, name: str) -> sparse.csc_array:
+    try:
+        if path.suffix == ".npz":
+            with np.load(path) as file:
+                data, indices, indptr = (file[f"{name}_{part}"] for part in _PARTS)
+            matrix = sparse.csc_array((data.astype(float), indices, indptr), shape=(len(indptr) - 1,) * 2)
+        else:
+            matrix = sparse.csc_array(mmread(path, spmatrix=False), dtype=float)
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise StructureError(path, f"{name}: no matrix can be read: {error}".splitlines()[0]) from error
+    return matrix
+
+
+def _table(path: Path) -> tuple[FloatArray, IntArray]:
+    """Return nodes (n_nodes, 3) and the rows of their DOFs (n_nodes, 6)."""
+    if path.suffix == ".npz":
+        try:
+            with np.load(path) as file:
+                return np.asarray(file["nodes"], float), np.asarray(file["dofs"], np.int32)
+        except (OSError, ValueError, KeyError, BadZipFile) as error:
+            raise StructureError(path, f"no DOF table can be read: {error}") from error
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return _numbered(path, csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise StructureError(path, f"no DOF table can be read: {error}") from error
+
+
+def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, IntArray]:
+    places: dict[str, tuple[float, ...]] = {}
+    numbers: dict[str, list[int]] = {}
+    for row, line in enumerate(lines):
+        what = f"line {row + 2}"
+        try:
+            node, axis = line["node"].strip(), AXES.index(line["axis"].strip())
+            place = tuple(float(line[c]) for c in _COLUMNS[1:4])
+        except (KeyError, ValueError, AttributeError, TypeError) as error:
+            raise StructureError(path, f"{what}: expected {', '.join(_COLUMNS)} ({', '.join(AXES)})") from error
+        own = numbers.setdefault(node, [-1] * 6)
+        if own[axis] >= 0 or places.setdefault(node, place) != place:
+            raise StructureError(path, f"{what}: node {node} has {AXES[axis]} already, or stands somewhere else")
+        own[axis] = row
+    return np.array([*places.values()], float).reshape(-1, 3), np.array([*numbers.values()], np.int32).reshape(-1, 6)
+
+
+def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+    if not np.isfinite(matrix.data).all():
+        raise StructureError(path, f"{what}: an entry is not finite")
+    skew = abs(matrix - matrix.T).tocoo()
+    if skew.nnz and skew.data.max() > _SYMMETRIC * abs(matrix).max():
+        worst = int(np.argmax(skew.data))
+        first, second = _named(found, int(skew.row[worst])), _named(found, int(skew.col[worst]))
+        raise StructureError(path, f"{what}: not symmetric between {first} and {second}")
+    diagonal, filled = matrix.diagonal(), np.diff(matrix.indptr) > 0
+    wrong = np.flatnonzero((diagonal < 0) | ((diagonal == 0) & (filled if what == "mass" else True)))
+    if len(wrong):
+        raise StructureError(path, f"{what}: {diagonal[wrong[0]]:g} on the diagonal of {_named(found, int(wrong[0]))}")
+    if what == "mass":
+        heavy = np.flatnonzero(diagonal > 0)
+        if not len(heavy):
+            raise StructureError(path, "mass: there is none")
+        rounded = matrix[heavy][:, heavy] + sparse.diags_array(_TINY * diagonal[heavy])
+        if not is_definite(sparse.csc_array(rounded)):
+            raise StructureError(path, "mass: indefinite: some motion has a negative kinetic energy")
+
+
+def _named(found: Matrices, row: int) -> str:
+    node, axis = np.argwhere(found.dofs == row)[0]
+    return f"{AXES[axis]} at {found.nodes[node].round(4).tolist()} (row {row})"
