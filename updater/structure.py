@@ -59,8 +59,8 @@ class External(Entry):
         return given
 
     def beside(self, folder: Path) -> "External":
-        """Return the same with paths that are relative to a folder."""
-        paths = {key: folder / getattr(self, key) for key in ("stiffness", "mass", "dofs")}
+        """Return the same with whole paths, those given taken as relative to a folder."""
+        paths = {key: (folder / getattr(self, key)).resolve() for key in ("stiffness", "mass", "dofs")}
         return self.model_copy(update=paths)
 
 
@@ -193,8 +193,8 @@ class Structure(Entry):
     @model_validator(mode="after")
     def _names_exist(self) -> Self:
         for member in self.member if self.external is None else ():
-            if not (member.material and member.section and member.elements):
-                raise ValueError(f"member {member.name}: it needs material, section and elements")
+            if not member.elements:
+                raise ValueError(f"member {member.name}: elements is missing")
             _known("member", member.name, "material", member.material, self.material)
             _known("member", member.name, "section", member.section, self.section)
         if self.external is not None and self.joint:

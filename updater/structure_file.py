@@ -80,7 +80,7 @@ def portable_text(path: Path | str) -> str:
         return text
     content = tomlkit.parse(text)
     table = tomlkit.table()
-    table.update(external.beside(Path(path).parent.resolve()).model_dump(mode="json", exclude_defaults=True))
+    table.update(external.model_dump(mode="json", exclude_defaults=True))
     content["external"] = table
     return tomlkit.dumps(content)
 

@@ -110,6 +110,14 @@ def test_extended_file_reads_back_and_carries_the_mass(tower: Path) -> None:
     np.testing.assert_allclose(heavier.modes(4).frequency, expected.modes(4).frequency, rtol=1e-6)
 
 
+def test_diagnosed_causes_go_into_the_file_and_its_comments_stay(tower: Path, tmp_path: Path) -> None:
+    text = "# as built\n" + tower.read_text(encoding="utf-8")
+    structure = load_structure(tower).with_bodies([Body(at=(0.25, 0, 1.48), mass=0.304)])
+    extended = dump_structure(structure, text)
+    assert extended.startswith("# as built\n")
+    assert parse_structure(extended, tmp_path / "extended.toml") == structure
+
+
 def test_text_for_other_folders_names_the_whole_path(tower: Path) -> None:
     text = portable_text(tower)
     assert parse_structure(text, "elsewhere/x.toml").external == load_structure(tower.resolve()).external

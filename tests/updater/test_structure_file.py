@@ -38,7 +38,7 @@ from updater import Structure, StructureError, build_model, load_structure, pars
             '[[joint]]\nmember = "beam"\nat = [0.0, 0.0, 1.48]\nstiffness = {rx = 1.0}\n\n[[support]]',
             "member 'beam' is not defined; there are ['column', 'crossbeam']",
         ),
-        ("elements = 37\n", "", "member.0.elements of column: Field required"),
+        ("elements = 37\n", "", "member column: elements is missing"),
         ("elements = 37", "elements = 0", "member.0.elements of column: Input should be greater"),
         (
             "shear_modulus = 80.8e9",
