@@ -50,6 +50,16 @@ class Hypotheses(Protocol):
         """Return what the alternatives `rows` do with parameters theta (len(rows), n_parameters)."""
         ...
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return by how much a prior that is not Gaussian raises the log evidence of each alternative.
+
+        Parameters
+        ----------
+        theta : (n_alternatives, n_parameters) fitted with the Gaussian prior
+        covariance : (n_alternatives, n_parameters, n_parameters)
+        """
+        ...
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
         """Return alternatives closer together where the posterior is, which start from what those about them came to.
 
@@ -160,7 +170,7 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
         theta=point.theta,
         covariance=covariance,
         chi_square=point.cost,
-        log_density=-0.5 * point.cost + volume + whitener.log_det,
+        log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
         freedom=max(comparison.freedom - len(hypotheses.prior_std), 1.0),
     )
 

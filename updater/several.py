@@ -85,6 +85,12 @@ class Among:
         others = self.others.effect(theta[:, n:], np.zeros(len(rows), np.intp))
         return self.free.effect(theta[:, :n], rows).then(others)
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return those of all masses together."""
+        n = len(self.free.prior_std)
+        of_free = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n])
+        return of_free + self.others.log_ratio(theta[:, n:], covariance[:, n:, n:])
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> "Among":
         """Refine the free mass."""
         return replace(self, free=self.free.finer(log_density, theta[:, : len(self.free.prior_std)]))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.magnitude import Magnitude, log_uniform
 from updater.comparison import Comparison
 from updater.fe.element import local_axes
 from updater.posterior import Place, credible, places
@@ -29,7 +30,8 @@ FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _MOST_FINE = 120  # fine positions on one member
-MASS_STD = 0.2  # of the structure's mass, prior of the body's
+MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
+_LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
 OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
 GYRATION_STD = 0.03**2  # m2, prior of its squared radius of gyration
@@ -86,6 +88,20 @@ class AddedMass:
         mass = theta[:, 0, None, None] * (moved.transpose(0, 2, 1) @ moved)
         return replace(no_effect(len(rows), self.comparison), mass=mass)
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what the mass's own prior, uniform in its logarithm, makes of the evidence."""
+        return self.magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
+
+    def magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
+        """Return posteriors of masses under their own prior, from those under the Gaussian one (n,), (n,) [kg]."""
+        return log_uniform(
+            mass,
+            std,
+            gaussian=MASS_STD * self._total,
+            least=_LEAST_MASS * self._total,
+            most=self._total,
+        )
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass":
         """Return the positions and, where one comes near the best, many more between."""
         near = log_density > log_density.max() - _NEAR
@@ -132,8 +148,10 @@ class AddedMass:
 
     def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the mass at a place [kg]."""
-        mean, std = self.averaged(fit, place, 0)
-        return mean, float(np.hypot(std, DENSITY_STD * mean))
+        magnitude = self.magnitude(fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
+        mean = float(place.share @ magnitude.mean)
+        variance = place.share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
+        return mean, float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
 
     def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:
         """Return mean and standard deviation of a parameter over the positions of a place."""

@@ -78,6 +78,11 @@ class Discrete:
         """All alike."""
         return np.full(len(self.lower), -np.log(len(self.lower)))
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return zeros (n_alternatives,): the prior is Gaussian."""
+        del covariance
+        return np.zeros(len(theta))
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
         """There is nothing between the alternatives."""
         del log_density, theta

@@ -89,6 +89,13 @@ class Bodies:
             found[int(m)] = CubicSpline(position, np.concatenate(values, axis=1)), float(position[-1])
         return found
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what the masses' own priors make of the evidence, each by its own deviation."""
+        mass = theta.reshape(-1, PER_BODY)[:, 1]
+        variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, PER_BODY)[:, 1]
+        found = self.grid.magnitude(mass, np.sqrt(variance)).log_ratio
+        return np.asarray(found.reshape(len(theta), self.n_bodies).sum(1))
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
         """Positions are parameters already."""
         del log_density, theta

@@ -67,6 +67,16 @@ class Beside(Generic[C]):
             at += n
         return found
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return those of all together, each by its own parameters."""
+        n = len(self.free.prior_std)
+        found = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n])
+        for c in self.chosen:
+            own = slice(n, n + len(c.cause.prior_std))
+            found = found + c.cause.log_ratio(theta[:, own], covariance[:, own, own])
+            n = own.stop
+        return found
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> "Beside[C] | None":
         """Refine the free one."""
         closer = self.free.finer(log_density, theta[:, : len(self.free.prior_std)])

@@ -41,6 +41,11 @@ class Nothing:
         del theta
         return no_effect(len(rows), self.comparison)
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return zeros (n_alternatives,): the prior is Gaussian."""
+        del covariance
+        return np.zeros(len(theta))
+
     def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
         """There is nothing to refine."""
         del log_density, theta

@@ -1,0 +1,41 @@
+"""A prior uniform in the logarithm, in the place of a Gaussian one."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from updater.causes.magnitude import log_uniform
+
+GAUSSIAN, LEAST, MOST = 1.5, 1e-3, 7.5
+
+
+def prior(x: float) -> float:
+    return 1 / (2 * np.log(MOST / LEAST) * abs(x)) if LEAST <= abs(x) <= MOST else 0.0
+
+
+@pytest.mark.parametrize(("value", "std"), [(0.3, 0.1), (-0.02, 0.05), (0.0, 0.004), (0.3, 0.003)])
+def test_the_posterior_is_that_of_plain_quadrature(value: float, std: float) -> None:
+    """Where the prior is taken as constant the error is (std / value)^2 < 0.25 %; else that of 600 points."""
+
+    def weighed(x: float, power: int) -> float:
+        return float(x**power * norm.pdf(x, value, std) * prior(x) / norm.pdf(x, 0, GAUSSIAN))
+
+    def integral(power: int) -> float:
+        near = [p for p in (value - 8 * std, value, value + 8 * std) if LEAST < abs(p) < MOST]
+        edges = sorted([-MOST, -0.1, -0.01, -LEAST, LEAST, 0.01, 0.1, MOST, *near])
+        return sum(quad(weighed, a, b, args=(power,))[0] for a, b in itertools.pairwise(edges))
+
+    whole, mean = integral(0), integral(1)
+    found = log_uniform(np.array([value]), np.array([std]), gaussian=GAUSSIAN, least=LEAST, most=MOST)
+    assert found.log_ratio[0] == pytest.approx(np.log(whole), abs=0.01)
+    assert found.mean[0] == pytest.approx(mean / whole, abs=0.01 * std)
+    assert found.variance[0] == pytest.approx(integral(2) / whole - (mean / whole) ** 2, rel=0.02)
+
+
+def test_the_prior_is_proper() -> None:
+    """Data that say nothing leave the Gaussian prior; its evidence is then the other prior's whole probability."""
+    found = log_uniform(np.zeros(1), np.array([GAUSSIAN]), gaussian=GAUSSIAN, least=LEAST, most=MOST)
+    assert found.log_ratio[0] == pytest.approx(0, abs=5e-3)  # a step of the quadrature: 1 / 600 at each end

@@ -1,0 +1,52 @@
+"""A magnitude of unknown order: its prior is uniform in its logarithm, whatever its sign.
+
+A Gaussian prior wide enough for the largest says that small ones are unlikely, and prefers places where even a large
+magnitude would hardly show. The fit has a Gaussian one all the same, for it needs a slope everywhere; here its result
+is weighed anew.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+
+_POINTS = 600  # of the quadrature over the logarithm
+_NARROW = 0.05  # of the magnitude: a posterior more narrow than this sees a constant prior
+
+
+@dataclass(frozen=True, eq=False)
+class Magnitude:
+    """The posterior of a magnitude at each of some alternatives."""
+
+    log_ratio: FloatArray  #: (n,) log evidence with this prior over the one with the Gaussian prior
+    mean: FloatArray  #: (n,)
+    variance: FloatArray  #: (n,)
+
+
+def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: float, most: float) -> Magnitude:
+    """Return the posterior under a prior 1/(2 ln(most/least) |x|) in place of a Gaussian one.
+
+    Parameters
+    ----------
+    value, std : (n,) Gaussian posterior under the Gaussian prior
+    gaussian : standard deviation of the Gaussian prior
+    least, most : smallest and largest magnitude
+    """
+    size = np.exp(np.linspace(np.log(least), np.log(most), _POINTS))
+    x = np.concatenate([-size[::-1], size])
+    share = np.log(size[1] / size[0]) / (2 * np.log(most / least))  # of the prior at each point
+    wide = np.flatnonzero(std > _NARROW * np.abs(value))
+    off = (x - value[wide, None]) / std[wide, None]
+    log_weight = -0.5 * off**2 - np.log(std[wide, None]) + 0.5 * (x / gaussian) ** 2 + np.log(share * gaussian)
+    top = log_weight.max(axis=1, keepdims=True)
+    weight = np.exp(log_weight - top)
+    total = weight.sum(1)
+    magnitude = np.clip(np.abs(value), least, most)
+    log_ratio = 0.5 * (value / gaussian) ** 2 + np.log(np.sqrt(2 * np.pi) * gaussian)
+    log_ratio -= np.log(2 * np.log(most / least) * magnitude)
+    mean, variance = value.copy(), std**2
+    log_ratio[wide] = top[:, 0] + np.log(total)
+    mean[wide] = weight @ x / total
+    variance[wide] = weight @ x**2 / total - mean[wide] ** 2
+    return Magnitude(log_ratio, mean, variance)
