@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags causes bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
+.PHONY: demo test check lint typecheck seeds flags frames causes bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -27,6 +27,10 @@ seeds: $(VENV)/.done
 # False flags of the one-step update and what it flags of masses: the tables in docs/updater.md, some minutes.
 flags: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/flags.py
+
+# The frame element beside published answers: the tables in docs/structure.md, two seconds.
+frames: $(VENV)/.done
+	PYTHONPATH=tests $(BIN)/python benchmarks/frame_elements.py
 
 # Our SLCAN bus beside python-can's: the tables in docs/daq.md, half a minute.
 bench: $(VENV)/.done
