@@ -1,15 +1,32 @@
-"""What the sensors of a structure can see of its modes."""
+"""What the sensors of a structure can see of its modes, and of a body on it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from daq import FloatArray
 from oma import mac_matrix
-from updater import Model, Modes, Structure, build_model
+from updater import (
+    UNSEEN,
+    Choice,
+    Model,
+    ModelError,
+    Modes,
+    Outlook,
+    Record,
+    Sensor,
+    Structure,
+    build_model,
+    foresee,
+    motion,
+    one_more,
+    seen_by,
+)
 
 ALIKE = 0.9  #: MAC at the sensors above which two modes cannot be told apart by their shapes [-]
-UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
+_NODES = 60  # at which one sensor more is tried
+_TYPICAL = 0.01  # of the structure's mass: the body that one more sensor is to locate
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -21,11 +38,14 @@ class Sight:
     at_sensors: FloatArray  #: (n_modes, n_sensors) mass-normalised [1/sqrt(kg)]
     seen: FloatArray  #: (n_modes,) largest motion at a sensor over the largest anywhere [-]
     auto_mac: FloatArray  #: (n_modes, n_modes) MAC of the modes at the sensors [-]; NaN for one that none of them sees
+    record: Record  #: how long is measured, before a change and after
+    outlook: Outlook | None  #: of a body anywhere; None where the sensors are too few for that
+    too_few: str  #: why, if so
 
     @property
     def motion(self) -> FloatArray:
         """Displacements (n_modes, n_nodes, 3) of the nodes, the largest of each mode 1 [-]."""
-        moved = _motion(self.model, self.modes)
+        moved = motion(self.model, self.modes)
         return np.asarray(moved / np.linalg.norm(moved, axis=2).max(axis=1)[:, None, None])
 
     def alike(self, mode: int) -> tuple[int, ...]:
@@ -37,38 +57,100 @@ class Sight:
         """Tell whether a sensor sees enough of a mode."""
         return bool(self.seen[mode] >= UNSEEN)
 
+    @property
+    def typical_mass(self) -> float:
+        """A hundredth of the structure's mass [kg]."""
+        return _TYPICAL * self.model.total_mass()
 
-def look(structure: Structure, n_modes: int) -> Sight:
-    """Return what the sensors see of the lowest modes.
+    @cached_property
+    def weakest(self) -> FloatArray:
+        """Weakest mass that raises the alarm, at each of the outlook's places (n_places,) [kg]; empty without one."""
+        return self.outlook.weakest_mass() if self.outlook else np.zeros(0)
+
+    @cached_property
+    def helper(self) -> Choice | None:
+        """The sensors with the one more that would make the place of a body surest."""
+        return one_more(self.outlook, self.typical_mass) if self.outlook else None
+
+    @property
+    def unseen(self) -> tuple[int, ...]:
+        """The modes that no sensor sees."""
+        return tuple(k for k in range(len(self.seen)) if not self.is_seen(k))
+
+    @property
+    def pairs_alike(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of seen modes that the sensors cannot tell apart by their shapes."""
+        return tuple((k, other) for k in range(len(self.seen)) for other in self.alike(k) if other > k)
+
+
+def look(structure: Structure, n_modes: int, record: Record | None = None) -> Sight:
+    """Return what the sensors see of the lowest modes, and of a body.
 
     Parameters
     ----------
     structure : Structure
     n_modes : asked for; a coarse mesh may have fewer
+    record : how long is measured before a change and after; ten minutes unless given
 
     Raises
     ------
     ModelError
         If the structure is a mechanism, or something lies on no member.
     """
+    record = record or Record()
     model = build_model(structure, shear_flexible=True, mass="consistent")
     modes = model.modes(max(1, min(n_modes, model.n_dofs - 1)))
     at_sensors = (model.sensor_rows @ modes.shape).T
-    amplitude = np.linalg.norm(at_sensors, axis=1)
-    largest = np.linalg.norm(_motion(model, modes), axis=2).max(axis=1)
-    visible = np.flatnonzero(amplitude > 1e-9 * largest)
-    auto_mac = np.full((len(at_sensors), len(at_sensors)), np.nan)
-    auto_mac[np.ix_(visible, visible)] = mac_matrix(at_sensors[visible], at_sensors[visible])
+    outlook, too_few = _outlook(structure, record)
     return Sight(
         model=model,
         modes=modes,
         at_sensors=at_sensors,
-        seen=np.abs(at_sensors).max(axis=1, initial=0.0) / largest,
-        auto_mac=auto_mac,
+        seen=seen_by(model, modes),
+        auto_mac=_auto_mac(at_sensors, np.linalg.norm(motion(model, modes), axis=2).max(axis=1)),
+        record=record,
+        outlook=outlook,
+        too_few=too_few,
     )
 
 
-def _motion(model: Model, modes: Modes) -> FloatArray:
-    """Return the translations (n_modes, n_nodes, 3) of the nodes."""
-    padded = np.vstack([modes.shape, np.zeros((1, modes.shape.shape[1]))])
-    return np.asarray(np.moveaxis(padded[model.dofs[:, :3]], 2, 0))
+def _outlook(structure: Structure, record: Record) -> tuple[Outlook | None, str]:
+    try:
+        return foresee(structure, record), ""
+    except ModelError as error:
+        return None, str(error)
+
+
+def _auto_mac(at_sensors: FloatArray, largest: FloatArray) -> FloatArray:
+    visible = np.flatnonzero(np.linalg.norm(at_sensors, axis=1) > 1e-9 * largest)
+    auto_mac = np.full((len(at_sensors), len(at_sensors)), np.nan)
+    auto_mac[np.ix_(visible, visible)] = mac_matrix(at_sensors[visible], at_sensors[visible])
+    return auto_mac
+
+
+def clearer(sight: Sight) -> tuple[Sensor, Sight] | None:
+    """Return the one sensor more that shows most unseen modes and tells most pairs apart, and what is seen with it.
+
+    None if there is nothing to mend, or no one sensor that mends any of it.
+    """
+    best, least = None, _blur(sight)
+    if least[:2] == (0, 0):
+        return None
+    nodes = np.unique(np.linspace(0, len(sight.model.nodes) - 1, _NODES).astype(int))
+    largest = np.linalg.norm(motion(sight.model, sight.modes), axis=2).max(axis=1)
+    for node in nodes:
+        for axis in range(3):
+            moved = sight.motion[:, node, axis]
+            at_sensors = np.column_stack([sight.at_sensors, moved * largest])
+            seen = np.maximum(sight.seen, np.abs(moved))
+            tried = replace(sight, at_sensors=at_sensors, seen=seen, auto_mac=_auto_mac(at_sensors, largest))
+            if _blur(tried) < least and _blur(tried)[:2] < _blur(sight)[:2]:
+                x, y, z = sight.model.nodes[node].tolist()
+                direction = (float(axis == 0), float(axis == 1), float(axis == 2))
+                best, least = (Sensor(channel="new", at=(x, y, z), direction=direction), tried), _blur(tried)
+    return best
+
+
+def _blur(sight: Sight) -> tuple[int, int, float]:
+    """Return how many modes are unseen, how many pairs alike, and how much the least seen mode lacks."""
+    return len(sight.unseen), len(sight.pairs_alike), 1 - float(sight.seen.min())

@@ -2,13 +2,17 @@
 
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
+from updater.detectability import UNSEEN, Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
 from updater.errors import ModalDataError, ModelError, PairingError, StructureError, UpdaterError
+from updater.expected_noise import Record
+from updater.expected_reference import motion, seen_by
 from updater.fe.assembly import build_model
 from updater.fe.matrices import Matrices, read_matrices, save_matrices
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
+from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
@@ -17,6 +21,7 @@ from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.reference import Reference, learn_reference
 from updater.section import Section
+from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
 from updater.several import MassChanges, locate_masses
 from updater.statistics import (
     ModalMean,
@@ -35,6 +40,7 @@ from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair,
 
 __all__ = [
     "NO_DELAYS",
+    "UNSEEN",
     "Alternative",
     "Ambient",
     "AmbientResponse",
@@ -42,11 +48,13 @@ __all__ = [
     "BodyShape",
     "Calibration",
     "Cause",
+    "Choice",
     "DeviceDelays",
     "Diagnosis",
     "Explained",
     "External",
     "Flag",
+    "Foresight",
     "FrequencyFit",
     "Gain",
     "Hinges",
@@ -65,10 +73,12 @@ __all__ = [
     "ModelError",
     "Modes",
     "NodalMasses",
+    "Outlook",
     "Pair",
     "PairingError",
     "Parameter",
     "Quantity",
+    "Record",
     "Reference",
     "Rejected",
     "Scatter",
@@ -80,6 +90,7 @@ __all__ = [
     "Structure",
     "StructureError",
     "Support",
+    "Target",
     "TrackedModes",
     "UpdaterError",
     "Verdict",
@@ -90,6 +101,8 @@ __all__ = [
     "diagnose",
     "dump_structure",
     "estimate_delays",
+    "ever_fewer",
+    "foresee",
     "hinges_of",
     "learn_delays",
     "learn_reference",
@@ -100,9 +113,11 @@ __all__ = [
     "match_modes",
     "matched",
     "mean_modes",
+    "motion",
     "nominal_reference",
     "novelty",
     "novelty_limit",
+    "one_more",
     "open_question",
     "parse_structure",
     "portable_text",
@@ -110,7 +125,10 @@ __all__ = [
     "real_shape",
     "remove_delays",
     "save_matrices",
+    "seen_by",
     "spread_mass",
     "stack_tracks",
     "t_structure_toml",
+    "vagueness",
+    "with_sensors",
 ]

@@ -180,11 +180,17 @@ def structure(
     modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Picture; beside FILE unless given.")] = None,
+    record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before a change, and after.")] = 600.0,
+    damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
+    highest: Annotated[float, typer.Option(metavar="HZ", help="Frequency up to which modes are identified.")] = 400.0,
+    target: Annotated[str | None, typer.Option(metavar="MASS", help="A mass to be found, such as 50g.")] = None,
+    within: Annotated[str, typer.Option(metavar="LENGTH", help="How near it must be found.")] = "50mm",
 ) -> None:
-    """Draw a structure, list its modes and what its sensors can see of them."""
-    from monitor.cli.structure import structure_command
+    """Draw a structure, list its modes, and say what its sensors see of them and of a mass put on it."""
+    from monitor.cli.structure import Asked, structure_command
 
-    raise typer.Exit(structure_command(file, n_modes=modes, json_path=json, picture=out))
+    asked = Asked(n_modes=modes, seconds=record, damping=damping, highest=highest, target=target, within=within)
+    raise typer.Exit(structure_command(file, asked, json_path=json, picture=out))
 
 
 @app.command()

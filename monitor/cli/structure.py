@@ -1,69 +1,134 @@
 """`structure`: what a structure file says, drawn, with what its sensors can see."""
 
+import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from monitor.cli.files import write_json
+from monitor.cli.sight_json import as_json
+from monitor.cli.sight_shown import body_table, clearer_words, helper_words, modes_table, plan_tables
 from monitor.errors import ArgumentError
 from monitor.sight import ALIKE, Sight, look
 from monitor.structure_picture import draw_structure
-from updater import ModelError, StructureError, load_structure
+from monitor.target import Plan, plan
+from updater import ModelError, Record, StructureError, Target, load_structure
 
 console = Console(highlight=False)
+_UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
 
-def structure_command(path: Path, *, n_modes: int, json_path: Path | None, picture: Path | None) -> int:
-    """Draw the structure and list its modes."""
-    structure = load_structure(path)
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What the command's options say."""
+
+    n_modes: int
+    seconds: float
+    damping: float
+    highest: float
+    target: str | None
+    within: str
+
+    def record(self) -> Record:
+        """Return the record that is planned.
+
+        Raises
+        ------
+        ArgumentError
+            Naming the option that makes no sense.
+        """
+        for name, value in (("--record", self.seconds), ("--damping", self.damping), ("--highest", self.highest)):
+            if not value > 0:
+                raise ArgumentError(name, f"expected a positive number, found {value:g}")
+        if self.damping >= 1:
+            raise ArgumentError("--damping", f"expected a ratio of critical such as 0.005, found {self.damping:g}")
+        return Record(seconds=self.seconds, damping=self.damping, highest=self.highest)
+
+    def wanted(self) -> Target | None:
+        """Return what is to be found, None if nothing is asked for.
+
+        Raises
+        ------
+        ArgumentError
+            Naming the option that is no mass or length.
+        """
+        if self.target is None:
+            return None
+        mass = measured("--target", self.target, "mass")
+        return Target(mass=mass, within=measured("--within", self.within, "length"))
+
+
+def measured(option: str, text: str, kind: str) -> float:
+    """Return a positive quantity with its unit, such as `50g` or `0.05 m`, in SI units.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    units = [unit for unit, (what, _) in _UNITS.items() if what == kind]
+    found = re.fullmatch(r"\s*([0-9.]+(?:e-?[0-9]+)?)\s*([a-z]+)\s*", text)
     try:
-        sight = look(structure, n_modes)
+        value = float(found[1]) * _UNITS[found[2]][1] if found and found[2] in units else 0.0
+    except ValueError:
+        value = 0.0
+    if not value > 0:
+        raise ArgumentError(option, f"expected a {kind} in {' or '.join(units)}, such as 50{units[1]}, found {text!r}")
+    return value
+
+
+def structure_command(path: Path, asked: Asked, *, json_path: Path | None, picture: Path | None) -> int:
+    """Draw the structure, list its modes, and say what its sensors see."""
+    structure, record, target = load_structure(path), asked.record(), asked.wanted()
+    try:
+        sight = look(structure, asked.n_modes, record)
+        planned = _planned(sight, target)
     except ModelError as error:
         raise StructureError(path, str(error)) from error
     picture = picture or path.with_suffix(".png")
     try:
-        draw_structure(sight, picture)
+        draw_structure(sight, picture, planned)
     except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
         raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
-    _say(sight)
+    _say(sight, planned)
     console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
     if json_path:
-        write_json(json_path, as_json(sight))
+        write_json(json_path, as_json(sight, planned))
     return 0
 
 
-def as_json(sight: Sight) -> dict[str, Any]:
-    """Return what other programs read; null where no sensor sees a mode."""
-    n = len(sight.modes.frequency)
-    return {
-        "name": sight.model.structure.name,
-        "total_mass": sight.model.total_mass(),
-        "channels": list(sight.model.structure.channels),
-        "frequencies": sight.modes.frequency.tolist(),
-        "seen": sight.seen.tolist(),
-        "auto_mac": [[None if np.isnan(v) else v for v in row] for row in sight.auto_mac.tolist()],
-        "alike": [[k + 1 for k in sight.alike(mode)] for mode in range(n)],
-    }
+def _planned(sight: Sight, target: Target | None) -> Plan | None:
+    """Return how to find the target.
+
+    Raises
+    ------
+    ModelError
+        If the sensors are too few to find anything.
+    """
+    if target is None:
+        return None
+    if sight.outlook is None:
+        raise ModelError(sight.too_few)
+    with console.status("playing records that are not measured yet"):
+        return plan(sight.outlook, target)
 
 
-def _say(sight: Sight) -> None:
+def _say(sight: Sight, planned: Plan | None) -> None:
     structure = sight.model.structure
-    table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
-    for name in ("mode", "frequency [Hz]", "seen by sensors", "best sensor", "looks to them like"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for k, frequency in enumerate(sight.modes.frequency):
-        best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
-        alike = ", ".join(str(other + 1) for other in sight.alike(k))
-        seen = f"{100 * sight.seen[k]:.0f} %" if sight.is_seen(k) else "no"
-        table.add_row(str(k + 1), f"{frequency:.3f}", seen, escape(best), alike)
-    console.print(table)
+    console.print(modes_table(sight))
     console.print(
         f"{sight.model.total_mass():.3f} kg; {len(structure.member)} members, {sight.model.n_dofs} degrees of freedom, "
         f"{len(structure.sensor)} sensors"
     )
     console.print(f"seen: largest motion at a sensor over the largest anywhere; alike: MAC at the sensors over {ALIKE}")
+    for words in clearer_words(sight):
+        console.print(escape(words))
+    if sight.outlook is None:
+        console.print(escape(sight.too_few))
+        return
+    console.print(body_table(sight, sight.outlook))
+    console.print(escape(helper_words(sight)))
+    for table in plan_tables(planned) if planned else []:
+        console.print(table)

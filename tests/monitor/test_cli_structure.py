@@ -90,8 +90,45 @@ def test_structure_writes_figures_and_a_picture(modalwatch: Commands, tmp_path: 
     assert f"picture: {path.with_suffix('.png')}" in done.out
     assert all(f"{frequency:.3f}" in done.out for frequency in found["frequencies"])
     colours = np.asarray(Image.open(path.with_suffix(".png")).convert("RGB")).reshape(-1, 3)
-    for colour in ((0x37, 0x47, 0x4F), (0x15, 0x65, 0xC0), (0x2E, 0x7D, 0x32)):  # members, sensors, support
+    # members, sensors, support, and where no mass is seen
+    for colour in ((0x37, 0x47, 0x4F), (0x15, 0x65, 0xC0), (0x2E, 0x7D, 0x32), (0xC6, 0x28, 0x28)):
         assert (colours == colour).all(axis=1).sum() > 100
+    body = found["body"]
+    weakest = dict(zip([tuple(p["position"]) for p in body["places"]], body["weakest_mass"], strict=True))
+    assert weakest[(0, 0, 0)] is None
+    assert weakest[(-0.4, 0, 1.48)] == pytest.approx(weakest[(0.4, 0, 1.48)], rel=1e-6)  # the frame is symmetric
+    assert f"{1000 * weakest[(0.4, 0, 1.48)]:.2g} g" in done.out
+    assert body["one_more"]["position_std"]["after"] < body["one_more"]["position_std"]["before"]
+    assert found["target"] is None
+
+
+def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, tmp_path: Path) -> None:
+    path, written = tmp_path / "bar.toml", tmp_path / "bar.json"
+    path.write_text(cantilever((0.3, "y"), (0.6, "y"), (1.0, "y"), (0.6, "z"), (1.0, "z")))
+    # the bar weighs 785 g
+    done = modalwatch("structure", path, "--json", written, "--target", "3g", "--within", "30mm", "--record", 120)
+    assert (done.code, done.err) == (0, "")
+    target = json.loads(written.read_text())["target"]
+    assert (target["mass"], target["within"], target["chance"]) == (0.003, 0.03, 0.95)
+    shares = [record["share"] for record in target["records"]]
+    assert shares == sorted(shares)
+    assert 0.5 < shares[-1] < 1  # never at the clamp
+    assert target["seconds"][0] is None
+    needed = [s["seconds_for_share"]["0.9"] or np.inf for s in target["sensors"]]
+    assert [len(s["channels"]) for s in target["sensors"]] == list(range(5, 5 - len(needed), -1))
+    assert needed[-1] > 1.5 * needed[0]
+    assert "3 g found within 30 mm in 95 of 100 cases" in done.out
+    assert "2 min before and after" in done.out
+
+
+def test_the_sensor_that_shows_what_is_unseen_is_named(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(cantilever((0.6, "z"), (1.0, "z")))
+    done = modalwatch("structure", path, "--modes", 4)
+    assert done.code == 0, done.err
+    # the bar is softer about y, so that modes 1 and 3 move in y
+    assert "no sensor sees modes 1, 3" in " ".join(done.out.split())
+    assert "a sensor at (1, 0, 0) along y shows modes 1, 3, which leaves alike 1 and 3" in " ".join(done.out.split())
 
 
 def test_a_structure_without_sensors(modalwatch: Commands, tmp_path: Path) -> None:
@@ -101,6 +138,8 @@ def test_a_structure_without_sensors(modalwatch: Commands, tmp_path: Path) -> No
     found = json.loads((tmp_path / "bar.json").read_text())
     assert (found["channels"], set(found["seen"])) == ([], {0.0})
     assert found["auto_mac"][0][0] is None
+    assert found["body"] is None
+    assert "expected two sensors or more that see three modes" in " ".join(done.out.split())
     assert (tmp_path / "x.png").stat().st_size > 10_000
 
 
@@ -115,6 +154,13 @@ def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> N
         ((bad,), (bad, "sensor s0: [1.5, 0.0, 0.0] lies on no member")),
         ((good, "--out", tmp_path / "none" / "x.png"), ("--out: ", tmp_path / "none" / "x.png", "cannot be written")),
         ((good, "--out", tmp_path / "x.sketch"), ("--out: ", tmp_path / "x.sketch", "cannot be written")),
+        ((good, "--target", "50"), ("--target: expected a mass in kg or g, such as 50g, found '50'",)),
+        ((good, "--target", "50mm"), ("--target: expected a mass",)),
+        ((good, "--target", "1.2.3g"), ("--target: expected a mass",)),
+        ((good, "--target", "50g", "--within", "5g"), ("--within: expected a length in m or mm",)),
+        ((good, "--record", 0), ("--record: expected a positive number, found 0",)),
+        ((good, "--damping", 2), ("--damping: expected a ratio",)),
+        ((good, "--target", "50g"), (good, "expected two sensors or more that see three modes")),
         ((good, "--json", tmp_path / "none" / "x.json"), ("--json: ", tmp_path / "none" / "x.json", "cannot be wri")),
     ):
         assert_refused(modalwatch("structure", *arguments), *says)

@@ -1,0 +1,131 @@
+"""Tables and sentences of what sensors see, for the terminal."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from monitor.sight import Sight, clearer
+from monitor.stretches import blind, duration_words, mass_words, stretches_text
+from monitor.target import Plan, SensorSet
+from updater import Outlook, Sensor, vagueness
+
+_SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sensor sets
+
+
+def modes_table(sight: Sight) -> Table:
+    """Return the modes and what the sensors see of each."""
+    structure = sight.model.structure
+    table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
+    for name in ("mode", "frequency [Hz]", "seen by sensors", "best sensor", "looks to them like"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for k, frequency in enumerate(sight.modes.frequency):
+        best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
+        alike = ", ".join(str(other + 1) for other in sight.alike(k))
+        seen = f"{100 * sight.seen[k]:.0f} %" if sight.is_seen(k) else "no"
+        table.add_row(str(k + 1), f"{frequency:.3f}", seen, escape(best), alike)
+    return table
+
+
+def clearer_words(sight: Sight) -> Iterator[str]:
+    """Say which modes stay unseen or alike, and the sensor that mends most of that."""
+    if sight.unseen:
+        yield f"no sensor sees {_modes(sight.unseen)}"
+    if sight.pairs_alike:
+        yield "cannot be told apart by shape: " + ", ".join(f"{a + 1} and {b + 1}" for a, b in sight.pairs_alike)
+    better = clearer(sight)
+    if better is None:
+        return
+    sensor, then = better
+    shown = sorted(set(sight.unseen) - set(then.unseen))
+    told = sorted(set(sight.pairs_alike) - set(then.pairs_alike))
+    gains = [f"shows {_modes(shown)}"] if shown else []
+    gains += ["tells apart " + ", ".join(f"{a + 1} and {b + 1}" for a, b in told)] if told else []
+    then_alike = sorted(set(then.pairs_alike) - set(sight.pairs_alike))
+    if gains and then_alike:
+        gains.append("which leaves alike " + ", ".join(f"{a + 1} and {b + 1}" for a, b in then_alike))
+    if gains:
+        yield f"a sensor at {_at(sensor)} {', '.join(gains)}"
+
+
+def _modes(numbers: tuple[int, ...] | list[int]) -> str:
+    return f"mode{'s' * (len(numbers) > 1)} " + ", ".join(str(k + 1) for k in numbers)
+
+
+def _at(sensor: Sensor) -> str:
+    x, y, z = sensor.at
+    along = "xyz"[int(np.argmax(np.abs(sensor.direction)))]
+    return f"({x:g}, {y:g}, {z:g}) along {along}"
+
+
+def body_table(sight: Sight, outlook: Outlook) -> Table:
+    """Return, member by member, the weakest mass that raises the alarm, and how sure a body's place will be."""
+    mass, record = sight.typical_mass, outlook.record
+    title = (
+        f"A mass put on: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
+        f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
+    )
+    table = Table(box=SIMPLE_HEAD, title=title)
+    table.add_column("member")
+    for name in ("weakest seen", "at, m", "half of it sees", f"{mass_words(mass)} located to ±"):
+        table.add_column(name, justify="right")
+    table.add_column("blind, m")
+    place, _ = outlook.bound(mass)
+    for m, member in enumerate(outlook.reference.calibration.structure.member):
+        here = np.flatnonzero(outlook.member == m)
+        least = here[np.argmin(sight.weakest[here])]
+        table.add_row(
+            escape(member.name),
+            mass_words(float(sight.weakest[least])),
+            f"{outlook.bodies.position[least]:.2f}",
+            mass_words(float(np.median(sight.weakest[here]))),
+            f"{1000 * np.median(place[here]):.0f} mm",
+            stretches_text(blind(outlook, sight.weakest.tolist(), m)),
+        )
+    return table
+
+
+def helper_words(sight: Sight) -> str:
+    """Say where one more sensor would help most."""
+    if sight.helper is None or sight.outlook is None:
+        return ""
+    before = vagueness(sight.outlook, sight.typical_mass)
+    after, mass = sight.helper.vagueness, mass_words(sight.typical_mass)
+    return (
+        f"one more sensor helps most at {_at(sight.helper.changed)}: {mass} anywhere located to "
+        f"± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm (geometric mean over all places)"
+    )
+
+
+def plan_tables(planned: Plan) -> Iterator[RenderableType]:
+    """Return how long a record must be, place by place and for other numbers of sensors."""
+    target = planned.target
+    what = f"{mass_words(target.mass)} found within {1000 * target.within:g} mm in {100 * target.chance:g} of 100 cases"
+    table = Table(box=SIMPLE_HEAD, title=f"{what}, alarm included")
+    table.add_column("record before and after", justify="right")
+    table.add_column("on so much of the members' length", justify="right")
+    shares = [planned.present.share_found(float(s)) for s in planned.records]
+    for k, (seconds, share) in enumerate(zip(planned.records, shares, strict=True)):
+        if k in (0, len(shares) - 1) or share > shares[k - 1]:
+            table.add_row(duration_words(float(seconds)), f"{100 * share:.0f} %")
+    yield table
+    table = Table(box=SIMPLE_HEAD, title="Record needed, by sensors")
+    table.add_column("sensors", justify="right")
+    for share in _SHARES:
+        table.add_column(f"{100 * share:g} % of the length", justify="right")
+    for sensors in (planned.more, planned.present, *planned.fewer):
+        table.add_row(str(len(sensors.channels)), *_needed(sensors))
+    yield table
+    more = Sensor(channel="new", at=planned.more_at, direction=planned.more_along)
+    yield Text(f"{len(planned.more.channels)} sensors: one more at {_at(more)}")
+    if planned.left_out:
+        yield Text("fewer: left out in this order " + ", ".join(planned.left_out))
+
+
+def _needed(sensors: SensorSet) -> list[str]:
+    found = [sensors.seconds_for(share) for share in _SHARES]
+    return [duration_words(seconds) if np.isfinite(seconds) else "-" for seconds in found]

@@ -1,0 +1,133 @@
+"""The weakest mass that a rig sees, place by place: on the structure and along its members."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, to_rgba
+from matplotlib.figure import SubFigure
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+from daq import FloatArray
+from monitor.frame_axes import frame_axes, size
+from monitor.results import Vector
+from monitor.sight import Sight
+from monitor.stretches import duration_words, heaviest, mass_words
+from monitor.target import Plan
+from monitor.unrolled import Unrolled
+from updater import Outlook
+
+_COLOURS = "viridis_r"
+_BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"
+_NAMED = 8  # members up to which each has its name at the curves
+_SUBS = (1.0, 2.0, 5.0)
+_TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400)  # s
+
+
+def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | None) -> None:
+    """Draw the weakest masses on the structure and along the members, and under these the target's records."""
+    left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1, 1.25)), object))
+    top = heaviest(outlook)
+    limits = min(float(sight.weakest.min()), 0.5 * top), top
+    _coloured(left, sight, outlook, limits)
+    unrolled = Unrolled(_places(outlook))
+    curves = right.subplots(2 if planned else 1, 1, sharex=True, squeeze=False)[:, 0]
+    _weakest(curves[0], sight, outlook, unrolled, limits)
+    if planned:
+        _records(curves[1], planned, unrolled)
+    curves[-1].set_xlabel("distance from each member's start [m]")
+
+
+def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[float, float]) -> None:
+    axes = figure.add_subplot(projection="3d")
+    frame_axes(axes, sight.model, 0.92)
+    scale = ScalarMappable(LogNorm(*limits), _COLOURS)
+    pairs = np.flatnonzero(outlook.member[1:] == outlook.member[:-1])
+    mass = np.maximum(sight.weakest[pairs], sight.weakest[pairs + 1])
+    colours = scale.to_rgba(np.minimum(mass, limits[1]))
+    colours[mass > limits[1]] = to_rgba(_BLIND)
+    segments = [outlook.point[[k, k + 1]] for k in pairs]
+    axes.add_collection3d(Line3DCollection(segments, colors=colours, linewidths=7, capstyle="butt"))
+    _extremes(axes, sight, outlook)
+    bar = figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.1, ticks=LogLocator(subs=_SUBS))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
+    bar.ax.yaxis.set_minor_locator(NullLocator())
+    figure.suptitle("Weakest mass that raises the alarm", fontsize=12)
+
+
+def _extremes(axes: Axes3D, sight: Sight, outlook: Outlook) -> None:
+    """Name the least of each member's masses."""
+    for m in np.unique(outlook.member):
+        here = np.flatnonzero(outlook.member == m)
+        least = here[np.argmin(sight.weakest[here])]
+        if len(np.unique(outlook.member)) <= _NAMED and np.isfinite(sight.weakest[least]):
+            x, y, z = outlook.point[least] + [0, 0, 0.05 * size(sight.model)]
+            axes.text(x, y, z, mass_words(float(sight.weakest[least])), fontsize=9, color=_NAME, ha="center")
+
+
+def _places(outlook: Outlook) -> Iterator[tuple[str, Vector]]:
+    names = [member.name for member in outlook.reference.calibration.structure.member]
+    for m, (x, y, z) in zip(outlook.member, outlook.point.tolist(), strict=True):
+        yield names[m], (x, y, z)
+
+
+def _weakest(axes: Axes, sight: Sight, outlook: Outlook, unrolled: Unrolled, limits: tuple[float, float]) -> None:
+    """Draw the weakest mass along the members, red on the axis where even the heaviest raises no alarm."""
+    x = _along(outlook, unrolled)
+    for m in np.unique(outlook.member):
+        here = outlook.member == m
+        known = np.where(sight.weakest[here] <= limits[1], sight.weakest[here], np.nan)
+        axes.plot(x[here], known, color=_LINE, linewidth=1.8)
+        axes.plot(
+            x[here], np.where(np.isnan(known), limits[1], np.nan), color=_BLIND, linewidth=4, solid_capstyle="butt"
+        )
+    axes.set(yscale="log", ylim=(0.8 * limits[0], 1.15 * limits[1]), ylabel="weakest mass seen")
+    axes.yaxis.set_major_locator(LogLocator(subs=_SUBS))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
+    record = outlook.record
+    axes.set_title(
+        f"{duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
+        f"{len(outlook.frequency)} modes up to {record.highest:g} Hz; red: over {mass_words(limits[1])}",
+        fontsize=10,
+    )
+    _members(axes, unrolled)
+
+
+def _records(axes: Axes, planned: Plan, unrolled: Unrolled) -> None:
+    """Draw how long records must be for the target, red at the top where a day's do not suffice."""
+    places, target = planned.present.places, planned.target
+    seconds, longest = planned.present.seconds, float(planned.records[-1])
+    x = _along(planned.outlook, unrolled)[places]
+    found = np.isfinite(seconds)
+    axes.plot(x[found], seconds[found], "o", color=_LINE, markersize=5)
+    axes.plot(x[~found], np.full((~found).sum(), longest), "x", color=_BLIND, markersize=7)
+    axes.set(yscale="log", ylim=(0.8 * float(planned.records[0]), 1.3 * longest), ylabel="record needed")
+    axes.yaxis.set_major_locator(FixedLocator(_TIMES))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: duration_words(value)))
+    axes.set_title(
+        f"{mass_words(target.mass)} within {1000 * target.within:g} mm in {100 * target.chance:g} of 100 cases; "
+        f"red: not even with {duration_words(longest)}",
+        fontsize=10,
+    )
+    _members(axes, unrolled)
+
+
+def _along(outlook: Outlook, unrolled: Unrolled) -> FloatArray:
+    return np.array([float(unrolled.along(name, np.array(at))) for name, at in _places(outlook)])
+
+
+def _members(axes: Axes, unrolled: Unrolled) -> None:
+    """Tell the members on the line apart."""
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.grid(axis="y", color=_FAINT, linewidth=0.6)
+    places, labels = zip(*unrolled.ticks(), strict=True)
+    axes.set_xticks(places, labels, fontsize=8)
+    for name, length in unrolled.length.items():
+        start = unrolled.offset[name]
+        axes.axvspan(start, start + length, color=_FAINT, alpha=0.3, linewidth=0)
+        if len(unrolled.length) <= _NAMED:
+            middle = start + length / 2
+            axes.text(middle, 0.97, name, transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=9)

@@ -1,0 +1,208 @@
+"""What sensors would tell of a body anywhere on a structure, known from the structure's file alone.
+
+To first order in the body's mass log frequencies move by -dM_ii / 2 and shapes turn by omega_i^2 dM_ki / (omega_k^2 -
+omega_i^2), dM = m Phi^T Phi of the modes where the body is. Set against the expected errors of a record before and
+one after, that is the least mass which raises the alarm, and the Cramér-Rao bound of its place.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, ncx2
+
+from daq import FloatArray, IndexArray
+from updater.calibration import best_model
+from updater.causes.added_mass import AddedMass, propose_added_mass
+from updater.comparison import compare
+from updater.errors import ModelError
+from updater.expected_noise import Record, shape_errors
+from updater.expected_reference import expected_reference, seen_by, shape_covariance
+from updater.fe.model import Model
+from updater.fe.modes import Modes
+from updater.reference import Reference
+from updater.statistics import COMMON_STD
+from updater.structure import Sensor, Structure
+
+UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
+_N_MODES = 30
+_STILL = 1e-6  # of the largest signature: a body there moves nothing
+_SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise
+_WHOLE = 1e3  # m: a place that nothing is known of
+_OFFSET_STD = 0.02  # m: how far a body's centre may lie beside the member's axis, unknown
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outlook:
+    """A structure with its sensors and two records of it, nothing having been measured yet."""
+
+    record: Record
+    reference: Reference  #: the structure file taken at its word, with the errors expected of a record's modes
+    bodies: AddedMass  #: the places where a body may be
+
+    @property
+    def member(self) -> IndexArray:
+        """Member of each place (n_places,)."""
+        return self.bodies.member
+
+    @cached_property
+    def point(self) -> FloatArray:
+        """The places (n_places, 3) [m]."""
+        members = self.reference.calibration.structure.member
+        pairs = zip(self.bodies.member, self.bodies.position, strict=True)
+        return np.array([members[m].point(s) for m, s in pairs])
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Frequencies (n,) of the modes that the sensors see [Hz]."""
+        return self.reference.frequency[self.reference.paired]
+
+    @cached_property
+    def shape_error(self) -> FloatArray:
+        """Directions (n, n_modes, n_channels) in which one record's shapes err, each by one standard deviation."""
+        at = self.reference.at_channels(self.reference.baseline.channels)
+        leaks = self.record.leaks(self.reference.frequency, self.reference.paired)
+        return shape_errors(at, leaks, at[:, self.reference.paired].T)
+
+    def lasting(self, seconds: float) -> "Outlook":
+        """Return the same with longer or shorter records."""
+        calibration = self.reference.calibration
+        record = replace(self.record, seconds=seconds)
+        return _outlook(calibration.model, calibration.modes, record, self.bodies)
+
+    def weakest_mass(self, power: float = 0.95) -> FloatArray:
+        """Return the least mass at each place (n_places,) that raises the alarm [kg]; infinite where none does.
+
+        The alarm's own test: squared shifts of the seen modes' frequencies over their variances, before and after.
+
+        Parameters
+        ----------
+        power : chance that it does [-]
+        """
+        n, alpha = len(self.frequency), self.record.false_alarm_probability
+        limit = float(chi2.isf(alpha, n))
+
+        def lacking(root: float) -> float:
+            return float(ncx2.sf(limit, n, root**2)) - power
+
+        needed = brentq(lacking, 1e-3, 10 * np.sqrt(limit) + 10)
+        z = self._log_frequency[0] / (np.sqrt(2) * self.record.log_frequency_std(self.frequency))
+        strength = np.linalg.norm(z, axis=1)
+        moved = strength > _STILL * strength.max()
+        return np.where(moved, needed / np.where(moved, strength, 1.0), np.inf)
+
+    def bound(self, mass: float) -> tuple[FloatArray, FloatArray]:
+        """Return the Cramér-Rao bounds of place [m] and mass [kg] at each place (n_places,).
+
+        Unknown besides: two offsets of the body's centre and a change common to all frequencies, both with a prior.
+        """
+        return sharpest(self._data, self.bodies, mass)
+
+    @cached_property
+    def _shape_covariance(self) -> FloatArray:
+        """Of the change of shapes from one record to the other (n, n_channels, n_channels)."""
+        blur = np.hypot(np.sqrt(2) * self.record.blur(self.frequency), _SHAPE_BIAS)
+        return shape_covariance(np.sqrt(2) * self.shape_error, blur)
+
+    @cached_property
+    def _modal_mass(self) -> FloatArray:
+        """Changes of modal mass a kilogram, and a kilogram and metre of offset (3, n_places, n_modes, n)."""
+        here, beside, paired = self.bodies.translation, self.bodies.by_offset, self.reference.paired
+        own = np.einsum("pak,pai->pki", here, here[:, :, paired])
+        offset = np.einsum("opak,pai->opki", beside, here[:, :, paired])
+        offset += np.einsum("pak,opai->opki", here, beside[:, :, :, paired])
+        return np.concatenate([own[None], offset])
+
+    @cached_property
+    def _log_frequency(self) -> FloatArray:
+        """Changes of log frequency (3, n_places, n)."""
+        paired = self.reference.paired
+        return np.asarray(-0.5 * self._modal_mass[:, :, paired, np.arange(len(paired))])
+
+    @cached_property
+    def _data(self) -> FloatArray:
+        """The same with the changes of shapes, over their errors (3, n_places, n + n n_channels)."""
+        paired, omega2 = self.reference.paired, self.reference.frequency**2
+        gap = omega2[:, None] / omega2[paired] - 1
+        turned = gap / (gap**2 + (2 * self.record.damping) ** 2) * self._modal_mass  # bounded where modes coincide
+        at = self.reference.at_channels(self.reference.baseline.channels)
+        length = np.linalg.norm(at[:, paired], axis=0)
+        unit = (at[:, paired] / length).T
+        shape = np.einsum("ck,opki->opic", at, turned) / length[:, None]
+        shape = shape - (shape * unit).sum(-1, keepdims=True) * unit
+        whitener = np.linalg.inv(np.linalg.cholesky(self._shape_covariance))
+        shape = np.einsum("icd,opid->opic", whitener, shape)
+        std = np.sqrt(2) * self.record.log_frequency_std(self.frequency)
+        rest = without(self._log_frequency / std, COMMON_STD / std)
+        return np.concatenate([rest, shape.reshape(*shape.shape[:2], -1)], axis=2)
+
+
+def without(frequency: FloatArray, drift: FloatArray) -> FloatArray:
+    """Return whitened data (..., n) once more whitened of a common change, `drift` (n,) a standard deviation of it.
+
+    (I + d d^T)^-1/2 = I - (1 - 1 / sqrt(1 + d^T d)) d d^T / d^T d.
+    """
+    size = float(drift @ drift)
+    share = (1 - 1 / np.sqrt(1 + size)) / size
+    return np.asarray(frequency - share * (frequency @ drift)[..., None] * drift)
+
+
+def sharpest(data: FloatArray, bodies: AddedMass, mass: float) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds of place [m] and mass [kg] (n_places,) from whitened signatures (3, n_places, n_data)."""
+    along = np.concatenate(
+        [
+            np.gradient(data[0, bodies.member == m], bodies.position[bodies.member == m], axis=0)
+            for m in np.unique(bodies.member)
+        ]
+    )
+    columns = np.stack([data[0], mass * along, mass * data[1], mass * data[2]], axis=2)
+    prior = np.diag([bodies.prior_std[0] ** -2, _WHOLE**-2, _OFFSET_STD**-2, _OFFSET_STD**-2])
+    covariance = np.linalg.inv(columns.transpose(0, 2, 1) @ columns + prior)
+    return np.sqrt(covariance[:, 1, 1]), np.sqrt(covariance[:, 0, 0])
+
+
+def foresee(structure: Structure, record: Record) -> Outlook:
+    """Return what the structure's sensors would tell.
+
+    Parameters
+    ----------
+    structure : with at least two sensors
+    record : how long is measured, before and after
+
+    Raises
+    ------
+    ModelError
+        If the structure is a mechanism, or its sensors see fewer than three modes.
+    """
+    model = best_model(structure)
+    modes = model.modes(min(_N_MODES, int((model.dofs[:, :3] >= 0).sum())))
+    return _outlook(model, modes, record)
+
+
+def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
+    """Return the same structure with other sensors.
+
+    Raises
+    ------
+    ModelError
+        If they see fewer than three modes.
+    """
+    calibration = outlook.reference.calibration
+    structure = calibration.structure.model_copy(update={"sensor": sensors})
+    return _outlook(replace(calibration.model, structure=structure), calibration.modes, outlook.record, outlook.bodies)
+
+
+def _outlook(model: Model, modes: Modes, record: Record, bodies: AddedMass | None = None) -> Outlook:
+    seen = np.flatnonzero((seen_by(model, modes) >= UNSEEN) & (modes.frequency <= record.highest))
+    if len(seen) < 3 or len(model.structure.sensor) < 2:
+        raise ModelError(
+            f"{model.structure.name}: to locate anything, expected two sensors or more that see three modes up to "
+            f"{record.highest:g} Hz, found {len(model.structure.sensor)} that see {len(seen)}"
+        )
+    reference = expected_reference(model, modes, seen, record)
+    if bodies is None:
+        bodies = propose_added_mass(reference, compare(reference, reference.baseline))
+    else:
+        bodies = replace(bodies, reference=reference, comparison=compare(reference, reference.baseline))
+    return Outlook(record=record, reference=reference, bodies=bodies)

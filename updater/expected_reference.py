@@ -1,0 +1,106 @@
+"""A structure file taken at its word, as the reference of a rig of which nothing has been measured yet."""
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.calibration import Calibration
+from updater.delays import NO_DELAYS
+from updater.expected_noise import Record, shape_errors
+from updater.fe.model import Model
+from updater.fe.modes import Modes
+from updater.reference import Reference
+from updater.statistics import ModalMean, Scatter, TrackedModes
+
+
+def seen_by(model: Model, modes: Modes) -> FloatArray:
+    """Return each mode's largest motion at a sensor over its largest anywhere (n_modes,) [-]."""
+    at_sensors = model.sensor_rows @ modes.shape
+    return np.asarray(np.abs(at_sensors).max(axis=0, initial=0.0) / np.linalg.norm(motion(model, modes), axis=2).max(1))
+
+
+def motion(model: Model, modes: Modes) -> FloatArray:
+    """Return the translations (n_modes, n_nodes, 3) of the nodes."""
+    padded = np.vstack([modes.shape, np.zeros((1, modes.shape.shape[1]))])
+    return np.asarray(np.moveaxis(padded[model.dofs[:, :3]], 2, 0))
+
+
+def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Record) -> Reference:
+    """Return a model as a reference, with the errors that one record's modes will have.
+
+    Parameters
+    ----------
+    model, modes : of the structure, sensors among it
+    seen : (n,) modes that will be measured
+    record : how long
+    """
+    at, frequency = model.sensor_rows @ modes.shape, modes.frequency[seen]
+    error = shape_errors(at, record.leaks(modes.frequency, seen), at[:, seen].T)
+    blur = record.blur(frequency)
+    log_std = record.log_frequency_std(frequency)
+    baseline = ModalMean(
+        channels=model.structure.channels,
+        n=np.ones(len(seen), np.intp),
+        log_frequency=np.log(frequency),
+        log_frequency_std=log_std,
+        damping=np.full(len(seen), record.damping),
+        shape=(at[:, seen] / np.linalg.norm(at[:, seen], axis=0)).T,
+        shape_std=np.sqrt((error**2).sum(1) + blur[:, None] ** 2),
+    )
+    scatter = Scatter(
+        frequency_factor=1.0,
+        shape_factor=1.0,
+        shape_overdispersion=_overdispersion(shape_covariance(error, blur)),
+        degrees_of_freedom=len(seen),
+        window_std=log_std,
+    )
+    own = np.arange(len(seen))
+    calibration = Calibration(
+        structure=model.structure,
+        model=model,
+        modes=modes,
+        tracks=own,
+        paired=seen,
+        nominal_frequency=frequency,
+        nominal_mac=np.ones(len(seen)),
+        parameters=(),
+        reason="nothing was fitted",
+    )
+    return Reference(
+        calibration=calibration,
+        baseline=baseline,
+        scatter=scatter,
+        frequency=modes.frequency,
+        shape=modes.shape,
+        windows=_no_windows(baseline),
+        delays=NO_DELAYS,
+    )
+
+
+def _overdispersion(covariance: FloatArray) -> float:
+    """Return tr(R^2) / tr(R), pooled over modes, of the correlation R of covariances (n, n_channels, n_channels)."""
+    size = np.sqrt(np.einsum("icc->ic", covariance))
+    correlation = covariance / (size[:, :, None] * size[:, None])
+    return float((correlation**2).sum() / np.trace(correlation, axis1=1, axis2=2).sum())
+
+
+def shape_covariance(error: FloatArray, blur: FloatArray) -> FloatArray:
+    """Return covariances (n, n_channels, n_channels) of unit shapes.
+
+    Parameters
+    ----------
+    error : (n, n_modes, n_channels) along other modes, a standard deviation each
+    blur : (n,) of each component besides
+    """
+    return np.asarray(np.einsum("ikc,ikd->icd", error, error) + blur[:, None, None] ** 2 * np.eye(error.shape[2]))
+
+
+def _no_windows(baseline: ModalMean) -> TrackedModes:
+    flat, shaped = np.zeros((0, len(baseline.n))), np.zeros((0, *baseline.shape.shape))
+    return TrackedModes(
+        channels=baseline.channels,
+        log_frequency=flat,
+        log_frequency_std=flat,
+        damping=flat,
+        shape=shaped,
+        shape_std=shaped,
+    )
