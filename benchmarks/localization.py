@@ -49,7 +49,7 @@ class Line:
 
     def shape_std(self, n_channels: int) -> float:
         """Of unit shapes' components."""
-        return self.shape_noise / np.sqrt(n_channels)
+        return float(self.shape_noise / np.sqrt(n_channels))
 
 
 LINES = {

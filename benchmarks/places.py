@@ -83,7 +83,7 @@ class Limit:
         shape_std : of each component of unit shapes, before as after
         """
         inside = np.clip(placed.distance, _STEPS[0], placed.member.length - _STEPS[0])
-        theta = np.array([inside, placed.mass, *placed.offset, placed.gyration])
+        theta = np.array([inside, placed.mass, *placed.offset, max(placed.gyration, _STEPS[4])])
         offset = np.diag(_STEPS)
         above = [self._predict(placed.member, theta + step) for step in offset]
         below = [self._predict(placed.member, theta - step) for step in offset]
