@@ -73,6 +73,11 @@ class Foresight:
         self._random = [random.standard_normal(shape) for shape in shapes]
 
     @property
+    def target(self) -> Target:
+        """What is to be found."""
+        return self._target
+
+    @property
     def places(self) -> IndexArray:
         """Places of the outlook where the body is tried."""
         return self._signatures.rows
