@@ -11,6 +11,7 @@ from monitor.results import (
     MassAnswer,
     MassIncrements,
     ModeResult,
+    OtherPlace,
     ProfilePoint,
     ReferenceMode,
     ReferenceResult,
@@ -126,6 +127,17 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> Mas
         profile=[
             ProfilePoint(member=m, position=_vector(at[m](s)), density=float(d), mass=float(g))
             for m, s, d, g in zip(*columns, strict=True)
+        ],
+        others=[
+            OtherPlace(
+                member=a.member,
+                position=_vector(at[a.member](a.distance)),
+                position_std=a.distance_std,
+                mass=a.mass,
+                mass_std=a.mass_std,
+                probability=a.probability,
+            )
+            for a in change.alternatives[1:]
         ],
     )
 

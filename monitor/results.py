@@ -71,6 +71,17 @@ class ProfilePoint(_Result):
     mass: float  #: best mass at this place [kg]
 
 
+class OtherPlace(_Result):
+    """Another place where the mass may be, for all that the data say."""
+
+    member: str
+    position: Vector  #: on the member's axis [m]
+    position_std: Number  #: along the member [m]
+    mass: float  #: that it has if it is there [kg]
+    mass_std: Number  #: [kg]
+    probability: float  #: of the place [-]
+
+
 class MassAnswer(_Result):
     """Where a mass was added and how much, from all windows since the change."""
 
@@ -84,6 +95,7 @@ class MassAnswer(_Result):
     p_value: Number  #: of the fit: chance of a worse one if a mass is the cause [-]
     n_windows: int  #: windows that entered
     profile: list[ProfilePoint]
+    others: list[OtherPlace] = []  #: places that the data leave open besides, as on a symmetric frame's other arm
 
 
 class FlaggedDof(_Result):

@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import FloatArray
 from monitor.alarms import State
-from monitor.results import MassAnswer, MassIncrements, WindowResult
+from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from updater import Cause, Diagnosis, Quantity, Where
 
@@ -88,11 +88,17 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 def mass_text(answer: MassAnswer) -> str:
     """Say what was found in one line."""
-    what = "added" if answer.mass > 0 else "removed"
-    x, y, z = answer.position
+    places: list[MassAnswer | OtherPlace] = [answer, *answer.others]
+    return " or ".join(_place_text(place) for place in places)
+
+
+def _place_text(place: MassAnswer | OtherPlace) -> str:
+    what = "added" if place.mass > 0 else "removed"
+    x, y, z = place.position
+    share = f" ({share_text(place.probability)})" if isinstance(place, OtherPlace) else ""
     return (
-        f"{1000 * abs(answer.mass):.0f} ± {1000 * answer.mass_std:.0f} g {what} on the {answer.member} "
-        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * answer.position_std:.0f} mm"
+        f"{1000 * abs(place.mass):.0f} ± {1000 * place.mass_std:.0f} g {what} on the {place.member} "
+        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{share}"
     )
 
 

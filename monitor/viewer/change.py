@@ -10,6 +10,7 @@ from monitor.results import MassAnswer
 from monitor.story import Story, thin
 from monitor.unrolled import Unrolled, has_profile, places, sigmas, ticks
 from monitor.viewer.draw import Axes, at, band, line, text, times
+from monitor.viewer.numbers import write_posterior
 from monitor.viewer.palette import ALARM, REGION, TEXT, WARN, Colour
 
 BOUNDS = ((-24.0, 208.0), (-16.0, 132.0))  # of the drawing, x and y
@@ -61,6 +62,7 @@ def draw_posteriors(
     for time, answer in answers:
         at(recording, time)
         _posterior(recording, unrolled, top, low, scaled(answer, unit[0]))
+        write_posterior(recording, answer)
 
 
 def scaled(answer: MassAnswer, scale: float) -> MassAnswer:

@@ -12,6 +12,7 @@ from monitor.results import MassIncrements
 from monitor.story import Story, thin
 from monitor.unrolled import Unrolled, ticks
 from monitor.viewer.draw import Axes, at, text
+from monitor.viewer.numbers import write_increments
 from monitor.viewer.palette import ALARM, DIM, GREY, REGION, SENSOR, TEXT, signed_heat
 from monitor.viewer.scene import SIDE, TUBE, supports
 
@@ -42,6 +43,7 @@ def draw_increments(recording: rr.RecordingStream, story: Story, *, static: bool
         for column, direction in enumerate(DIRECTIONS):
             _scene(recording, geometry, increments, column, scale, largest)
             _curves(recording, geometry, unrolled, panels[column], increments, f"/increment_curves/{direction}", scale)
+            write_increments(recording, column, f"/increment_curves/{direction}", increments)
 
 
 def numbers(rows: Sequence[Row]) -> FloatArray:

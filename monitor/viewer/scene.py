@@ -13,6 +13,7 @@ from monitor.results import MassAnswer, ReferenceResult, WindowResult
 from monitor.story import Story, thin
 from monitor.viewer.draw import at
 from monitor.viewer.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
+from monitor.words import share_text
 
 TUBE = 0.0095  # of the structure's size, radius of its members
 SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer
@@ -112,6 +113,7 @@ def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer,
     radius = _radius(geometry, answer)
     colour = ALARM if answer.mass >= 0 else LIGHTER
     recording.log("/structure/mass/body", rr.Points3D([place], radii=radius, colors=[colour]))
+    _others(recording, geometry, answer, unit)
     bars = rr.LineStrips3D(_brackets(geometry, answer), colors=[REGION], radii=0.3 * tube)
     recording.log("/structure/mass/region", bars)
     segments, colours = heated_members(geometry, answer)
@@ -122,6 +124,17 @@ def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer,
     text = mass_label(geometry, answer, unit)
     label = rr.Points3D([place + reach], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
     recording.log("/structure/mass/label", label)
+
+
+def _others(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer, unit: tuple[float, str]) -> None:
+    """Draw a paler ball with its own label at each other place that the data leave open; none if there is none."""
+    places = np.array([o.position for o in answer.others], float).reshape(-1, 3)
+    labels = [f"or {unit[0] * o.mass:+.3g} {unit[1]} here ({share_text(o.probability)})" for o in answer.others]
+    balls = rr.Points3D(places, radii=_radius(geometry, answer), colors=[REGION])
+    recording.log("/structure/mass/others", balls)
+    above = places + np.array([0, 0, -_radius(geometry, answer) - 0.02 * geometry.size])
+    names = rr.Points3D(above, radii=0.0, colors=[TEXT], labels=labels, show_labels=True)
+    recording.log("/structure/mass/others/names", names)
 
 
 def sphere_radius(mass: float) -> float:
