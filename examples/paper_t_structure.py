@@ -25,6 +25,7 @@ from updater import (
     learn_reference,
     locate_mass,
     parse_structure,
+    spread_mass,
     stack_tracks,
     t_structure_toml,
 )
@@ -89,7 +90,7 @@ def measured(modes: Modes, shape: np.ndarray, noise: float, n: int) -> list[Moda
 
 bare, bare_shape = true_modes()
 in_order = [np.arange(8)] * 8  # every window shows the eight modes in order
-updates, answers, frequencies = {}, {}, {"as it is": bare.frequency}
+updates, answers, spreads, frequencies = {}, {}, {}, {"as it is": bare.frequency}
 
 for place, body in BODIES.items():
     loaded, loaded_shape = true_modes(body)
@@ -100,6 +101,7 @@ for place, body in BODIES.items():
         event = reference.mean_of(stack_tracks(windows, in_order[:4]))
         updates[place, said] = MassUpdater(reference).update(event)
         answers[place, said] = locate_mass(reference, event)
+        spreads[place, said] = spread_mass(reference, event)
 
 nodes = reference.calibration.model.nodes
 column = np.flatnonzero(nodes[:, 0] == 0)
@@ -112,6 +114,22 @@ own = np.append(particles.mass.diagonal(), 0.0)[particles.dofs[:, :3]].max(axis=
 percent = 100 / np.where(own > 0, own, np.inf)  # of it, as the paper has them
 shown = {place: updates[place, "0.1 % / 2 %"] for place in BODIES}
 
+calibration = reference.calibration
+print("The first stage: frequencies of the model over the measured ones, less one [%]; MAC of the model's shapes")
+for name, ratio in {
+    "as the file says": calibration.nominal_frequency,
+    "calibrated": calibration.modes.frequency[calibration.paired],
+    "one-step updated": reference.frequency[reference.paired],
+}.items():
+    print(f"  {name:17}" + "".join(f"{100 * e:8.2f}" for e in ratio / np.exp(reference.baseline.log_frequency) - 1))
+at_sensors = {"as the file says": calibration.nominal_mac}
+for name, shape in {"calibrated": calibration.modes.shape, "one-step updated": reference.shape}.items():
+    theirs = (reference.rows(calibration.model) @ shape[:, reference.paired]).T
+    theirs /= np.linalg.norm(theirs, axis=1, keepdims=True)
+    at_sensors[name] = (theirs * reference.baseline.shape).sum(1) ** 2
+for name, mac in at_sensors.items():
+    print(f"  {name:17}" + "".join(f"{v:8.4f}" for v in mac))
+
 print("Frequencies of the true frame [Hz]")
 for name, values in frequencies.items():
     print(f"  {name:12}" + "".join(f"{value:8.2f}" for value in values))
@@ -121,7 +139,7 @@ for place, body in BODIES.items():
     print(f"  {'':14}{'x':>12}{'y':>12}{'z':>12}")
     print(f"  {'paper':14}" + "".join(f"{value or '-':>12}" for value in PAPER[place]))
     for said in NOISE:
-        update, answer = updates[place, said], answers[place, said]
+        update, answer, spread = updates[place, said], answers[place, said], spreads[place, said]
         cells = [f"{1000 * t:.0f} ± {1000 * s:.0f}" for t, s in zip(update.totals, update.totals_std, strict=True)]
         strongest = nodes[update.flagged[0].node]
         print(f"  {said:14}" + "".join(f"{cell:>12}" for cell in cells))
@@ -129,6 +147,12 @@ for place, body in BODIES.items():
         print(
             f"  {'':14}likelihood: {1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g on the {answer.member}, "
             f"{answer.distance:.3f} ± {answer.distance_std:.3f} m from its start"
+        )
+        most = spread.mass.argmax()
+        print(
+            f"  {'':14}iterative sensitivity: {1000 * spread.mass.sum():.0f} g in all, most of it ("
+            f"{1000 * spread.mass[most]:.0f} g) at {nodes[spread.node[most]].round(2).tolist()}; "
+            f"{spread.reason} after {spread.iterations} steps"
         )
 
 

@@ -94,10 +94,30 @@ def test_paper_t_structure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         assert (ratio > 1 / 1.6).all()
         assert (ratio < 1.6).all()
         assert np.linalg.norm(found["nodes"][exact.flagged[0].node] - np.array(body.at)) < 0.11
+        spread = found["spreads"][place, "0.1 % / 2 %"]
+        assert spread.mass.sum() == pytest.approx(body.mass, rel=0.25)
         answer = found["answers"][place, "0.1 % / 2 %"]
         assert abs(answer.mass - body.mass) < 4 * answer.mass_std
         start = {"crossbeam": np.array([-0.4, 0.0, 1.48]), "column": np.zeros(3)}[answer.member]
         assert abs(answer.distance - np.linalg.norm(np.array(body.at) - start)) < 4 * answer.distance_std
+
+
+def test_paper_stiffness(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both changes are flagged where they were made, to a tenth of the column's length, with another foot on the frame.
+
+    Eight modes make up nearly all of a node's flexibility and little of an element's or of a node's mass.
+    """
+    monkeypatch.setattr("sys.argv", ["", str(tmp_path)])
+    found = run("paper_stiffness.py")
+    assert [p.name for p in tmp_path.iterdir()] == ["paper_stiffness.png"]
+    middle = {"column softened": np.mean(found["SOFT"]), "foot loosened": 0.0}
+    for name, update in found["updates"].items():
+        strongest = update.flagged[0]
+        assert abs(found["height"][strongest] - middle[name]) < 0.15
+        assert update.hinges.name[strongest] in ("column", "foot 0")
+    median = {name: np.median(share) for name, share in found["shares"].items()}
+    assert median["flexibility of a node"] > 0.9
+    assert max(median["mass of a node"], median["flexibility of an element"]) < 0.1
 
 
 @pytest.mark.live
