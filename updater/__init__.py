@@ -4,7 +4,7 @@ from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import UNSEEN, Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
-from updater.errors import ModalDataError, ModelError, PairingError, StructureError, UpdaterError
+from updater.errors import MechanismError, ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.expected_noise import Record
 from updater.expected_reference import motion, seen_by
 from updater.fe.assembly import build_model
@@ -65,6 +65,7 @@ __all__ = [
     "MassUpdater",
     "Material",
     "Matrices",
+    "MechanismError",
     "Member",
     "ModalDataError",
     "ModalMean",

@@ -2,7 +2,8 @@
 
 UpdaterError
     StructureError      the file that describes the structure
-    ModelError          the model built from it (a mechanism, a point that lies on no member)
+    ModelError          the model built from it (a point that lies on no member)
+        MechanismError  one that can move without deforming
     PairingError        measured modes that no model modes answer to
     ModalDataError      measured modes that cannot be right or are too few (a ValueError as well)
 """
@@ -24,6 +25,10 @@ class StructureError(UpdaterError):
 
 class ModelError(UpdaterError):
     """A model that cannot be built or solved."""
+
+
+class MechanismError(ModelError):
+    """A model that can move without deforming, so that its stiffness is singular."""
 
 
 class PairingError(UpdaterError):

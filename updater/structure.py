@@ -202,6 +202,9 @@ class Structure(Entry):
         names = [member.name for member in self.member]
         for joint in self.joint:
             _known("joint at", str(list(joint.at)), "member", joint.member, names)
+        twice = [spans for spans in Counter(frozenset((m.start, m.end)) for m in self.member).items() if spans[1] > 1]
+        if twice:
+            raise ValueError(f"two members lie between {' and '.join(str(list(p)) for p in sorted(twice[0][0]))}")
         joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in self.joint]
         for known in (names, self.channels, joints):
             repeated = [name for name, times in Counter(known).items() if times > 1]

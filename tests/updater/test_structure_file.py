@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from fe_helpers import t_frame
 
-from updater import Structure, StructureError, build_model, load_structure, parse_structure, t_structure_toml
+from updater import (
+    ModelError,
+    Structure,
+    StructureError,
+    build_model,
+    load_structure,
+    parse_structure,
+    t_structure_toml,
+)
 
 
 @pytest.mark.parametrize(
@@ -135,6 +143,18 @@ def test_poisson_ratio_stands_for_the_shear_modulus() -> None:
         "steel"
     ]
     assert steel.shear_modulus == pytest.approx(210e9 / 2.6)
+
+
+@pytest.mark.parametrize(
+    ("column", "beam"), [("1.4799", "1.48"), ("1.48", "1.4802")], ids=["end short of a member", "member beside an end"]
+)
+def test_members_that_miss_each_other_by_a_hair_are_refused(column: str, beam: str) -> None:
+    """They would not be joined, and the crossbeam would hang in the air."""
+    text = t_structure_toml().split("[[sensor]]")[0]
+    text = text.replace("to = [0.0, 0.0, 1.48]", f"to = [0.0, 0.0, {column}]")
+    text = text.replace("40, 0.0, 1.48]", f"40, 0.0, {beam}]")
+    with pytest.raises(ModelError, match=r"member crossbeam: an end, support or joint at .* misses it by 0\.[12] mm"):
+        build_model(parse_structure(text))
 
 
 def test_two_joints_of_a_member_at_one_point_are_refused() -> None:

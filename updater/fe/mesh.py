@@ -11,6 +11,8 @@ from updater.errors import ModelError
 from updater.structure import AXES, Joint, Member, Structure
 
 COINCIDENT = 1e-6  # m: points nearer than this are the same node
+_MISS = 1e-3  # m: points nearer to a member than this were meant to be on it
+_SHORT = 0.01  # of a member's length, likewise
 _CELL = 4 * COINCIDENT  # of the hash: a point's neighbours lie in at most eight cells, nearly always in one
 
 Cell = tuple[int, ...]
@@ -60,10 +62,11 @@ class Mesh:
         """Nodes of one member, with one wherever another member ends on it or a joint, support stands."""
         even = np.linspace(0, member.length, member.elements + 1)
         axis = np.subtract(member.end, member.start) / member.length
-        near = self._tree.query_ball_point(member.point(member.length / 2), member.length / 2 + 2 * COINCIDENT)
+        near = self._tree.query_ball_point(member.point(member.length / 2), member.length / 2 + 2 * _MISS)
         for point in self._marks[sorted(near)]:
             s = float(np.dot(point - member.start, axis))
             off = np.linalg.norm(point - member.point(s))
+            _refuse_miss(member, point, s)
             if (
                 off < COINCIDENT
                 and -COINCIDENT < s < member.length + COINCIDENT
@@ -110,6 +113,15 @@ class Mesh:
         for node, twin, _ in self.twins:
             dofs[twin] = np.where(free[twin], dofs[twin], dofs[node])
         return dofs
+
+
+def _refuse_miss(member: Member, point: FloatArray, along: float) -> None:
+    """Check that a point is on a member or well off it: what misses by a hair is not joined, and meant to be."""
+    gap = float(np.linalg.norm(point - member.point(np.clip(along, 0, member.length))))
+    if COINCIDENT <= gap < min(_MISS, _SHORT * member.length):
+        raise ModelError(
+            f"member {member.name}: an end, support or joint at {point.tolist()} misses it by {1e3 * gap:.2g} mm"
+        )
 
 
 def _marks(structure: Structure) -> FloatArray:

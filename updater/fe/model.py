@@ -8,7 +8,8 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
-from updater.errors import ModelError
+from updater.errors import MechanismError, ModelError
+from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT
 from updater.fe.modes import Modes, lowest_modes
 from updater.fe.spans import SpanIndex
@@ -77,10 +78,21 @@ class Model:
 
         Raises
         ------
+        MechanismError
+            If the structure is a mechanism or stands free; it says what moves.
         ModelError
-            If the structure is a mechanism or stands free, so that its stiffness is singular, or has fewer modes.
+            If it buckles under its preload, or has fewer modes.
         """
-        return lowest_modes(self.stiffness, self.mass, n, self.structure.name)
+        try:
+            return lowest_modes(self.stiffness, self.mass, n, self.structure.name)
+        except MechanismError as error:
+            moves = free_motion(self.nodes, self.dofs, self.stiffness)
+            raise MechanismError("; ".join([str(error), *moves.told(self._at)])) from error
+
+    def _at(self, node: int) -> str:
+        """Return the members that have a node, and where it is."""
+        names = {name for name, (a, b) in zip(self.member_names, self.spans, strict=True) if node in (a, b)}
+        return f"{' and '.join(sorted(names)) or 'what no member names'} at {np.round(self.nodes[node], 4).tolist()}"
 
     def read(self, point: FloatArray, axis: int | None = None) -> FloatArray:
         """Return the rows that read displacements at a point on a member, through the element's shape functions.

@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from daq import FloatArray
-from updater.errors import ModelError
+from updater.errors import MechanismError, ModelError
 from updater.fe.solver import factorise
 
 _FREE = 1e-14  # relative strain energy that is rounding: a bending mode's is about (element / member length)^4
@@ -44,8 +44,10 @@ def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, na
 
     Raises
     ------
+    MechanismError
+        If it is a mechanism or stands free, so that its stiffness is singular.
     ModelError
-        If it is a mechanism or stands free, so that its stiffness is singular, or has fewer modes.
+        If it buckles under its preload, or has fewer modes.
     """
     few = stiffness.shape[0] <= max(6 * n, _DENSE)
     try:
@@ -53,9 +55,9 @@ def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, na
     except ArpackNoConvergence as error:
         raise ModelError(f"{name}: only {len(error.eigenvalues)} of {n} modes converged") from error
     except ModelError as error:
-        raise ModelError(f"{name}: {error}") from error
+        raise type(error)(f"{name}: {error}") from error
     if value[0] <= 0 or strain(stiffness, shape[:, 0]) <= _FREE:
-        raise ModelError(f"{name}: it can move without deforming: a support is missing")
+        raise MechanismError(f"{name}: it can move without deforming: a support is missing")
     if len(value) < n:
         raise ModelError(f"{name}: expected {n} modes, found {len(value)}: the mesh is too coarse")
     return Modes(frequency=np.sqrt(value[:n]) / (2 * np.pi), shape=_signed(shape[:, :n]))

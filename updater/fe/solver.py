@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from daq import FloatArray
-from updater.errors import ModelError
+from updater.errors import MechanismError, ModelError
 
 Solve = Callable[[FloatArray], FloatArray]
 _SINGULAR = "the stiffness is singular: a support or a member is missing"
@@ -31,8 +31,10 @@ def factorise(matrix: sparse.csc_array, *, pardiso: bool | None = None) -> Solve
 
     Raises
     ------
+    MechanismError
+        If the matrix is singular.
     ModelError
-        If the matrix is singular or indefinite.
+        If it is indefinite.
     """
     if pardiso is None:
         pardiso = matrix.shape[0] >= LARGE and find_spec("pypardiso") is not None
@@ -52,11 +54,11 @@ def _superlu(matrix: sparse.csc_array) -> Solve:
     try:
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as error:
-        raise ModelError(_SINGULAR) from error
+        raise MechanismError(_SINGULAR) from error
     # pivots from the diagonal have the signs of the eigenvalues (Sylvester), to rounding those of a mechanism
     pivot = factor.U.diagonal() / matrix.diagonal()[np.argsort(factor.perm_c)]
     if (pivot <= 0).any():
-        raise ModelError(_INDEFINITE if pivot.min() < -_ROUNDING else _SINGULAR)
+        raise ModelError(_INDEFINITE) if pivot.min() < -_ROUNDING else MechanismError(_SINGULAR)
     return factor.solve
 
 
@@ -69,7 +71,7 @@ def _pardiso(matrix: sparse.csc_array) -> Solve:
     try:
         solver.factorize(upper)
     except (PyPardisoError, ValueError) as error:
-        raise ModelError("the stiffness is singular or indefinite: a support or a member is missing") from error
+        raise MechanismError("the stiffness is singular or indefinite: a support or a member is missing") from error
 
     def solve(right: FloatArray) -> FloatArray:
         return np.asarray(solver.solve(upper, right), float)

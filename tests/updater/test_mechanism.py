@@ -1,0 +1,72 @@
+"""What a structure that is not held is told: how the whole of it moves, or which member does."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from fe_helpers import ALL, beam, t_frame
+from frame_cases import frame
+
+from daq import FloatArray
+from updater import MechanismError, Structure, Support, build_model
+
+EVERY_WAY = "along x, along y, along z, about x, about y, about z"
+
+
+def _said(structure: Structure) -> str:
+    with pytest.raises(MechanismError) as caught:
+        build_model(structure, mass="consistent").modes(2)
+    return str(caught.value).partition("is missing")[2]
+
+
+@pytest.mark.parametrize("elements", [3, 40, 240])  # all of the matrix, and its lowest vectors only
+@pytest.mark.parametrize(
+    ("fixed", "ways"),
+    [
+        ((), EVERY_WAY),
+        (("x", "y", "z"), "about x, about y, about z"),
+        (("x", "y", "z", "rx", "ry"), "about z"),
+        (("x", "rx", "ry", "rz"), "along y, along z"),
+        (("z", "rx", "ry"), "along x, along y, about z"),
+    ],
+)
+def test_ways_in_which_all_of_it_moves_are_named(fixed: tuple[str, ...], ways: str, elements: int) -> None:
+    support = Support.model_validate({"at": (0, 0, 0), "fixed": fixed})
+    structure = beam(length=1.0, elements=elements, support=(support,), second_moment=(1e-3, 2e-3))
+    assert _said(structure) == f"; all of it is free {ways}"
+
+
+def test_frame_without_a_foot_is_free_every_way() -> None:
+    assert _said(t_frame().model_copy(update={"support": ()})) == f"; all of it is free {EVERY_WAY}"
+
+
+def test_axis_of_a_free_turn_may_pass_anywhere_and_lie_askew() -> None:
+    ends = (Support(at=(0, 0, 0), fixed=("x", "y", "z")), Support(at=(1, 0, 0), fixed=("y", "z")))
+    level = beam(length=1.0, elements=6, support=ends, second_moment=(1e-3, 2e-3))
+    assert _said(level) == "; all of it is free about x"
+    far = float(0.5**0.5)
+    ends = (ends[0], Support(at=(far, far, 0), fixed=("x", "y", "z")))
+    askew = beam(length=1.0, elements=6, support=ends, second_moment=(1e-3, 2e-3), direction=(1, 1, 0))
+    assert _said(askew) == "; all of it is free about an axis askew"
+
+
+def _portal(foot: Any, spans: list[tuple[int, int]], points: FloatArray) -> Structure:
+    material = {"youngs_modulus": 200e9, "poisson_ratio": 0.3, "density": 8000.0}
+    support = [{"at": tuple(points[0]), "fixed": foot}]
+    section = {"shape": "circle", "diameter": 0.02}
+    return frame(points, section, elements=4, material=material, support=support, spans=spans)
+
+
+def test_member_that_nothing_joins_is_named() -> None:
+    points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
+    said = _said(_portal(ALL, [(0, 1), (1, 2), (3, 4)], points))
+    assert said.startswith("; free to move by itself: 2 at [3.0, 0.0, ")
+
+
+def test_member_that_only_spins_is_named() -> None:
+    """A strut between two balls beside a frame that stands."""
+    points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
+    structure = _portal(ALL, [(0, 1), (1, 2), (3, 4)], points)
+    balls = tuple(Support(at=(3.0, 0.0, z), fixed=("x", "y", "z")) for z in (0.0, 1.0))
+    said = _said(structure.model_copy(update={"support": (*structure.support, *balls)}))
+    assert said.startswith("; free to turn by itself: 2 at [3.0, 0.0, ")

@@ -1,0 +1,118 @@
+"""What of a structure can move without deforming: the whole of it, or a member that a support or a joint fails to hold.
+
+Only asked once a stiffness has turned out singular, to say more than that.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from scipy import sparse
+from scipy.sparse.linalg import eigsh
+
+from daq import FloatArray, IntArray
+
+_WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
+_NO_STRAIN = 1e-12  # of what it would be if every DOF moved alone; a mesh of 1000 elements a member comes near
+_SHIFT = 1e-9  # what keeps a large singular matrix solvable
+_DENSE = 1000  # DOFs up to which all of a matrix is solved for at once
+_ALIKE = 1e-6  # relative: rounding
+_MOST = 7  # motions looked for: the rigid ones and one more
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FreeMotion:
+    """What moves without strain."""
+
+    whole: tuple[str, ...]  #: ways in which all of it moves together, such as `along x`
+    node: int | None  #: that moves most where parts move by themselves, None if none does
+    turns_only: bool  #: whether nodes turn without moving then
+
+    def told(self, at: Callable[[int], str]) -> list[str]:
+        """Return sentences; `at` names a node."""
+        said = [f"all of it is free {', '.join(self.whole)}"] if self.whole else []
+        if self.node is not None:
+            said.append(f"free to {'turn' if self.turns_only else 'move'} by itself: {at(self.node)}")
+        return said
+
+
+def free_motion(nodes: FloatArray, dofs: IntArray, stiffness: sparse.csc_array) -> FreeMotion:
+    """Return what can move without deforming.
+
+    Parameters
+    ----------
+    nodes : (n_nodes, 3) [m]
+    dofs : (n_nodes, 6) rows, -1 where something is held
+    stiffness : (n_dofs, n_dofs), singular
+    """
+    diagonal = stiffness.diagonal()
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    unit = sparse.csc_array(sparse.diags_array(scale) @ stiffness @ sparse.diags_array(scale))
+    size = float(np.ptp(nodes, axis=0).max())
+    held, field = _rigid(nodes, dofs, size, len(diagonal))
+    still = np.vstack([held, unit @ (field / scale[:, None]) / np.abs(field / scale[:, None]).max()])
+    _, resists, ways = np.linalg.svd(still.T @ still)
+    ways = np.where(np.abs(ways[resists < _NO_STRAIN].T) < _ALIKE, 0.0, ways[resists < _NO_STRAIN].T)
+    moved = _without(_null(unit), field @ ways / scale[:, None]) * scale[:, None]
+    return _told(_names(ways), moved, dofs, size)
+
+
+def _told(whole: tuple[str, ...], moved: FloatArray, dofs: IntArray, size: float) -> FreeMotion:
+    """Say where parts move, `moved` (n_dofs, k)."""
+    length = np.append(np.sqrt((moved**2).sum(1)), 0.0)[dofs] * ([1.0] * 3 + [size] * 3)  # the last is what is held
+    shift, turn = length[:, :3].max(1), length[:, 3:].max(1)
+    amplitude = shift if shift.max() > _ALIKE * turn.max() else turn
+    return FreeMotion(
+        whole=whole,
+        node=int(np.argmax(amplitude)) if amplitude.max() > 0 else None,
+        turns_only=amplitude is turn,
+    )
+
+
+def _rigid(nodes: FloatArray, dofs: IntArray, size: float, n_dofs: int) -> tuple[FloatArray, FloatArray]:
+    """Return the six rigid motions at what is held (n, 6) and at the DOFs (n_dofs, 6), turns per size."""
+    full = np.zeros((*dofs.shape, 6))
+    full[:, :3, :3] = np.eye(3)
+    for axis in range(3):
+        full[:, :3, 3 + axis] = np.cross(np.eye(3)[axis], (nodes - nodes.mean(0)) / size)
+        full[:, 3 + axis, 3 + axis] = 1 / size
+    field = np.zeros((n_dofs, 6))
+    field[dofs[dofs >= 0]] = full[dofs >= 0]
+    # what is held may be held by its turning alone: weighed as if turned by a size away
+    return full[dofs < 0] * np.tile([1.0] * 3 + [size] * 3, (len(dofs), 1))[dofs < 0][:, None], field
+
+
+def _null(unit: sparse.csc_array) -> FloatArray:
+    """Return unit vectors (n_dofs, k) that the scaled stiffness takes to nought, at most a few."""
+    n = unit.shape[0]
+    if n <= _DENSE:
+        value, vector = scipy.linalg.eigh(unit.toarray())
+    else:
+        start = np.random.default_rng(0).standard_normal(n)
+        value, vector = eigsh(unit, _MOST, sigma=-_SHIFT, v0=start)
+    return np.asarray(vector[:, value < _NO_STRAIN])
+
+
+def _without(vectors: FloatArray, others: FloatArray) -> FloatArray:
+    """Return what is left of orthonormal vectors (n, k) beside the span of others (n, r)."""
+    if not others.shape[1]:
+        return vectors
+    basis = np.linalg.qr(others)[0]
+    left = vectors - basis @ (basis.T @ vectors)
+    u, size, _ = np.linalg.svd(left, full_matrices=False)
+    return np.asarray(u[:, size > 0.5])
+
+
+def _names(ways: FloatArray) -> tuple[str, ...]:
+    """Return the axes along and about which a span (6, r) of rigid motions moves."""
+    if not ways.shape[1]:
+        return ()
+    found = []
+    for axis, name in enumerate(_WAYS):
+        seen = slice(0, 6) if axis < 3 else slice(3, 6)  # a turn may be about any point
+        target = np.eye(6)[axis][seen]
+        part = ways[seen] @ np.linalg.lstsq(ways[seen], target, rcond=_ALIKE)[0]
+        if np.linalg.norm(part - target) < 1e3 * _ALIKE:
+            found.append(name)
+    return tuple(found) or ("about an axis askew",)
