@@ -1,5 +1,6 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
+from updater.accumulation import Sharpening, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import UNSEEN, Outlook, foresee, with_sensors
@@ -85,6 +86,7 @@ __all__ = [
     "Scatter",
     "Section",
     "Sensor",
+    "Sharpening",
     "StiffnessUpdate",
     "StiffnessUpdater",
     "Stretch",
@@ -127,6 +129,7 @@ __all__ = [
     "remove_delays",
     "save_matrices",
     "seen_by",
+    "sharpening",
     "spread_mass",
     "stack_tracks",
     "t_structure_toml",
