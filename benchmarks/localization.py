@@ -153,7 +153,8 @@ class Case:
         """Locate, and judge."""
         std = line.frequency_std(self.frame.bare.frequency)
         found = locate_mass(self.reference, self.event)
-        return judge(found, self.placed, self.frame.limit, std, line.shape_std(len(STRUCTURE.channels)))
+        shape_std = np.full(len(std), line.shape_std(len(STRUCTURE.channels)))
+        return judge(found, self.placed, self.frame.limit, std, shape_std)
 
 
 def case(line: Line, number: int) -> Case:

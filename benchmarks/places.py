@@ -6,12 +6,13 @@ drawn from, a drift common to all frequencies, and the density, without which fr
 of the structure. It is evaluated on the true frame, not on the reference.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import beta
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater import Body, MassChange, Member, Model, Structure, build_model
 from updater.fe.assembly import body_mass
 from updater.fe.element import local_axes
@@ -65,22 +66,29 @@ class Limit:
 
     Parameters
     ----------
-    structure : the true one, bare
+    structure : the true one, bare; its first eight modes are measured
     """
 
     def __init__(self, structure: Structure) -> None:
+        self._measured: IndexArray = np.arange(N_MODES)
         self.member = {member.name: member for member in structure.member}
         self._model: Model = build_model(structure, shear_flexible=True, mass="consistent")
         self._modes = self._model.modes(_BASIS)
         self._at_sensors: FloatArray = self._model.sensor_rows @ self._modes.shape
 
-    def least(self, placed: Placed, frequency_std: FloatArray, shape_std: float) -> tuple[float, float]:
+    def only(self, measured: IndexArray) -> "Limit":
+        """Return the same with other modes measured (n_modes,)."""
+        other = copy(self)
+        other._measured = measured
+        return other
+
+    def least(self, placed: Placed, frequency_std: FloatArray, shape_std: FloatArray) -> tuple[float, float]:
         """Return the least standard deviations of place [m] and mass [kg].
 
         Parameters
         ----------
         frequency_std : (n_modes,) of log frequencies, before as after
-        shape_std : of each component of unit shapes, before as after
+        shape_std : (n_modes,) of each component of unit shapes, before as after
         """
         inside = np.clip(placed.distance, _STEPS[0], placed.member.length - _STEPS[0])
         theta = np.array([inside, placed.mass, *placed.offset, max(placed.gyration, _STEPS[4])])
@@ -91,7 +99,8 @@ class Limit:
         n = len(frequency_std)
         covariance = np.diag(2 * frequency_std**2) + COMMON_STD**2
         information = slope[:n].T @ np.linalg.solve(covariance, slope[:n])
-        information += slope[n:].T @ slope[n:] / (2 * shape_std**2)
+        of_shapes = slope[n:].reshape(n, -1, len(theta)) / (np.sqrt(2) * shape_std[:, None, None])
+        information += np.einsum("mci,mcj->ij", of_shapes, of_shapes)
         information += np.diag([0, 0, OFFSET_STD**-2, OFFSET_STD**-2, GYRATION_STD**-2])
         variance = np.diag(np.linalg.inv(information))
         return float(np.sqrt(variance[0])), float(np.sqrt(variance[1] + (DENSITY_STD * placed.mass) ** 2))
@@ -104,10 +113,10 @@ class Limit:
         whole = np.eye(_BASIS) + moved.T @ body_mass(body) @ moved
         root = self._modes.omega**-1.0
         value, vector = np.linalg.eigh(root[:, None] * whole * root)
-        vector = root[:, None] * vector[:, ::-1][:, :N_MODES]
+        vector, value = root[:, None] * vector[:, ::-1][:, self._measured], value[::-1][self._measured]
         shape = self._at_sensors @ vector
-        shape /= np.linalg.norm(shape, axis=0) * np.sign(shape[np.abs(shape).argmax(0), np.arange(N_MODES)])
-        return np.concatenate([-0.5 * np.log(value[::-1][:N_MODES]), shape.T.ravel()])
+        shape /= np.linalg.norm(shape, axis=0) * np.sign(shape[np.abs(shape).argmax(0), np.arange(len(value))])
+        return np.concatenate([-0.5 * np.log(value), shape.T.ravel()])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +132,7 @@ class Judged:
     in_interval: bool
 
 
-def judge(found: MassChange, placed: Placed, limit: Limit, frequency_std: FloatArray, shape_std: float) -> Judged:
+def judge(found: MassChange, placed: Placed, limit: Limit, frequency_std: FloatArray, shape_std: FloatArray) -> Judged:
     """Judge an answer."""
     least_off, least_mass = limit.least(placed, frequency_std, shape_std)
     point = limit.member[found.member].point(found.distance)
