@@ -61,16 +61,28 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
 
     A mode's successor is the one with most of it: the changed mode that holds the largest component of the old one.
     """
-    flexibility = np.diag((2 * np.pi * comparison.frequency) ** -2.0) + effect.flexibility
-    mass = np.eye(len(comparison.frequency)) + effect.mass
-    root = np.linalg.cholesky(flexibility)  # of F', not of M': more mass may be taken off than the modes can hold
-    value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
+    value, vector, weighed = _solve(comparison, effect)
     value = np.maximum(value, _LEAST * value[:, -1:])
-    vector, weighed = root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
     share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
     pick = np.argmax(share[:, comparison.paired, :], axis=2)
     scale = np.sqrt(value)[:, None, :]
     return Changed(value, vector / scale, weighed * scale, pick)
+
+
+def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return 1/omega'^2 (n_alternatives, n_modes), vectors and M' times them, neither scaled yet.
+
+    By the root of F', not of M': more mass may be taken off than the modes can hold.
+    """
+    plain = (2 * np.pi * comparison.frequency) ** -2.0
+    mass = np.eye(len(plain)) + effect.mass
+    if not effect.flexibility.any():  # its root is diagonal
+        factor = np.sqrt(plain)
+        value, unit = np.linalg.eigh(factor[:, None] * mass * factor)
+        return value, factor[:, None] * unit, unit / factor[:, None]
+    root = np.linalg.cholesky(np.diag(plain) + effect.flexibility)
+    value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
+    return value, root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
 
 
 def predict(
@@ -111,10 +123,11 @@ def derivative(changed: Changed, mass: FloatArray, flexibility: FloatArray) -> t
     mass, flexibility : (n_alternatives, n_modes, n_modes) derivatives dM, dF
     """
     x = np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
-    y = np.take_along_axis(changed.weighed, changed.pick[:, None, :], axis=2)
     by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ x)  # (p, k, i)
-    by_flexibility = changed.weighed.transpose(0, 2, 1) @ (flexibility @ y)
-    numerator = by_flexibility + changed.value[:, :, None] * by_mass
+    numerator = changed.value[:, :, None] * by_mass
+    if flexibility.any():
+        y = np.take_along_axis(changed.weighed, changed.pick[:, None, :], axis=2)
+        numerator += changed.weighed.transpose(0, 2, 1) @ (flexibility @ y)
     own = changed.pick[:, None, :]
     d_value = np.take_along_axis(numerator, own, axis=1)[:, 0]
     gap = np.take_along_axis(changed.value, changed.pick, axis=1)[:, None, :] - changed.value[:, :, None]

@@ -18,7 +18,7 @@ def prior(x: float) -> float:
 
 @pytest.mark.parametrize(("value", "std"), [(0.3, 0.1), (-0.02, 0.05), (0.0, 0.004), (0.3, 0.003)])
 def test_the_posterior_is_that_of_plain_quadrature(value: float, std: float) -> None:
-    """Where the prior is taken as constant the error is (std / value)^2 < 0.25 %; else that of 600 points."""
+    """Where the prior is taken as constant the error is (std / value)^2 < 0.25 %; else that of 200 points."""
 
     def weighed(x: float, power: int) -> float:
         return float(x**power * norm.pdf(x, value, std) * prior(x) / norm.pdf(x, 0, GAUSSIAN))
@@ -38,4 +38,4 @@ def test_the_posterior_is_that_of_plain_quadrature(value: float, std: float) -> 
 def test_the_prior_is_proper() -> None:
     """Data that say nothing leave the Gaussian prior; its evidence is then the other prior's whole probability."""
     found = log_uniform(np.zeros(1), np.array([GAUSSIAN]), gaussian=GAUSSIAN, least=LEAST, most=MOST)
-    assert found.log_ratio[0] == pytest.approx(0, abs=5e-3)  # a step of the quadrature: 1 / 600 at each end
+    assert found.log_ratio[0] == pytest.approx(0, abs=5e-3)  # a step of the quadrature: 1 / 200 at both ends

@@ -148,9 +148,11 @@ class AddedMass:
 
     def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the mass at a place [kg]."""
-        magnitude = self.magnitude(fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
-        mean = float(place.share @ magnitude.mean)
-        variance = place.share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
+        here = np.flatnonzero(place.share)
+        share = place.share[here]
+        magnitude = self.magnitude(fit.theta[here, 0], np.sqrt(fit.covariance[here, 0, 0]))
+        mean = float(share @ magnitude.mean)
+        variance = share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
         return mean, float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
 
     def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:

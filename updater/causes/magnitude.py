@@ -11,7 +11,7 @@ import numpy as np
 
 from daq import FloatArray
 
-_POINTS = 600  # of the quadrature over the logarithm
+_POINTS = 200  # of the quadrature over the logarithm: steps are shorter than the narrowest posterior is wide
 _NARROW = 0.05  # of the magnitude: a posterior more narrow than this sees a constant prior
 
 
