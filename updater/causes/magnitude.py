@@ -35,7 +35,8 @@ def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: f
     """
     size = np.exp(np.linspace(np.log(least), np.log(most), _POINTS))
     x = np.concatenate([-size[::-1], size])
-    share = np.log(size[1] / size[0]) / (2 * np.log(most / least))  # of the prior at each point
+    share = np.full(len(x), 1 / (2 * (_POINTS - 1)))  # of the prior at each point, by the trapezoidal rule
+    share[[0, _POINTS - 1, _POINTS, -1]] /= 2
     wide = np.flatnonzero(std > _NARROW * np.abs(value))
     off = (x - value[wide, None]) / std[wide, None]
     log_weight = -0.5 * off**2 - np.log(std[wide, None]) + 0.5 * (x / gaussian) ** 2 + np.log(share * gaussian)
