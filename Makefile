@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags frames causes localization bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
+.PHONY: demo test check lint typecheck seeds flags paper frames causes localization bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -27,6 +27,12 @@ seeds: $(VENV)/.done
 # False flags of the one-step update and what it flags of masses: the tables in docs/updater.md, some minutes.
 flags: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/flags.py
+
+# The paper's tables and figures, its stiffness twin and the sweep of masses: docs/paper.md and its pictures, ten minutes.
+paper: $(VENV)/.done
+	$(BIN)/python examples/paper_t_structure.py docs
+	$(BIN)/python examples/paper_stiffness.py docs
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/paper_sweep.py docs
 
 # The frame element beside published answers: the tables in docs/structure.md, two seconds.
 frames: $(VENV)/.done
