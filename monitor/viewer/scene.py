@@ -132,8 +132,10 @@ def _others(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswe
     labels = [f"or {unit[0] * o.mass:+.3g} {unit[1]} here ({share_text(o.probability)})" for o in answer.others]
     balls = rr.Points3D(places, radii=_radius(geometry, answer), colors=[REGION])
     recording.log("/structure/mass/others", balls)
-    above = places + np.array([0, 0, -_radius(geometry, answer) - 0.02 * geometry.size])
-    names = rr.Points3D(above, radii=0.0, colors=[TEXT], labels=labels, show_labels=True)
+    below = places - np.array([0, 0, _radius(geometry, answer) + 0.11 * geometry.size])
+    leaders = rr.LineStrips3D(np.stack([places, below], axis=1), colors=[GREY], radii=rr.Radius.ui_points(0.6))
+    recording.log("/structure/mass/others/leaders", leaders)
+    names = rr.Points3D(below, radii=0.0, colors=[TEXT], labels=labels, show_labels=True)
     recording.log("/structure/mass/others/names", names)
 
 

@@ -15,7 +15,7 @@ from monitor.viewer import write_recording
 
 SITE = made.Site()
 OTHER = OtherPlace(
-    member="crossbeam", position=(-0.25, 0.0, 1.48), position_std=0.02, mass=0.2, mass_std=0.03, probability=0.31
+    member="crossbeam", position=(0.25, 0.0, 1.48), position_std=0.02, mass=0.2, mass_std=0.03, probability=0.31
 )
 
 
@@ -114,7 +114,7 @@ def test_a_second_place_has_its_own_ball_and_label_and_is_wiped(rrd: Rrd) -> Non
     _, labels = rrd.rows("/structure/mass/others/names", "Points3D:labels")
     assert labels[-1] == ["or +200 g here (31.0 %)"]
     _, texts = rrd.rows("/now", "TextDocument:text")
-    assert "or 200 ± 30 g added on the crossbeam at (-0.250, 0.000, 1.480) m ± 20 mm (31.0 %)" in texts[-1][0]
+    assert "or 200 ± 30 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 20 mm (31.0 %)" in texts[-1][0]
 
 
 @pytest.mark.parametrize("direction", ["x", "y", "z"])
