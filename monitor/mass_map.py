@@ -38,7 +38,9 @@ def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | 
     _weakest(curves[0], sight, outlook, unrolled, limits)
     if planned:
         _records(curves[1], planned, unrolled)
-    curves[-1].set_xlabel("distance from each member's start [m]")
+    n = len(unrolled.length)
+    said = "distance from each member's start [m]" if n <= _NAMED else f"{n} members, one after another"
+    curves[-1].set_xlabel(said)
 
 
 def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[float, float]) -> None:
@@ -50,12 +52,17 @@ def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[f
     colours = scale.to_rgba(np.minimum(mass, limits[1]))
     colours[mass > limits[1]] = to_rgba(_BLIND)
     segments = [outlook.point[[k, k + 1]] for k in pairs]
-    axes.add_collection3d(Line3DCollection(segments, colors=colours, linewidths=7, capstyle="butt"))
+    axes.add_collection3d(Line3DCollection(segments, colors=colours, linewidths=_width(outlook, 7.0), capstyle="butt"))
     _extremes(axes, sight, outlook)
     bar = figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.1, ticks=LogLocator(subs=_SUBS))
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     figure.suptitle("Weakest mass that raises the alarm", fontsize=12)
+
+
+def _width(outlook: Outlook, width: float) -> float:
+    """Return how wide lines are drawn: thinner where there are many members."""
+    return width if outlook.member.max() < _NAMED else 0.45 * width
 
 
 def _extremes(axes: Axes3D, sight: Sight, outlook: Outlook) -> None:
@@ -80,7 +87,7 @@ def _weakest(axes: Axes, sight: Sight, outlook: Outlook, unrolled: Unrolled, lim
     for m in np.unique(outlook.member):
         here = outlook.member == m
         known = np.where(sight.weakest[here] <= limits[1], sight.weakest[here], np.nan)
-        axes.plot(x[here], known, color=_LINE, linewidth=1.8)
+        axes.plot(x[here], known, color=_LINE, linewidth=_width(outlook, 1.8))
         axes.plot(
             x[here], np.where(np.isnan(known), limits[1], np.nan), color=_BLIND, linewidth=4, solid_capstyle="butt"
         )
@@ -123,11 +130,13 @@ def _members(axes: Axes, unrolled: Unrolled) -> None:
     """Tell the members on the line apart."""
     axes.yaxis.set_minor_locator(NullLocator())
     axes.grid(axis="y", color=_FAINT, linewidth=0.6)
+    if len(unrolled.length) > _NAMED:
+        axes.set_xticks([])
+        return
     places, labels = zip(*unrolled.ticks(), strict=True)
     axes.set_xticks(places, labels, fontsize=8)
     for name, length in unrolled.length.items():
         start = unrolled.offset[name]
         axes.axvspan(start, start + length, color=_FAINT, alpha=0.3, linewidth=0)
-        if len(unrolled.length) <= _NAMED:
-            middle = start + length / 2
-            axes.text(middle, 0.97, name, transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=9)
+        middle = start + length / 2
+        axes.text(middle, 0.97, name, transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=9)

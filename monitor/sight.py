@@ -83,7 +83,7 @@ class Sight:
         return tuple((k, other) for k in range(len(self.seen)) for other in self.alike(k) if other > k)
 
 
-def look(structure: Structure, n_modes: int, record: Record | None = None) -> Sight:
+def look(structure: Structure, n_modes: int, record: Record | None = None, within: float | None = None) -> Sight:
     """Return what the sensors see of the lowest modes, and of a body.
 
     Parameters
@@ -91,6 +91,7 @@ def look(structure: Structure, n_modes: int, record: Record | None = None) -> Si
     structure : Structure
     n_modes : asked for; a coarse mesh may have fewer
     record : how long is measured before a change and after; ten minutes unless given
+    within : how near a body is to be located [m]; a centimetre, or more on long members, unless given
 
     Raises
     ------
@@ -101,7 +102,7 @@ def look(structure: Structure, n_modes: int, record: Record | None = None) -> Si
     model = build_model(structure, shear_flexible=True, mass="consistent")
     modes = model.modes(max(1, min(n_modes, model.n_dofs - 1)))
     at_sensors = (model.sensor_rows @ modes.shape).T
-    outlook, too_few = _outlook(structure, record)
+    outlook, too_few = _outlook(structure, record, within)
     return Sight(
         model=model,
         modes=modes,
@@ -114,9 +115,9 @@ def look(structure: Structure, n_modes: int, record: Record | None = None) -> Si
     )
 
 
-def _outlook(structure: Structure, record: Record) -> tuple[Outlook | None, str]:
+def _outlook(structure: Structure, record: Record, within: float | None) -> tuple[Outlook | None, str]:
     try:
-        return foresee(structure, record), ""
+        return foresee(structure, record, within), ""
     except ModelError as error:
         return None, str(error)
 

@@ -3,11 +3,11 @@
 from updater.accumulation import Sharpening, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
-from updater.detectability import UNSEEN, Outlook, foresee, with_sensors
+from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
 from updater.errors import MechanismError, ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.expected_noise import Record
-from updater.expected_reference import motion, seen_by
+from updater.expected_reference import UNSEEN, motion, seen_by
 from updater.fe.assembly import build_model
 from updater.fe.matrices import Matrices, read_matrices, save_matrices
 from updater.fe.model import Model

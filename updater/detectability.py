@@ -18,15 +18,17 @@ from updater.causes.added_mass import AddedMass, propose_added_mass
 from updater.comparison import compare
 from updater.errors import ModelError
 from updater.expected_noise import Record, shape_errors
-from updater.expected_reference import expected_reference, seen_by, shape_covariance
+from updater.expected_reference import expected_reference, shape_covariance, told_apart
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.reference import Reference
 from updater.statistics import COMMON_STD
 from updater.structure import Sensor, Structure
 
-UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
 _N_MODES = 30
+_FINEST = 0.01  # m between places
+_PLACES, _MOST_PLACES = 600, 2400  # on all members, more than a centimetre apart: usually, and where a target asks it
+_PLACES_WITHIN = 2.5  # places to a distance that is to be told apart
 _STILL = 1e-6  # of the largest signature: a body there moves nothing
 _SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise
 _WHOLE = 1e3  # m: a place that nothing is known of
@@ -162,22 +164,39 @@ def sharpest(data: FloatArray, bodies: AddedMass, mass: float) -> tuple[FloatArr
     return np.sqrt(covariance[:, 1, 1]), np.sqrt(covariance[:, 0, 0])
 
 
-def foresee(structure: Structure, record: Record) -> Outlook:
+def foresee(structure: Structure, record: Record, within: float | None = None) -> Outlook:
     """Return what the structure's sensors would tell.
 
     Parameters
     ----------
     structure : with at least two sensors
     record : how long is measured, before and after
+    within : distance to be told apart [m]; places are a centimetre apart, or farther on long members, unless given
 
     Raises
     ------
     ModelError
-        If the structure is a mechanism, or its sensors see fewer than three modes.
+        If the structure is a mechanism, its sensors see fewer than three modes, or it has far more places than can be
+        told apart in useful time.
     """
+    spacing = _spacing(structure, within)
     model = best_model(structure)
     modes = model.modes(min(_N_MODES, int((model.dofs[:, :3] >= 0).sum())))
-    return _outlook(model, modes, record)
+    return _outlook(model, modes, record, spacing=spacing)
+
+
+def _spacing(structure: Structure, within: float | None) -> float:
+    """Return the distance between places [m]."""
+    length = sum(member.length for member in structure.member)
+    if within is None:
+        return max(_FINEST, length / _PLACES)
+    spacing = max(_FINEST, min(within / _PLACES_WITHIN, length / _PLACES))
+    if length / spacing > _MOST_PLACES:
+        raise ModelError(
+            f"{structure.name}: {within:g} m on {length:.4g} m of members are too many places; "
+            f"expected {_PLACES_WITHIN * length / _MOST_PLACES:.2g} m or more"
+        )
+    return spacing
 
 
 def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
@@ -193,8 +212,10 @@ def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
     return _outlook(replace(calibration.model, structure=structure), calibration.modes, outlook.record, outlook.bodies)
 
 
-def _outlook(model: Model, modes: Modes, record: Record, bodies: AddedMass | None = None) -> Outlook:
-    seen = np.flatnonzero((seen_by(model, modes) >= UNSEEN) & (modes.frequency <= record.highest))
+def _outlook(
+    model: Model, modes: Modes, record: Record, bodies: AddedMass | None = None, *, spacing: float = _FINEST
+) -> Outlook:
+    seen = told_apart(model, modes, record)
     if len(seen) < 3 or len(model.structure.sensor) < 2:
         raise ModelError(
             f"{model.structure.name}: to locate anything, expected two sensors or more that see three modes up to "
@@ -202,7 +223,7 @@ def _outlook(model: Model, modes: Modes, record: Record, bodies: AddedMass | Non
         )
     reference = expected_reference(model, modes, seen, record)
     if bodies is None:
-        bodies = propose_added_mass(reference, compare(reference, reference.baseline))
+        bodies = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
     else:
         bodies = replace(bodies, reference=reference, comparison=compare(reference, reference.baseline))
     return Outlook(record=record, reference=reference, bodies=bodies)

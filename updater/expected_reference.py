@@ -3,6 +3,7 @@
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from oma import mac_matrix
 from updater.calibration import Calibration
 from updater.delays import NO_DELAYS
 from updater.expected_noise import Record, shape_errors
@@ -11,11 +12,29 @@ from updater.fe.modes import Modes
 from updater.reference import Reference
 from updater.statistics import ModalMean, Scatter, TrackedModes
 
+UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
+_ALIKE = 0.9  # MAC at the sensors of two modes that are as good as one
+
 
 def seen_by(model: Model, modes: Modes) -> FloatArray:
     """Return each mode's largest motion at a sensor over its largest anywhere (n_modes,) [-]."""
     at_sensors = model.sensor_rows @ modes.shape
     return np.asarray(np.abs(at_sensors).max(axis=0, initial=0.0) / np.linalg.norm(motion(model, modes), axis=2).max(1))
+
+
+def told_apart(model: Model, modes: Modes, record: Record) -> IndexArray:
+    """Return the modes (n,) that a record of the sensors shows as modes of their own.
+
+    A mode that has its neighbour within a resonance's width and the same shape at the sensors is one with it.
+    """
+    visible = np.flatnonzero((seen_by(model, modes) >= UNSEEN) & (modes.frequency <= record.highest))
+    at_sensors = (model.sensor_rows @ modes.shape[:, visible]).T
+    found: list[int] = []
+    for k, mode in enumerate(visible):
+        near = [i for i in found if np.log(modes.frequency[mode] / modes.frequency[visible[i]]) < 2 * record.damping]
+        if not near or mac_matrix(at_sensors[near], at_sensors[[k]]).max() <= _ALIKE:
+            found.append(k)
+    return visible[found]
 
 
 def motion(model: Model, modes: Modes) -> FloatArray:

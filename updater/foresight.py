@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from daq import FloatArray, IndexArray
 from updater.comparison import Comparison, compare
 from updater.detectability import Outlook
+from updater.errors import ModalDataError
 from updater.posterior import HELD
 from updater.reanalysis import picked, predict, reanalyse
 from updater.statistics import ModalMean
@@ -122,7 +123,10 @@ class Foresight:
 
     def _chance(self, outlook: Outlook, place: int) -> float:
         known, base = self._signatures, outlook.reference.baseline
-        data = compare(outlook.reference, _event(base, known.log_ratio[0, place], known.shape[0, place]))
+        try:
+            data = compare(outlook.reference, _event(base, known.log_ratio[0, place], known.shape[0, place]))
+        except ModalDataError:  # the body makes two modes look like one: what is refused is not found
+            return 0.0
         error = self._errors(outlook, data)
         shift = known.log_ratio[0, place] + error[0]
         t2 = (shift**2 / (2 * base.log_frequency_std**2)).sum(1)

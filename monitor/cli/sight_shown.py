@@ -1,6 +1,6 @@
 """Tables and sentences of what sensors see, for the terminal."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -9,11 +9,14 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from daq import IndexArray
 from monitor.sight import Sight, clearer
 from monitor.stretches import blind, duration_words, mass_words, stretches_text
 from monitor.target import Plan, SensorSet
 from updater import Outlook, Sensor, vagueness
 
+_MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
+_PAIRS = 4  # that are named
 _SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sensor sets
 
 
@@ -36,7 +39,7 @@ def clearer_words(sight: Sight) -> Iterator[str]:
     if sight.unseen:
         yield f"no sensor sees {_modes(sight.unseen)}"
     if sight.pairs_alike:
-        yield "cannot be told apart by shape: " + ", ".join(f"{a + 1} and {b + 1}" for a, b in sight.pairs_alike)
+        yield "cannot be told apart by shape: " + _pairs(sight.pairs_alike)
     better = clearer(sight)
     if better is None:
         return
@@ -44,10 +47,10 @@ def clearer_words(sight: Sight) -> Iterator[str]:
     shown = sorted(set(sight.unseen) - set(then.unseen))
     told = sorted(set(sight.pairs_alike) - set(then.pairs_alike))
     gains = [f"shows {_modes(shown)}"] if shown else []
-    gains += ["tells apart " + ", ".join(f"{a + 1} and {b + 1}" for a, b in told)] if told else []
+    gains += ["tells apart " + _pairs(told)] if told else []
     then_alike = sorted(set(then.pairs_alike) - set(sight.pairs_alike))
     if gains and then_alike:
-        gains.append("which leaves alike " + ", ".join(f"{a + 1} and {b + 1}" for a, b in then_alike))
+        gains.append("which leaves alike " + _pairs(then_alike))
     if gains:
         yield f"a sensor at {_at(sensor)} {', '.join(gains)}"
 
@@ -56,10 +59,17 @@ def _modes(numbers: tuple[int, ...] | list[int]) -> str:
     return f"mode{'s' * (len(numbers) > 1)} " + ", ".join(str(k + 1) for k in numbers)
 
 
+def _pairs(pairs: Sequence[tuple[int, int]]) -> str:
+    """Name some pairs of modes, or count many."""
+    if len(pairs) > _PAIRS:
+        return f"{len(pairs)} pairs"
+    return ", ".join(f"{a + 1} and {b + 1}" for a, b in pairs)
+
+
 def _at(sensor: Sensor) -> str:
     x, y, z = sensor.at
     along = "xyz"[int(np.argmax(np.abs(sensor.direction)))]
-    return f"({x:g}, {y:g}, {z:g}) along {along}"
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) along {along}"
 
 
 def body_table(sight: Sight, outlook: Outlook) -> Table:
@@ -75,18 +85,26 @@ def body_table(sight: Sight, outlook: Outlook) -> Table:
         table.add_column(name, justify="right")
     table.add_column("blind, m")
     place, _ = outlook.bound(mass)
-    for m, member in enumerate(outlook.reference.calibration.structure.member):
+    members = outlook.reference.calibration.structure.member
+    median = [float(np.median(sight.weakest[outlook.member == m])) for m in range(len(members))]
+    shown = np.arange(len(members)) if len(members) <= _MEMBERS else _ends(np.argsort(median, kind="stable"))
+    for m, member in ((int(m), members[m]) for m in shown):
         here = np.flatnonzero(outlook.member == m)
         least = here[np.argmin(sight.weakest[here])]
         table.add_row(
             escape(member.name),
             mass_words(float(sight.weakest[least])),
             f"{outlook.bodies.position[least]:.2f}",
-            mass_words(float(np.median(sight.weakest[here]))),
+            mass_words(median[m]),
             f"{1000 * np.median(place[here]):.0f} mm",
             stretches_text(blind(outlook, sight.weakest.tolist(), m)),
         )
     return table
+
+
+def _ends(order: IndexArray) -> IndexArray:
+    """Return the first and the last of an order."""
+    return np.concatenate([order[: _MEMBERS // 2], order[-(_MEMBERS // 2) :]])
 
 
 def helper_words(sight: Sight) -> str:

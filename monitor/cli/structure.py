@@ -83,7 +83,7 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     """Draw the structure, list its modes, and say what its sensors see."""
     structure, record, target = load_structure(path), asked.record(), asked.wanted()
     try:
-        sight = look(structure, asked.n_modes, record)
+        sight = look(structure, asked.n_modes, record, target.within if target else None)
         planned = _planned(sight, target)
     except ModelError as error:
         raise StructureError(path, str(error)) from error

@@ -203,3 +203,29 @@ def test_the_likeliest_place_is_the_one_that_localization_names() -> None:
     for k in range(50):
         best = places(member, position, probability[k], probability[k])[0]
         assert best.member + best.start <= mean[k] <= best.member + best.stop
+
+
+def test_places_are_near_enough_to_be_told_apart_or_refused() -> None:
+    """A beam of 1 km: 600 places, 2400 at most."""
+    bar = steel_beam()
+    member = bar.member[0].model_copy(update={"end": (1000.0, 0.0, 0.0)})
+    sensors = tuple(s.model_copy(update={"at": (1000 * s.at[0], 0.0, 0.0)}) for s in bar.sensor)
+    long = bar.model_copy(update={"member": (member,), "sensor": sensors})
+    slow = Record(highest=100.0)
+    assert len(foresee(long, slow).member) == pytest.approx(600, abs=2)
+    assert len(foresee(long, slow, within=2.5).member) == pytest.approx(1000, abs=2)
+    with pytest.raises(ModelError, match=r"0\.05 m on 1000 m of members are too many places; expected 1 m or more"):
+        foresee(long, slow, within=0.05)
+
+
+def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
+    """A bar of square section bends alike both ways; sensors at 45 degrees see only one mode of each pair."""
+    bar = steel_beam()
+    square = bar.section["s"].model_copy(update={"second_moment": (1e-8, 1e-8)})
+    aslant = tuple(Sensor(channel=f"{x}", at=(x, 0, 0), direction=(0, 1, 1)) for x in (0.3, 0.5, 1.0))
+    round_bar = bar.model_copy(update={"section": {"s": square}})
+    record = Record(highest=2000.0)
+    frequency = foresee(round_bar.model_copy(update={"sensor": aslant}), record).frequency
+    both = foresee(round_bar, record).frequency
+    np.testing.assert_allclose(frequency, both[::2], rtol=1e-6)
+    np.testing.assert_allclose(both[::2], both[1::2], rtol=1e-6)

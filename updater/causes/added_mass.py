@@ -170,11 +170,11 @@ class AddedMass:
         return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=_vector(offset), inertia=inertia)])
 
 
-def propose_added_mass(reference: Reference, comparison: Comparison) -> AddedMass:
-    """Return a position every centimetre of every member."""
+def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float = _COARSE) -> AddedMass:
+    """Return a position every centimetre of every member, or another `spacing` [m]."""
     members = reference.calibration.structure.member
     grids = {
-        i: np.linspace(0, member.length, max(4, round(member.length / _COARSE)) + 1) for i, member in enumerate(members)
+        i: np.linspace(0, member.length, max(4, round(member.length / spacing)) + 1) for i, member in enumerate(members)
     }
     return _along(reference, comparison, grids, None)
 
