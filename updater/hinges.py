@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray
+from updater.errors import ModelError
 from updater.fe.model import Model
 from updater.fe.solver import factorise
 from updater.structure import AXES
@@ -29,10 +30,18 @@ class Hinges:
 
 
 def hinges_of(model: Model) -> Hinges:
-    """Return the hinges of all elements and rotational springs that are free to turn."""
+    """Return the hinges of all elements and rotational springs that are free to turn.
+
+    Raises
+    ------
+    ModelError
+        If there is none: the nodes of a model have no rotations.
+    """
     found = [*_of_elements(model), *_of_supports(model), *_of_joints(model)]
     rows = sparse.csr_array(np.array([row for _, _, _, row in found]))
     turning = np.flatnonzero(abs(rows).sum(1) > 0)
+    if not len(turning):
+        raise ModelError(f"{model.structure.name}: no node can turn, so that no element's bending can be read")
     return Hinges(
         name=tuple(found[i][0] for i in turning),
         position=np.array([found[i][1] for i in turning]),

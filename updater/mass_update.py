@@ -116,9 +116,8 @@ class MassUpdater:
         ratio = np.exp((event.log_frequency - base.log_frequency)[tracks])
         omega = at.modes.omega[paired]
         t = scale_by_stiffness(np.column_stack([c.t for c in changes]), omega, omega * ratio)
-        weighed = at.mass[:, None] * at.translation
-        value = update_mass(weighed, t, replaced).diagonal()
-        slope = mass_slope(weighed, t, replaced)
+        value = update_mass(at.weighed, t, replaced).diagonal()
+        slope = mass_slope(at.weighed, t, replaced)
         by_frequency = np.einsum("ijk,ki->ji", slope, t)
         stated = np.hypot(event.log_frequency_std, base.log_frequency_std)[tracks]
         columns = [by_frequency * stated]

@@ -28,7 +28,8 @@ class Particles:
     node: IndexArray  #: (n,) node of each free translation, every one once
     direction: IndexArray  #: (n,) its direction, 0..2
     translation: FloatArray  #: (n, n_modes) of the modes [1/sqrt(kg)]
-    mass: FloatArray  #: (n,) [kg]
+    weighed: FloatArray  #: (n, n_modes) M times the modes [sqrt(kg)]; mass couples nodes where a body lies between
+    mass: FloatArray  #: (n,) diagonal of M [kg]
 
     def share(self, paired: IndexArray) -> FloatArray:
         """Return the share (n,) of some modes in each entry of M^-1, eq. 14 [-]."""
@@ -64,6 +65,7 @@ def lump(reference: Reference) -> Particles:
         node=node,
         direction=direction,
         translation=modes.shape[rows],
+        weighed=(model.mass @ modes.shape)[rows],
         mass=model.mass.diagonal()[rows],
     )
 

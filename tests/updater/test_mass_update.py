@@ -8,7 +8,8 @@ from fe_helpers import unmoved
 from one_step_helpers import LOCATION_1, N_BASELINE, N_EVENT, Rig
 
 from daq import FloatArray
-from updater import MassUpdater, PairingError, mean_modes, stack_tracks
+from updater import Body, MassUpdater, ModalDataError, PairingError, mean_modes, stack_tracks
+from updater.particles import lump
 from updater.statistics import COMMON_STD
 
 
@@ -46,6 +47,32 @@ def test_modes_that_become_alike_shrink_the_clusters(rig: Rig) -> None:
     shape[1] = shape[0]
     found = MassUpdater(rig.reference).update(replace(event, shape=shape))
     assert np.abs(found.increment).max() < 0.05
+
+
+def test_body_between_nodes_couples_them(rig: Rig) -> None:
+    """Eq. 7 with a mass that is not diagonal: B^T M B = I holds for what the update takes as M B, to rounding."""
+    calibration = rig.reference.calibration
+    heavy = calibration.structure.with_bodies([Body(at=(0.0, 0.0, 0.94), mass=0.5, offset=(0.05, 0.0, 0.0))])
+    loaded = replace(calibration, structure=heavy)
+    found = lump(replace(rig.reference, calibration=loaded))
+    turning = found.model.dofs[:, 3:]
+    turning = np.unique(turning[turning >= 0])
+    gram = found.translation.T @ found.weighed + (
+        found.modes.shape.T[:, turning] @ (found.model.mass @ found.modes.shape)[turning]
+    )
+    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-9)
+    diagonal = found.mass[:, None] * found.translation
+    assert np.abs(found.weighed - diagonal).max() > 0.05 * np.abs(found.weighed).max()
+
+
+def test_shape_of_zeros_and_a_wrong_unit_are_refused(rig: Rig) -> None:
+    base = rig.reference.baseline
+    shape = base.shape.copy()
+    shape[3] = 0
+    seven = MassUpdater(rig.reference).update(replace(base, shape=shape))  # as if that mode had not been found
+    assert np.abs(seven.increment).max() < 1e-14
+    with pytest.raises(ModalDataError, match="are they in rad/s"):
+        MassUpdater(rig.reference).update(replace(base, log_frequency=base.log_frequency + np.log(2 * np.pi)))
 
 
 def test_event_without_modes_is_refused(rig: Rig) -> None:

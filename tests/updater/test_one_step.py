@@ -195,6 +195,26 @@ def test_expansion_recovers_a_shape_inside_its_cluster_exactly(frame: Frame) -> 
     np.testing.assert_allclose(found, t, atol=1e-10)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_cluster_is_the_one_that_foretells_left_out_sensors_best(frame: Frame, seed: int) -> None:
+    """Against refits with each sensor left out in turn, one cluster size after the other."""
+    at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
+    near = np.argsort(np.abs(frame.modes.omega**2 - frame.modes.omega[4] ** 2))
+    random = np.random.default_rng(seed)
+    shape = at_channels[near[:3]].T @ [1.0, 0.2, 0.1] + 0.05 * random.standard_normal(12)
+    errors = []
+    for size in range(1, 5):
+        cluster = at_channels[near[:size]].T
+        error = 0.0
+        for sensor in range(12):
+            kept = np.arange(12) != sensor
+            fit = np.linalg.lstsq(cluster[kept], shape[kept], rcond=None)[0]
+            error += float((shape[sensor] - cluster[sensor] @ fit) ** 2)
+        errors.append(error)
+    found = expand(shape, at_channels, frame.modes.omega, 4, largest=4)
+    assert np.count_nonzero(found) == 1 + int(np.argmin(errors))
+
+
 def test_orthonormalised_modes_alter_no_mass() -> None:
     random = np.random.default_rng(1)
     t = orthonormal(np.eye(M) + 0.1 * random.standard_normal((M, M)))
