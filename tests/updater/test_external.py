@@ -13,6 +13,7 @@ from updater import (
     Matrices,
     Model,
     ModelError,
+    StiffnessUpdater,
     Structure,
     StructureError,
     build_model,
@@ -24,6 +25,7 @@ from updater import (
     parse_structure,
     portable_text,
     save_matrices,
+    spread_mass,
     stack_tracks,
 )
 
@@ -97,6 +99,11 @@ def test_mass_is_located_and_diagnosed_in_matrices_as_in_a_structure(tower: Path
     assert change.mass == pytest.approx(0.304, rel=0.15)
     update = MassUpdater(reference).update(event)
     assert len(update.flagged)
+    spread = spread_mass(reference, event)
+    assert spread.mass.sum() == pytest.approx(0.304, rel=0.3)
+    twin = StiffnessUpdater(reference).update(reference.baseline)
+    assert set(twin.hinges.name) == {"column", "crossbeam"}
+    assert not len(twin.flagged)
     explained = diagnose(reference, event)
     assert explained.diagnosis.causes[0].cause == "added_mass"
 
