@@ -1,6 +1,5 @@
 """What structure.toml says: members, supports, joints, bodies and sensors."""
 
-from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -11,11 +10,11 @@ from pydantic import Field, model_validator
 from daq import FloatArray
 from updater.entry import Entry, Positive
 from updater.section import Section
+from updater.structure_checks import ON_MEMBER, check_names, check_places
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 Vector = tuple[float, float, float]
-_ON_MEMBER = 1e-4  # m
 _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
@@ -100,7 +99,7 @@ class Member(Entry):
         """Say whether a point [m] lies on the member, to 0.1 mm."""
         along = np.subtract(self.end, self.start) / self.length
         distance = float(np.clip(np.subtract(point, self.start) @ along, 0, self.length))
-        return bool(np.linalg.norm(self.point(distance) - point) < _ON_MEMBER)
+        return bool(np.linalg.norm(self.point(distance) - point) < ON_MEMBER)
 
 
 class Mesh(Entry):
@@ -191,37 +190,9 @@ class Structure(Entry):
             return content
 
     @model_validator(mode="after")
-    def _names_exist(self) -> Self:
-        for member in self.member if self.external is None else ():
-            if not member.elements:
-                raise ValueError(f"member {member.name}: elements is missing")
-            _known("member", member.name, "material", member.material, self.material)
-            _known("member", member.name, "section", member.section, self.section)
-        if self.external is not None and self.joint:
-            raise ValueError("joint: matrices from elsewhere have their joints in them")
-        names = [member.name for member in self.member]
-        for joint in self.joint:
-            _known("joint at", str(list(joint.at)), "member", joint.member, names)
-        twice = [spans for spans in Counter(frozenset((m.start, m.end)) for m in self.member).items() if spans[1] > 1]
-        if twice:
-            raise ValueError(f"two members lie between {' and '.join(str(list(p)) for p in sorted(twice[0][0]))}")
-        joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in self.joint]
-        for known in (names, self.channels, joints):
-            repeated = [name for name, times in Counter(known).items() if times > 1]
-            if repeated:
-                raise ValueError(f"the name {repeated[0]!r} is given twice")
-        return self
-
-    @model_validator(mode="after")
-    def _lie_on_members(self) -> Self:
-        places = [(f"sensor {sensor.channel}", sensor.at) for sensor in self.sensor]
-        places += [("support", support.at) for support in self.support] + [("body", body.at) for body in self.body]
-        for what, at in places if self.external is None else ():  # else the matrices' nodes decide
-            if not any(member.passes(at) for member in self.member):
-                raise ValueError(f"{what}: {list(at)} lies on no member")
-        for joint in self.joint:
-            if not self.member_named(joint.member).passes(joint.at):
-                raise ValueError(f"joint of {joint.member}: {list(joint.at)} does not lie on it")
+    def _fits_together(self) -> Self:
+        check_names(self)
+        check_places(self)
         return self
 
     def beside(self, folder: Path) -> "Structure":
@@ -258,8 +229,3 @@ def _cut(member: dict[str, Any], element_length: float) -> dict[str, Any]:
         return member
     length = float(np.linalg.norm(np.subtract(member["to"], member["from"])))
     return member | {"elements": _count(length, element_length)}
-
-
-def _known(kind: str, name: str, field: str, value: str, known: Iterable[str]) -> None:
-    if value not in known:
-        raise ValueError(f"{kind} {name}: {field} {value!r} is not defined; there are {sorted(known)}")

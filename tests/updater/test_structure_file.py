@@ -56,6 +56,11 @@ ROOT = Path(__file__).parents[2]
             '[[joint]]\nmember = "beam"\nat = [0.0, 0.0, 1.48]\nstiffness = {rx = 1.0}\n\n[[support]]',
             "member 'beam' is not defined; there are ['column', 'crossbeam']",
         ),
+        (
+            "[[support]]",
+            '[[joint]]\nmember = "crossbeam"\nat = [0.2, 0.0, 1.48]\nstiffness = {rx = 1.0}\n\n[[support]]',
+            "joint of crossbeam: no other member and no support is at [0.2, 0.0, 1.48]",
+        ),
         ("elements = 37\n", "", "member column: elements is missing"),
         ("elements = 37", "elements = 0", "member.0.elements of column: Input should be greater"),
         (

@@ -32,6 +32,8 @@ class FreeMotion:
     def told(self, at: Callable[[int], str]) -> list[str]:
         """Return sentences; `at` names a node."""
         said = [f"all of it is free {', '.join(self.whole)}"] if self.whole else []
+        if len(self.whole) == len(_WAYS):
+            said.append("what hangs free needs the soft springs that it hangs on, as a support's stiffness")
         if self.node is not None:
             said.append(f"free to {'turn' if self.turns_only else 'move'} by itself: {at(self.node)}")
         return said
