@@ -1,6 +1,6 @@
 """How often the one-step update flags what did not change, and what it flags of masses that were added.
 
-Eight windows teach the reference, four make an event, as in a demo; noise by the uncertainty law. Prints the two tables
+Eight windows teach the reference, four make an event, as in a demo; noise by the uncertainty law. Prints the tables
 of docs/updater.md.
 
 Usage: PYTHONPATH=tests python benchmarks/flags.py [BASELINES], or make flags
@@ -16,13 +16,16 @@ from one_step_helpers import N_BASELINE, N_EVENT, Rig
 from scipy.stats import beta
 
 from oma import ModalEstimate
-from updater import Body, MassUpdater, Reference, stack_tracks
+from updater import Body, MassUpdater, Reference, StiffnessUpdater, stack_tracks
 from updater.statistics import COMMON_STD, ModalMean
 
 EVENTS = 8  # a baseline
 RIGS = (3, 4, 5, 6)  # seeds of true frames
 PLACE = (0.25, 0.0, 1.48)
 GRAMS = (10, 20, 30, 40, 76, 152, 304)
+
+
+Method = type[MassUpdater] | type[StiffnessUpdater]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +72,13 @@ def event_of(learnt: Reference, windows: list[ModalEstimate], common: float, ran
     return replace(mean, log_frequency=mean.log_frequency + common * random.standard_normal())
 
 
-def false_flags(rigs: list[Rig], case: Undisturbed, baselines: int) -> str:
+def false_flags(rigs: list[Rig], case: Undisturbed, baselines: int, method: Method = MassUpdater) -> str:
     """Return the table's line of one case."""
     flagged = 0
     for i in range(baselines):
         learnt, events = undisturbed(rigs[i % len(rigs)], case, 1000 + i)
-        updater = MassUpdater(learnt)
-        flagged += sum(bool(updater.update(event).flagged) for event in events)
+        updater = method(learnt)
+        flagged += sum(bool(len(updater.update(event).flagged)) for event in events)
     n = baselines * EVENTS
     low = beta.ppf(0.025, flagged, n - flagged + 1) if flagged else 0.0  # Clopper-Pearson
     high = beta.ppf(0.975, flagged + 1, n - flagged)
@@ -100,12 +103,15 @@ def detection(rigs: list[Rig], grams: int, baselines: int) -> str:
 
 
 def main() -> int:
-    """Print both tables."""
+    """Print the tables."""
     baselines = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     rigs = [Rig(seed) for seed in RIGS]
     print("| nothing changed, but | events flagged | | 95 % interval |\n| --- | ---: | ---: | ---: |")
     for case in CASES:
         print(false_flags(rigs, case, baselines), flush=True)
+    print("\n| stiffness twin: nothing changed, but | events flagged | | 95 % interval |\n| --- | ---: | ---: | ---: |")
+    for case in CASES:
+        print(false_flags(rigs, case, baselines // 2, StiffnessUpdater), flush=True)
     print("\n| added at (0.25, 0, 1.48) | flagged | flags, median | strongest flag off by, median |")
     print("| ---: | ---: | ---: | ---: |")
     for grams in GRAMS:

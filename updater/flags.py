@@ -20,6 +20,7 @@ _PRIOR_WINDOWS = 8  # that the mean over all places counts for at each
 _DRAWS = 4000
 _CHUNK = 500
 _SEED = 1  # a log replayed gives the same limit
+_MOST_PLACES = 2000  # that are simulated; of more every n-th, between which increments are smooth
 _NEGLIGIBLE = 1e-6  # of the largest singular value of the increments' correlation
 
 
@@ -40,6 +41,8 @@ def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> f
     common : (n,) what one of a common change of all frequencies does, which windows teach nothing of
     degrees_of_freedom : of the variances learnt from windows: one fewer than there are; 0 if none were
     """
+    every = -(-len(noise) // _MOST_PLACES)
+    noise, common = noise[::every], common[::every]
     scale = np.linalg.norm(noise, axis=1)
     left, value, _ = np.linalg.svd(noise / scale[:, None], full_matrices=False)
     root = (left * value)[:, value > _NEGLIGIBLE * value[0]]

@@ -40,6 +40,15 @@ def test_increments_that_move_together_count_as_one() -> None:
     assert z_limit(np.ones((50, 1)), np.zeros(50), 0) == pytest.approx(limit, abs=4 * quantile_std(2 * norm.pdf(limit)))
 
 
+def test_many_places_are_thinned() -> None:
+    """100,000 smooth places: as 1,000 of them, but for what the simulated percentile scatters by, in seconds."""
+    along = np.linspace(0, 1, 100_000)[:, None]
+    noise = np.hstack([np.cos(np.pi * k * along) for k in range(6)])
+    few = noise[:: len(noise) // 1000]
+    tolerance = 4 * quantile_std(2 * 6 * norm.pdf(norm.isf(0.01 / 12)))
+    assert z_limit(noise, np.zeros(len(noise)), 7) == pytest.approx(z_limit(few, np.zeros(len(few)), 7), abs=tolerance)
+
+
 def test_limit_is_the_same_every_time() -> None:
     noise = np.random.default_rng(1).standard_normal((20, 6))
     assert z_limit(noise, np.ones(20), 7) == z_limit(noise, np.ones(20), 7)
