@@ -162,12 +162,12 @@ def _shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray
     base : (n, n_channels) unit shapes
     foreign : (n, n_modes, n_channels) of other modes, by what the reference gets wrong
     """
-    error = _beside(foreign, base[:, None])
+    error = beside(foreign, base[:, None])
     covariance = variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def _beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
+def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
     """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
@@ -182,5 +182,5 @@ def residual(comparison: Comparison, log_ratio: FloatArray, shape: FloatArray, w
     shape : (n_alternatives, n, n_channels) predicted, of any norm and sign
     """
     frequency = (comparison.log_ratio - log_ratio) @ whitener.matrix.T
-    beside = np.einsum("icd,pid->pic", comparison.shape_whitener, _beside(comparison.shape, shape))
-    return np.concatenate([frequency, beside.reshape(len(shape), -1)], axis=1)
+    off = np.einsum("icd,pid->pic", comparison.shape_whitener, beside(comparison.shape, shape))
+    return np.concatenate([frequency, off.reshape(len(shape), -1)], axis=1)

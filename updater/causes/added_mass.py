@@ -18,6 +18,7 @@ from updater.fe.element import local_axes
 from updater.posterior import Place, credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
+from updater.screening import most_likely
 from updater.structure import Body, Member, Structure
 from updater.verdict import Quantity, Vector, Where
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body only as a share of it
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
+_MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
+_KEPT = 300  # of those
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _MOST_FINE = 120  # fine positions on one member
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
@@ -49,6 +52,7 @@ class AddedMass:
     rotation: FloatArray  #: (n, 3, n_modes) [rad/m]
     by_offset: FloatArray  #: (2, n, 3, n_modes) more of it a metre of offset along the two cross axes
     start: FloatArray  #: (n, 4) where the fit begins
+    gap: float  #: between positions where they are not finer [m]
     name: str = "added_mass"
     cannot_be_told_from: tuple[str, ...] = ()
     drifting: bool = True
@@ -71,14 +75,15 @@ class AddedMass:
 
     @property
     def weight(self) -> FloatArray:
-        """Length that each position stands for (n,) [m]."""
+        """Length that each position stands for (n,) [m]; between far ones there are others, which are unlikely."""
         members = np.unique(self.member)
-        return np.concatenate([np.gradient(self.position[self.member == m]) for m in members])
+        return np.concatenate([_lengths(self.position[self.member == m], self.gap) for m in members])
 
     @property
     def log_prior(self) -> FloatArray:
         """Every metre of the structure alike."""
-        return np.asarray(np.log(self.weight / self.weight.sum()))
+        length = sum(member.length for member in self.reference.calibration.structure.member)
+        return np.asarray(np.log(self.weight / max(self.weight.sum(), length)))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes m (Phi^T Phi + r^2 Theta^T Theta)."""
@@ -106,14 +111,23 @@ class AddedMass:
         """Return the positions and, where one comes near the best, many more between."""
         near = log_density > log_density.max() - _NEAR
         grids, starts = {}, []
-        for m in range(len(self.reference.calibration.structure.member)):
+        for m in np.unique(self.member).tolist():
             here = self.member == m
-            grids[m] = _closer(self.position[here], near[here])
+            grids[m] = _closer(self.position[here], near[here], self.gap, self._member_of(m).length)
             starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
-        return _along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T)
+        return _along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T, self.gap)
+
+    def only(self, rows: IndexArray) -> "AddedMass":
+        """Return some of the positions."""
+        fields = ("member", "position", "translation", "rotation", "start")
+        chosen = {name: getattr(self, name)[rows] for name in fields}
+        return replace(self, by_offset=self.by_offset[:, rows], **chosen)
 
     def _member(self, row: int) -> Member:
-        return self.reference.calibration.structure.member[int(self.member[row])]
+        return self._member_of(int(self.member[row]))
+
+    def _member_of(self, number: int) -> Member:
+        return self.reference.calibration.structure.member[number]
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return mean of the most probable place, and the region."""
@@ -171,36 +185,53 @@ class AddedMass:
 
 
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float = _COARSE) -> AddedMass:
-    """Return a position every centimetre of every member, or another `spacing` [m]."""
+    """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes."""
     members = reference.calibration.structure.member
     grids = {
         i: np.linspace(0, member.length, max(4, round(member.length / spacing)) + 1) for i, member in enumerate(members)
     }
-    return _along(reference, comparison, grids, None)
+    many = sum(len(grid) for grid in grids.values()) > _MOST
+    if many:
+        grids = _of_nodes(reference)
+    everywhere = _along(reference, comparison, grids, None, max(float(np.diff(grid).max()) for grid in grids.values()))
+    if not many:
+        return everywhere
+    return everywhere.only(most_likely(comparison, everywhere.translation, everywhere.prior_std[0], _KEPT))
+
+
+def _of_nodes(reference: Reference) -> dict[int, FloatArray]:
+    """Return the distances of the model's nodes from the starts of the members."""
+    model, members = reference.calibration.model, reference.calibration.structure.member
+    ends = np.array(model.spans)
+    owner = {member.name: i for i, member in enumerate(members)}
+    of_span = np.array([owner[name] for name in model.member_names])
+    node, member = ends.ravel(), np.repeat(of_span, 2)
+    start = np.array([m.start for m in members])[member]
+    distance = np.round(np.linalg.norm(model.nodes[node] - start, axis=1), 6)
+    order = np.lexsort((distance, member))
+    first = np.searchsorted(member[order], np.arange(len(members) + 1))
+    return {i: np.unique(distance[order][first[i] : first[i + 1]]) for i in range(len(members))}
 
 
 def _along(
-    reference: Reference, comparison: Comparison, grids: dict[int, FloatArray], start: FloatArray | None
+    reference: Reference, comparison: Comparison, grids: dict[int, FloatArray], start: FloatArray | None, gap: float
 ) -> AddedMass:
     structure, model = reference.calibration.structure, reference.calibration.model
-    modes, rotations, turned = [], [], []
-    for index, grid in grids.items():
-        member = structure.member[index]
-        here = (model.reader(member.point(grid)) @ reference.shape).reshape(len(grid), 6, -1)
-        cross_axes = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
-        modes.append(here[:, :3])
-        rotations.append(here[:, 3:])
-        turned.append(np.array([np.cross(here[:, 3:], axis, axisa=1, axisc=1) for axis in cross_axes]))
-    translation = np.concatenate(modes)
+    points = np.concatenate([structure.member[i].point(grid) for i, grid in grids.items()])
+    here = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)
+    axes = [local_axes(np.subtract(m.end, m.start), m.local_y) for m in (structure.member[i] for i in grids)]
+    across = np.repeat(np.array(axes), [len(grid) for grid in grids.values()], axis=0)
+    translation, rotation = here[:, :3], here[:, 3:]
     return AddedMass(
         reference=reference,
         comparison=comparison,
         member=np.concatenate([np.full(len(grid), m, np.intp) for m, grid in grids.items()]),
         position=np.concatenate(list(grids.values())),
         translation=translation,
-        rotation=np.concatenate(rotations),
-        by_offset=np.concatenate(turned, axis=1),
+        rotation=rotation,
+        by_offset=np.array([np.cross(rotation, across[:, k, :, None], axis=1) for k in (1, 2)]),
         start=_first_order(reference, comparison, translation) if start is None else start,
+        gap=gap,
     )
 
 
@@ -215,12 +246,16 @@ def _first_order(reference: Reference, comparison: Comparison, translation: Floa
     return np.column_stack([mass, np.zeros((len(mass), 3))])
 
 
-def _closer(position: FloatArray, near: FloatArray) -> FloatArray:
+def _lengths(position: FloatArray, gap: float) -> FloatArray:
+    return np.minimum(np.gradient(position), gap) if len(position) > 1 else np.array([gap])
+
+
+def _closer(position: FloatArray, near: FloatArray, gap: float, length: float) -> FloatArray:
     if not near.any():
         return position
-    spacing = max(FINE, 2 * _COARSE * near.sum() / _MOST_FINE)
-    steps = np.arange(-_COARSE, _COARSE + spacing / 2, spacing)
-    fine = np.clip((position[near][:, None] + steps).ravel(), 0, position[-1])
+    spacing = max(FINE, 2 * gap * near.sum() / _MOST_FINE)
+    steps = np.arange(-gap, gap + spacing / 2, spacing)
+    fine = np.clip((position[near][:, None] + steps).ravel(), 0, length)
     return np.unique(np.round(np.concatenate([position, fine]), 6))
 
 

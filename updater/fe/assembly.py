@@ -26,9 +26,12 @@ class _Matrix:
         self._values: list[FloatArray] = []
 
     def add(self, dofs: IntArray, blocks: FloatArray) -> None:
-        """Add blocks (n, k, k) at rows and columns (n, k); what is held (-1) is left out."""
+        """Add blocks (n, k, k) at rows and columns (n, k); what is held (-1) is left out.
+
+        Zeros are kept: rows of a node that have one pattern are ordered as one by the solver, which fills less.
+        """
         row, column = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        keep = (row >= 0) & (column >= 0) & (blocks != 0)
+        keep = (row >= 0) & (column >= 0)
         self._rows.append(row[keep])
         self._columns.append(column[keep])
         self._values.append(blocks[keep])

@@ -13,14 +13,15 @@ from zipfile import BadZipFile
 import numpy as np
 from scipy import sparse
 from scipy.io import mmread, mmwrite
+from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray, IntArray
 from updater.errors import StructureError
-from updater.fe.solver import is_definite
 from updater.structure import AXES
 
 _SYMMETRIC = 1e-8  # of the largest entry: what digits cut off in a text file may leave
-_TINY = 1e-12  # of a mass's diagonal: makes a semidefinite one definite
+_ROUNDING = 1e-8  # of a DOF's own mass: what digits cut off leave of an eigenvalue that is zero
+_DENSE = 300  # DOFs up to which all eigenvalues are solved for
 _COLUMNS = ("node", "x", "y", "z", "axis")
 
 
@@ -158,9 +159,18 @@ def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> 
         heavy = np.flatnonzero(diagonal > 0)
         if not len(heavy):
             raise StructureError(path, "mass: there is none")
-        rounded = matrix[heavy][:, heavy] + sparse.diags_array(_TINY * diagonal[heavy])
-        if not is_definite(sparse.csc_array(rounded)):
+        root = sparse.diags_array(diagonal[heavy] ** -0.5)
+        if _least(sparse.csc_array(root @ matrix[heavy][:, heavy] @ root)) < -_ROUNDING:
             raise StructureError(path, "mass: indefinite: some motion has a negative kinetic energy")
+
+
+def _least(matrix: sparse.csc_array) -> float:
+    """Return the least eigenvalue of a matrix with a diagonal of ones: a mass's are of order one or zero."""
+    n = matrix.shape[0]
+    if n <= _DENSE:
+        return float(np.linalg.eigvalsh(matrix.toarray())[0])
+    start = np.random.default_rng(0).standard_normal(n)
+    return float(eigsh(matrix, 1, which="SA", v0=start, tol=1e-2, return_eigenvectors=False)[0])
 
 
 def _named(found: Matrices, row: int) -> str:

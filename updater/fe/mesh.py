@@ -63,15 +63,12 @@ class Mesh:
         even = np.linspace(0, member.length, member.elements + 1)
         axis = np.subtract(member.end, member.start) / member.length
         near = self._tree.query_ball_point(member.point(member.length / 2), member.length / 2 + 2 * _MISS)
-        for point in self._marks[sorted(near)]:
-            s = float(np.dot(point - member.start, axis))
-            off = np.linalg.norm(point - member.point(s))
-            _refuse_miss(member, point, s)
-            if (
-                off < COINCIDENT
-                and -COINCIDENT < s < member.length + COINCIDENT
-                and np.abs(even - s).min() > COINCIDENT
-            ):
+        marks = self._marks[sorted(near)]
+        along = (marks - member.start) @ axis
+        off = np.linalg.norm(marks - member.point(np.clip(along, 0, member.length)), axis=1)
+        _refuse_miss(member, marks, off)
+        for s in along[off < COINCIDENT]:
+            if np.abs(even - s).min() > COINCIDENT:
                 even = np.sort(np.append(even, s))
         return member.point(even)
 
@@ -115,12 +112,13 @@ class Mesh:
         return dofs
 
 
-def _refuse_miss(member: Member, point: FloatArray, along: float) -> None:
-    """Check that a point is on a member or well off it: what misses by a hair is not joined, and meant to be."""
-    gap = float(np.linalg.norm(point - member.point(np.clip(along, 0, member.length))))
-    if COINCIDENT <= gap < min(_MISS, _SHORT * member.length):
+def _refuse_miss(member: Member, points: FloatArray, off: FloatArray) -> None:
+    """Check that points (n, 3) are on a member or well off it: what misses by a hair is not joined, and meant to be."""
+    missed = np.flatnonzero((off >= COINCIDENT) & (off < min(_MISS, _SHORT * member.length)))
+    if len(missed):
         raise ModelError(
-            f"member {member.name}: an end, support or joint at {point.tolist()} misses it by {1e3 * gap:.2g} mm"
+            f"member {member.name}: an end, support or joint at {points[missed[0]].tolist()} misses it by "
+            f"{1e3 * off[missed[0]]:.2g} mm"
         )
 
 

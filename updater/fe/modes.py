@@ -1,7 +1,6 @@
-"""The lowest modes of a sparse model, with a mass that may be semidefinite; what can move freely is told apart.
+"""The lowest modes of a sparse model, with a mass that may be semidefinite.
 
-K b = omega^2 M b is solved about a shift below zero where something moves freely, about zero otherwise: by Lanczos on
-(K + s M)^-1 M (Ericsson & Ruhe, Math. Comp. 35 (1980) 1251-1268), or by all of M b = mu (K + s M) b if it is small.
+K b = omega^2 M b is solved by Lanczos on K^-1 M, or as all of M b = omega^-2 K b if it is small.
 """
 
 from dataclasses import dataclass
@@ -9,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from scipy import sparse
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from daq import FloatArray
 from updater.errors import MechanismError, ModelError
+from updater.fe.lanczos import block_lanczos
 from updater.fe.solver import factorise
 
 _FREE = 1e-14  # relative strain energy that is rounding: a bending mode's is about (element / member length)^4
@@ -33,7 +32,9 @@ class Modes:
         return 2 * np.pi * self.frequency
 
 
-def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, name: str) -> Modes:
+def lowest_modes(
+    stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, name: str, *, pardiso: bool | None = None
+) -> Modes:
     """Return the lowest `n` modes of a structure that is held; a semidefinite mass matrix is fine.
 
     Parameters
@@ -41,6 +42,7 @@ def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, na
     stiffness, mass : (n_dofs, n_dofs)
     n : number of modes
     name : of the structure, for what is raised
+    pardiso : as for `factorise`
 
     Raises
     ------
@@ -51,9 +53,7 @@ def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, na
     """
     few = stiffness.shape[0] <= max(6 * n, _DENSE)
     try:
-        value, shape = _all(stiffness, mass) if few else _lanczos(stiffness, mass, n)
-    except ArpackNoConvergence as error:
-        raise ModelError(f"{name}: only {len(error.eigenvalues)} of {n} modes converged") from error
+        value, shape = _all(stiffness, mass) if few else block_lanczos(factorise(stiffness, pardiso=pardiso), mass, n)
     except ModelError as error:
         raise type(error)(f"{name}: {error}") from error
     if value[0] <= 0 or strain(stiffness, shape[:, 0]) <= _FREE:
@@ -66,16 +66,6 @@ def lowest_modes(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int, na
 def strain(stiffness: sparse.csc_array, shape: FloatArray) -> float:
     """Return a shape's strain energy over what it would be if every DOF moved alone [-]."""
     return float(shape @ (stiffness @ shape) / (stiffness.diagonal() @ shape**2))
-
-
-def _lanczos(stiffness: sparse.csc_array, mass: sparse.csc_array, n: int) -> tuple[FloatArray, FloatArray]:
-    """Return omega^2 (n,), ascending, and shapes by shift-invert Lanczos about zero."""
-    inverse = LinearOperator(stiffness.shape, matvec=factorise(stiffness), dtype=float)
-    # a start without symmetry: from one that has it, modes that have it not would come by rounding only
-    start = np.random.default_rng(0).standard_normal(stiffness.shape[0])
-    value, vector = eigsh(stiffness, n, mass, sigma=0.0, OPinv=inverse, v0=start)
-    order = np.argsort(value)
-    return value[order], vector[:, order]
 
 
 def _all(stiffness: sparse.csc_array, mass: sparse.csc_array) -> tuple[FloatArray, FloatArray]:

@@ -41,15 +41,6 @@ def factorise(matrix: sparse.csc_array, *, pardiso: bool | None = None) -> Solve
     return _pardiso(matrix) if pardiso else _superlu(matrix)
 
 
-def is_definite(matrix: sparse.csc_array) -> bool:
-    """Tell whether a symmetric matrix (n, n) is positive definite."""
-    try:
-        factorise(matrix)
-    except ModelError:
-        return False
-    return True
-
-
 def _superlu(matrix: sparse.csc_array) -> Solve:
     try:
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
@@ -63,7 +54,8 @@ def _superlu(matrix: sparse.csc_array) -> Solve:
 
 
 def _pardiso(matrix: sparse.csc_array) -> Solve:
-    from pypardiso import PyPardisoError, PyPardisoSolver  # an extra
+    from pypardiso import PyPardisoSolver  # an extra
+    from pypardiso.pardiso_wrapper import PyPardisoError
 
     upper = sparse.csr_matrix(sparse.triu(matrix))
     upper.sort_indices()

@@ -1,0 +1,171 @@
+"""What size costs: assembly, modes, eq. 7, increments and localization, from the T-frame to 1e5 degrees of freedom.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/scale.py [--largest N] [--no-dense]
+
+The large structures are lattices of the T-frame's tube, 1.0 x 1.1 x 0.9 m a cell, clamped at the bottom: every node
+meets six elements, which fills a factor more than any building's frame does. CPU seconds of one thread. PyPardiso is
+used where it is installed (`pip install 'modalwatch[cholesky]'`), SuperLU beside it; SuperLU alone otherwise.
+"""
+
+import argparse
+import itertools
+import resource
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from daq import FloatArray
+from updater import (
+    Matrices,
+    Model,
+    Structure,
+    build_model,
+    parse_structure,
+    save_matrices,
+    t_structure_toml,
+)
+from updater.fe.modes import Modes, lowest_modes
+from updater.one_step import normalised_increments, update_mass
+
+CELL = np.array([1.0, 1.1, 0.9])  # m: no two directions alike, so that no two modes are
+N_MODES = 20
+MEASURED = 12
+SENSORS = 32
+MASS = 0.005  # of the structure's
+T = TypeVar("T")
+
+
+def timed(work: Callable[[], T], repeat: int = 1) -> tuple[float, T]:
+    """Return CPU seconds, the least of some runs, and the result."""
+    best = np.inf
+    for _ in range(repeat):
+        start = time.process_time()
+        result = work()
+        best = min(best, time.process_time() - start)
+    return best, result
+
+
+def lattice(cells: tuple[int, int, int]) -> Structure:
+    """Return a lattice of straight members, each one element a cell long."""
+    corners = [np.arange(n + 1) * step for n, step in zip(cells, CELL, strict=True)]
+    members: list[dict[str, Any]] = []
+    plain = parse_structure(t_structure_toml())
+    material, section = next(iter(plain.material)), next(iter(plain.section))
+    for axis in range(3):
+        others = [a for a in range(3) if a != axis]
+        for at in itertools.product(*(corners[a] for a in others)):
+            start, end = np.zeros(3), np.zeros(3)
+            start[others] = end[others] = at
+            end[axis] = corners[axis][-1]
+            name = "xyz"[axis] + "_".join(f"{v:.1f}" for v in at)
+            if axis == 2 or start[2] > 0:  # nothing lies on the ground
+                members.append({"name": name, "from": start.tolist(), "to": end.tolist(), "elements": cells[axis]})
+    kind = {"material": material, "section": section}
+    feet = [{"at": m["from"], "fixed": ["x", "y", "z", "rx", "ry", "rz"]} for m in members if m["name"][0] == "z"]
+    return Structure.model_validate(
+        {"name": "lattice", "material": plain.material, "section": plain.section, "support": feet}
+        | {"member": [m | kind for m in members]}
+    )
+
+
+def cells_for(n_dofs: int) -> tuple[int, int, int]:
+    """Return the lattice of nearly equal cells that has about so many DOFs."""
+    side = (n_dofs / 6) ** (1 / 3)
+    return round(side) - 1, round(side) - 1, round(n_dofs / 6 / round(side) ** 2)
+
+
+def modes_row(n_dofs: int, solvers: list[bool]) -> None:
+    """Print what assembly and the modes cost."""
+    structure = lattice(cells_for(n_dofs))
+    assembly, model = timed(lambda: build_model(structure, shear_flexible=True, mass="consistent"))
+    costs, found = [], []
+    for pardiso in solvers:
+        solve = partial(lowest_modes, model.stiffness, model.mass, N_MODES, "lattice", pardiso=pardiso)
+        cost, modes = timed(solve)
+        costs.append(f"{cost:.1f}")
+        found.append(modes)
+    worst = max(residual(model, modes) for modes in found)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(f"| {model.n_dofs:,} | {assembly:.2f} | {' | '.join(costs)} | {worst:.0e} | {memory:.1f} |", flush=True)
+
+
+def residual(model: Model, modes: Modes) -> float:
+    """Return the largest |K b - omega^2 M b| over |K| |b|."""
+    b = modes.shape
+    left = model.stiffness @ b
+    off = np.linalg.norm(left - modes.omega**2 * (model.mass @ b), axis=0)
+    return float((off / np.linalg.norm(left, axis=0)).max())
+
+
+def one_step_row(n: int, *, dense: bool) -> None:
+    """Print what eq. 7 and the increments cost by their formula and as low-rank operators."""
+    random = np.random.default_rng(1)
+    mass = random.uniform(0.05, 0.2, n)
+    modes = np.linalg.qr(random.standard_normal((n, 30)))[0] / np.sqrt(mass)[:, None]
+    t = np.eye(30)[:, :8] + 0.02 * random.standard_normal((30, 8))
+    replaced = np.eye(30)[:, :8]
+
+    def low_rank() -> FloatArray:
+        increment = update_mass(mass[:, None] * modes, t, replaced).diagonal()
+        return normalised_increments(increment, 1 / mass, (modes[:, :8] ** 2).sum(1))
+
+    def by_formula() -> FloatArray:
+        a = modes @ t
+        updated = np.linalg.inv(np.diag(1 / mass) - modes[:, :8] @ modes[:, :8].T + a @ a.T)
+        return normalised_increments(np.diag(updated) - mass, 1 / mass, (modes[:, :8] ** 2).sum(1))
+
+    quick, found = timed(low_rank, 5)
+    if not dense:
+        print(f"| {n:,} | | {1e3 * quick:.2f} | | |", flush=True)
+        return
+    slow, expected = timed(by_formula)
+    off = np.nanmax(np.abs(found - expected)) / np.nanmax(np.abs(expected))
+    print(f"| {n:,} | {slow:.1f} | {1e3 * quick:.2f} | {slow / quick:,.0f} | {off:.0e} |", flush=True)
+
+
+def external(structure: Structure, folder: Path) -> Structure:
+    """Return a structure as matrices that another program would have written, with sensors at random nodes."""
+    model = build_model(structure, shear_flexible=True, mass="consistent")
+    free = (model.dofs >= 0).any(1)
+    matrices = Matrices(stiffness=model.stiffness, mass=model.mass, nodes=model.nodes[free], dofs=model.dofs[free])
+    save_matrices(folder / "lattice.npz", matrices)
+    random = np.random.default_rng(2)
+    at = matrices.nodes[random.choice(len(matrices.nodes), SENSORS, replace=False)]
+    sensors = [{"channel": f"c{i}", "at": p.tolist(), "direction": np.eye(3)[i % 3].tolist()} for i, p in enumerate(at)]
+    lines = [m.model_dump(by_alias=True, include={"name", "start", "end"}) for m in structure.member]
+    feet = [s.model_dump() for s in structure.support]
+    found = Structure.model_validate(
+        {"name": "lattice", "external": {"matrices": "lattice.npz"}, "member": lines, "support": feet}
+        | {"sensor": sensors}
+    )
+    return found.beside(folder)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--largest", type=int, default=100_000, help="degrees of freedom")
+    parser.add_argument("--no-dense", action="store_true", help="leave out the dense formula")
+    options = parser.parse_args()
+    installed = find_spec("pypardiso") is not None
+    solvers = [False, True] if installed else [False]
+    print(
+        "| DOFs | assembly [s] | "
+        + ("SuperLU [s] | PyPardiso [s]" if installed else "SuperLU [s]")
+        + " | residual | GB |"
+    )
+    for n in (3_000, 10_000, 30_000, 100_000):
+        if n <= options.largest:
+            modes_row(n, solvers)
+    print("| N | dense [s] | low rank [ms] | ratio | apart |")
+    for n in (1_000, 4_000, 100_000, 1_000_000):
+        one_step_row(n, dense=n <= 4_000 and not options.no_dense)
+
+
+if __name__ == "__main__":
+    main()
