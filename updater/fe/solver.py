@@ -4,6 +4,7 @@ Both keep to the symmetry: SuperLU orders A + A^T by minimum degree and takes it
 makes a Cholesky factor of an ordering by nested dissection, which fills less the larger a lattice is.
 """
 
+import weakref
 from collections.abc import Callable
 from importlib.util import find_spec
 
@@ -47,7 +48,8 @@ def _superlu(matrix: sparse.csc_array) -> Solve:
     except RuntimeError as error:
         raise MechanismError(_SINGULAR) from error
     # pivots from the diagonal have the signs of the eigenvalues (Sylvester), to rounding those of a mechanism
-    pivot = factor.U.diagonal() / matrix.diagonal()[np.argsort(factor.perm_c)]
+    own = np.abs(matrix.diagonal()[np.argsort(factor.perm_c)])
+    pivot = factor.U.diagonal() / np.maximum(own, np.finfo(float).tiny)
     if (pivot <= 0).any():
         raise ModelError(_INDEFINITE) if pivot.min() < -_ROUNDING else MechanismError(_SINGULAR)
     return factor.solve
@@ -68,4 +70,5 @@ def _pardiso(matrix: sparse.csc_array) -> Solve:
     def solve(right: FloatArray) -> FloatArray:
         return np.asarray(solver.solve(upper, right), float)
 
+    weakref.finalize(solve, solver.free_memory, everything=True)  # MKL's memory, of which Python knows nothing
     return solve
