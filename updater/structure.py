@@ -29,8 +29,10 @@ class Material(Entry):
     @classmethod
     def _of_poisson_ratio(cls, content: object) -> object:
         """Put E / (2 (1 + nu)) in the place of nu."""
-        if not isinstance(content, dict) or "poisson_ratio" not in content or "shear_modulus" in content:
+        if not isinstance(content, dict) or "poisson_ratio" not in content:
             return content
+        if "shear_modulus" in content:
+            raise ValueError("expected shear_modulus or poisson_ratio, found both")
         ratio, modulus = content["poisson_ratio"], content.get("youngs_modulus")
         if not isinstance(ratio, int | float) or not -1 < ratio <= 0.5:
             raise ValueError(f"poisson_ratio: expected more than -1 and up to 0.5, found {ratio!r}")

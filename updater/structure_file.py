@@ -6,11 +6,25 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from updater.errors import StructureError
-from updater.structure import Structure
+from updater.section import Section
+from updater.structure import Body, External, Joint, Material, Member, Mesh, Sensor, Structure, Support
 from updater.structure_rewrite import rewrite
+
+_ENTRIES: dict[str, type[BaseModel]] = {
+    "external": External,
+    "material": Material,
+    "section": Section,
+    "mesh": Mesh,
+    "member": Member,
+    "support": Support,
+    "joint": Joint,
+    "body": Body,
+    "sensor": Sensor,
+}
+_STAND_FOR_OTHERS = {"external": ["matrices"], "material": ["poisson_ratio"], "section": ["shape"]}
 
 
 def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure:
@@ -31,11 +45,25 @@ def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure
 
 
 def _wrong(error: ValidationError, content: dict[str, Any]) -> str:
-    """Say in one line which entry is wrong and how."""
-    first = error.errors()[0]
-    place, message = _place(first["loc"], content), first["msg"].removeprefix("Value error, ")
-    found = "" if isinstance(first["input"], dict) else f", found {first['input']!r:.80}"
-    return f"{place}: {message}{found}"
+    """Say in one line which entry is wrong and how; a key that is not known may explain the rest, and comes first."""
+    found = error.errors()
+    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+    place = _place(first["loc"], content)
+    if first["type"] == "extra_forbidden":
+        return f"{place}: not a known key; known here are {', '.join(_known_keys(first['loc']))}"
+    message = first["msg"].removeprefix("Value error, ")
+    return (
+        f"{place}: {message}"
+        if isinstance(first["input"], dict)
+        else f"{place}: {message}, found {first['input']!r:.80}"
+    )
+
+
+def _known_keys(location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys that may stand beside the one at a location."""
+    kind = str(location[0]) if len(location) > 1 else ""
+    fields = _ENTRIES.get(kind, Structure).model_fields.items()
+    return sorted([field.alias or name for name, field in fields] + _STAND_FOR_OTHERS.get(kind, []))
 
 
 def _place(location: tuple[int | str, ...], content: dict[str, Any]) -> str:

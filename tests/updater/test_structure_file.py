@@ -71,8 +71,19 @@ ROOT = Path(__file__).parents[2]
         (
             "shear_modulus = 80.8e9",
             "shear_modulus = 80.8e9\npoisson_ratio = 0.3",
-            "material.steel.poisson_ratio: Extra",
+            "material.steel: expected shear_modulus or poisson_ratio, found both",
         ),
+        (
+            "density = 7850",
+            "densty = 7850",
+            "material.steel.densty: not a known key; known here are density, poisson_ratio, shear_modulus, youngs",
+        ),
+        (
+            "[[support]]",
+            "[[suport]]",
+            "suport: not a known key; known here are body, external, joint, material, member",
+        ),
+        ("elements = 37", "element = 37", "member.0.element of column: not a known key; known here are elements, from"),
         ("[[support]]", "[mesh]\nelement_length = 0.0\n\n[[support]]", "mesh.element_length: Input should be greater"),
         (
             'fixed = ["x", "y", "z", "rx", "ry", "rz"]',
