@@ -180,6 +180,9 @@ def structure(
     modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Picture; beside FILE unless given.")] = None,
+    channels: Annotated[
+        Path | None, typer.Option(metavar="SITE.toml|LOG", help="Channels to set against the sensors.")
+    ] = None,
     record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before a change, and after.")] = 600.0,
     damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
     highest: Annotated[float, typer.Option(metavar="HZ", help="Frequency up to which modes are identified.")] = 400.0,
@@ -189,7 +192,15 @@ def structure(
     """Draw a structure, list its modes, and say what its sensors see of them and of a mass put on it."""
     from monitor.cli.structure import Asked, structure_command
 
-    asked = Asked(n_modes=modes, seconds=record, damping=damping, highest=highest, target=target, within=within)
+    asked = Asked(
+        n_modes=modes,
+        seconds=record,
+        damping=damping,
+        highest=highest,
+        target=target,
+        within=within,
+        channels=channels,
+    )
     raise typer.Exit(structure_command(file, asked, json_path=json, picture=out))
 
 

@@ -10,10 +10,11 @@ from rich.table import Table
 from rich.text import Text
 
 from daq import IndexArray
+from monitor.channel_check import ChannelCheck, twins
 from monitor.sight import Sight, clearer
 from monitor.stretches import blind, duration_words, mass_words, stretches_text
 from monitor.target import Plan, SensorSet
-from updater import Outlook, Sensor, vagueness
+from updater import Outlook, Sensor, Structure, vagueness
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
 _PAIRS = 4  # that are named
@@ -53,6 +54,20 @@ def clearer_words(sight: Sight) -> Iterator[str]:
         gains.append("which leaves alike " + _pairs(then_alike))
     if gains:
         yield f"a sensor at {_at(sensor)} {', '.join(gains)}"
+
+
+def channel_words(structure: Structure, check: ChannelCheck | None) -> Iterator[str]:
+    """Say which sensors measure the same, and which sensors and channels have no counterpart."""
+    for one, other in twins(structure):
+        yield f"{one} and {other} measure the same motion"
+    if check is None:
+        return
+    if check.good:
+        yield f"{check.path}: its {check.n_channels} channels are the structure's sensors"
+    if check.without_sensor:
+        yield f"{check.path}: no sensor of the structure for {', '.join(check.without_sensor)}"
+    if check.without_channel:
+        yield f"{check.path}: no channel for {', '.join(check.without_channel)}, left out above"
 
 
 def _modes(numbers: tuple[int, ...] | list[int]) -> str:

@@ -7,15 +7,17 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from monitor.channel_check import check_channels, measured_only
 from monitor.cli.files import write_json
 from monitor.cli.sight_json import as_json
-from monitor.cli.sight_shown import body_table, clearer_words, helper_words, modes_table, plan_tables
+from monitor.cli.sight_shown import body_table, channel_words, clearer_words, helper_words, modes_table, plan_tables
 from monitor.errors import ArgumentError
 from monitor.sight import ALIKE, Sight, look
 from monitor.structure_picture import draw_structure
 from monitor.target import Plan, plan
 from updater import ModelError, Record, StructureError, Target, load_structure
 
+_DONE, _NEEDS_A_PERSON = 0, 1
 console = Console(highlight=False)
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
@@ -30,6 +32,7 @@ class Asked:
     highest: float
     target: str | None
     within: str
+    channels: Path | None
 
     def record(self) -> Record:
         """Return the record that is planned.
@@ -80,8 +83,11 @@ def measured(option: str, text: str, kind: str) -> float:
 
 
 def structure_command(path: Path, asked: Asked, *, json_path: Path | None, picture: Path | None) -> int:
-    """Draw the structure, list its modes, and say what its sensors see."""
+    """Draw the structure, list its modes, and say what its sensors see; 1 if sensors and channels do not match."""
     structure, record, target = load_structure(path), asked.record(), asked.wanted()
+    check = check_channels(structure, asked.channels) if asked.channels else None
+    if check:
+        structure = measured_only(structure, check)
     try:
         sight = look(structure, asked.n_modes, record, target.within if target else None)
         planned = _planned(sight, target)
@@ -93,10 +99,12 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
         raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
     _say(sight, planned)
+    for words in channel_words(structure, check):
+        console.print(escape(words))
     console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
     if json_path:
         write_json(json_path, as_json(sight, planned))
-    return 0
+    return _DONE if check is None or check.good else _NEEDS_A_PERSON
 
 
 def _planned(sight: Sight, target: Target | None) -> Plan | None:

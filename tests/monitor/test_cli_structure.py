@@ -164,3 +164,27 @@ def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> N
         ((good, "--json", tmp_path / "none" / "x.json"), ("--json: ", tmp_path / "none" / "x.json", "cannot be wri")),
     ):
         assert_refused(modalwatch("structure", *arguments), *says)
+
+
+def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) -> None:
+    bar, site = tmp_path / "bar.toml", tmp_path / "site.toml"
+    bar.write_text(cantilever((0.5, "y"), (1.0, "y"), (1.0, "z"), (1.0, "y")))
+
+    def with_channels(**channels: str) -> None:
+        named = ", ".join(f'{axis} = "{name}"' for axis, name in channels.items())
+        device = f'name = "d"\ndriver = "epson-uart"\nport = "/dev/none"\nrate = 1000\nchannels = {{{named}}}\n'
+        site.write_text(f'structure = "bar.toml"\n[[device]]\n{device}')
+
+    with_channels(x="s0", y="s1", z="typo")
+    done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
+    assert done.code == 1
+    assert f"{site}: no sensor of the structure for typo" in done.out
+    assert f"{site}: no channel for s2, s3, left out above" in done.out
+    assert "1 members, 120 degrees of freedom, 2 sensors" in done.out
+    bar.write_text(cantilever((0.5, "y"), (1.0, "y"), (1.0, "y")))
+    with_channels(x="s0", y="s1", z="s2")
+    done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
+    assert done.code == 0, done.err
+    assert f"{site}: its 3 channels are the structure's sensors" in done.out
+    assert "s1 and s2 measure the same motion" in done.out
+    assert_refused(modalwatch("structure", bar, "--channels", tmp_path / "none.toml"), "none.toml: cannot be read")

@@ -1,0 +1,64 @@
+"""A structure's sensors beside the channels that are really measured."""
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from monitor.recordings import log_channels
+from monitor.settings import load_settings
+from updater import Sensor, Structure
+
+_SAME_PLACE = 1e-3  # m
+_SAME_WAY = 0.999  # cosine of the angle between two directions
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelCheck:
+    """Which sensors and channels have no counterpart."""
+
+    path: Path  #: settings or log
+    n_channels: int
+    without_sensor: tuple[str, ...]  #: channels that are no sensor of the structure
+    without_channel: tuple[str, ...]  #: sensors that nothing measures
+
+    @property
+    def good(self) -> bool:
+        """Whether every sensor has its channel and every channel its sensor."""
+        return not (self.without_sensor or self.without_channel)
+
+
+def check_channels(structure: Structure, path: Path) -> ChannelCheck:
+    """Set a structure's sensors against the channels of SITE.toml or of a log.
+
+    Raises
+    ------
+    SettingsError, LogError
+        If the file cannot be read or does not tell its channels.
+    """
+    channels = load_settings(path).channels if path.suffix == ".toml" else log_channels(path)
+    names = tuple(channel.name for channel in channels)
+    return ChannelCheck(
+        path=path,
+        n_channels=len(names),
+        without_sensor=tuple(n for n in names if n not in structure.channels),
+        without_channel=tuple(n for n in structure.channels if n not in names),
+    )
+
+
+def measured_only(structure: Structure, check: ChannelCheck) -> Structure:
+    """Return the structure with only the sensors that something measures."""
+    kept = tuple(s for s in structure.sensor if s.channel not in check.without_channel)
+    return structure.model_copy(update={"sensor": kept})
+
+
+def twins(structure: Structure) -> list[tuple[str, str]]:
+    """Return the pairs of sensors that measure the same motion, at one place along one line."""
+    pairs = itertools.combinations(structure.sensor, 2)
+    return [(a.channel, b.channel) for a, b in pairs if _same(a, b)]
+
+
+def _same(a: Sensor, b: Sensor) -> bool:
+    cosine = np.dot(a.direction, b.direction) / np.linalg.norm(a.direction) / np.linalg.norm(b.direction)
+    return bool(np.linalg.norm(np.subtract(a.at, b.at)) < _SAME_PLACE and abs(cosine) > _SAME_WAY)
