@@ -11,10 +11,11 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.added_mass import DENSITY_STD, propose_added_mass
+from updater.causes.added_mass import DENSITY_STD
 from updater.causes.bodies import Bodies
 from updater.comparison import compare
-from updater.fit import fit, linearised
+from updater.fit import linearised
+from updater.localization import fit_mass
 from updater.reference import Reference
 from updater.statistics import ModalMean
 
@@ -61,11 +62,11 @@ def sharpening(reference: Reference, event: ModalMean) -> Sharpening:
     ModalDataError
         If fewer than three modes can be compared, or what is compared cannot be right.
     """
-    body = _best(reference, event)
+    body, error = _best(reference, event)
     windows = max(int(event.n.max()), 1)
 
     def std(n: float) -> FloatArray:
-        return _std(reference, _scaled(event, np.sqrt(windows / n)), body)
+        return _std(reference, _scaled(event, np.sqrt(windows / n)), body, error)
 
     steps = 2 ** np.arange(int(np.log2(max(windows, 64))) + 1)
     steps = np.append(steps, windows) if windows not in steps else steps
@@ -79,21 +80,21 @@ def sharpening(reference: Reference, event: ModalMean) -> Sharpening:
         least_distance_std=float(least[0]),
         least_mass_std=float(least[1]),
         enough=_first(lambda n: bool(std(n)[0] ** 2 <= 2 * least[0] ** 2)),
-        limited_by=_limit(std(windows)[0], least[0], _std(_sure(reference), _scaled(event, 0.0), body)[0]),
+        limited_by=_limit(std(windows)[0], least[0], _std(_sure(reference), _scaled(event, 0.0), body, error)[0]),
     )
 
 
-def _best(reference: Reference, event: ModalMean) -> Bodies:
-    """Return the most probable body, its position a parameter."""
-    data = compare(reference, event)
-    found = fit(data, propose_added_mass(reference, data))
+def _best(reference: Reference, event: ModalMean) -> tuple[Bodies, float]:
+    """Return the most probable body, its position a parameter, and the model error that it needs."""
+    found, error = fit_mass(reference, event)
     cause, row = found.hypotheses, found.best
-    return Bodies(
+    body = Bodies(
         grid=cause,
         member=cause.member[row].reshape(1, 1),
         place=cause.position[row].reshape(1, 1),
         start=np.r_[0.0, found.theta[row]][None],
     )
+    return body, error
 
 
 def _scaled(event: ModalMean, factor: float) -> ModalMean:
@@ -104,9 +105,9 @@ def _sure(reference: Reference) -> Reference:
     return replace(reference, baseline=_scaled(reference.baseline, 0.0))
 
 
-def _std(reference: Reference, event: ModalMean, body: Bodies) -> FloatArray:
+def _std(reference: Reference, event: ModalMean, body: Bodies, error: float) -> FloatArray:
     """Return standard deviations of distance [m] and mass [kg]."""
-    data = compare(reference, event)
+    data = compare(reference, event, model_error=error)
     slope = linearised(data, replace(body, grid=replace(body.grid, comparison=data)))[1][0]
     covariance = np.linalg.inv(slope.T @ slope + np.diag(body.prior_std**-2.0))
     place, mass = np.sqrt(np.diag(covariance)[:2])

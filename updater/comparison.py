@@ -57,13 +57,15 @@ class Comparison:
         return n_modes + int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
 
 
-def compare(reference: Reference, event: ModalMean) -> Comparison:
+def compare(reference: Reference, event: ModalMean, *, model_error: float = _MODEL_ERROR) -> Comparison:
     """Set an event beside the baseline.
 
     Parameters
     ----------
     reference : learnt before
     event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
+    model_error : of a mode's typical displacement, what the reference gets wrong about it at any point; a larger one
+        makes a rougher search that misses less
 
     Raises
     ------
@@ -80,7 +82,7 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
     ratio = (event.log_frequency - base.log_frequency)[tracks]
     shift = np.abs(ratio)
     variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks]
-    variance += (2 * _MODEL_ERROR) ** 2 * shift * shift.mean()
+    variance += (2 * model_error) ** 2 * shift * shift.mean()
     check_event(base.only(tracks), event.only(tracks))
     before = base.shape[tracks]
     shaped = np.asarray(np.isfinite(event.shape[tracks]).all(1))
@@ -104,7 +106,7 @@ def compare(reference: Reference, event: ModalMean) -> Comparison:
         shape=shape,
         base=before,
         shape_whitener=shaped[:, None, None]
-        * _shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels)),
+        * _shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels, model_error)),
         overdispersion=overdispersion,
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
@@ -117,7 +119,9 @@ def _whitener(covariance: FloatArray) -> Whitener:
     return Whitener(np.linalg.inv(lower), -float(np.log(np.diag(lower)).sum()))
 
 
-def _foreign(reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray) -> FloatArray:
+def _foreign(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, error: float
+) -> FloatArray:
     """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
 
     A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
@@ -133,7 +137,7 @@ def _foreign(reference: Reference, tracks: IndexArray, ratio: FloatArray, at_cha
     paired, shift = reference.paired[tracks], np.abs(ratio)
     shifts = np.full(len(reference.frequency), shift.mean())
     shifts[paired] = shift
-    coupling = 2 * _MODEL_ERROR * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
+    coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
     turned = np.minimum(coupling * _closeness(reference.frequency, paired, ratio), _MOST_TURNED)
     length = np.linalg.norm(at_channels[:, paired], axis=0)
     return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)

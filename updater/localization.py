@@ -14,6 +14,8 @@ from updater.reference import Reference
 from updater.statistics import ModalMean
 from updater.structure import Structure
 
+MODEL_ERRORS = (0.01, 0.03)  # of a mode's typical displacement: what the reference gets wrong at best, and at worst
+FITS = 0.05  # of chi-square, under which the larger one is tried
 _WORTH_SAYING = 0.05  # probability of a second place that must not be kept back
 _MIRRORED = 0.05  # m: how nearly two places of a member must be mirror images to be called left and right
 _LEARNT = 0.7  # of the prior's deviation: what lies above was not learnt from the data
@@ -69,6 +71,7 @@ class MassChange:
     region: tuple[Stretch, ...]  #: 95 % credible
     member_probability: float  #: that it is on this member [-]
     p_value: float  #: chance of a worse fit if one added mass is the cause [-]
+    model_error: float  #: of a mode's typical displacement, that was allowed for [-]
     tracks: IndexArray  #: (n,) modes of the baseline that entered
     members: tuple[str, ...]  #: (n_positions,) of the profile
     position: FloatArray  #: (n_positions,) distance from the member's start [m]
@@ -97,11 +100,20 @@ def locate_mass(reference: Reference, event: ModalMean) -> MassChange:
     ModalDataError
         If fewer than three modes can be compared, or what is compared cannot be right.
     """
-    data = compare(reference, event)
-    return mass_change(fit(data, propose_added_mass(reference, data)))
+    return mass_change(*fit_mass(reference, event))
 
 
-def mass_change(found: Fit[AddedMass]) -> MassChange:
+def fit_mass(reference: Reference, event: ModalMean) -> tuple[Fit[AddedMass], float]:
+    """Return one mass fitted at all positions, and the least of `MODEL_ERRORS` with which it fits."""
+    for error in MODEL_ERRORS:
+        data = compare(reference, event, model_error=error)
+        found = fit(data, propose_added_mass(reference, data))
+        if found.p_value >= FITS:
+            break
+    return found, error
+
+
+def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
     """Return a fitted mass with its profile."""
     cause, probability = found.hypotheses, found.probability
     names = [member.name for member in cause.reference.calibration.structure.member]
@@ -127,6 +139,7 @@ def mass_change(found: Fit[AddedMass]) -> MassChange:
         ),
         member_probability=float(probability[cause.member == open_places[0].member].sum()),
         p_value=found.p_value,
+        model_error=model_error,
         tracks=cause.comparison.tracks,
         members=tuple(names[m] for m in cause.member),
         position=cause.position,

@@ -12,7 +12,7 @@ from updater.causes.bodies import PER_BODY, Bodies
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison, compare
 from updater.fit import Fit, fit, linearised
-from updater.localization import MassChange, mass_change
+from updater.localization import FITS, MODEL_ERRORS, MassChange, mass_change
 from updater.reanalysis import Effect
 from updater.reference import Reference
 from updater.statistics import ModalMean
@@ -24,6 +24,7 @@ _SCANNED = 5000  # sets of a scan that are looked at
 _LEAST = 1e-6  # of the largest effect: what is less is none
 _APART = 0.1  # m: two starts nearer than this in every place are one
 _SAME = 0.02  # m: two ends nearer than this are one maximum, or nearer than two of its standard deviations
+_ROUGH = 0.1  # of a mode's displacement: the search's model error, since masses act to first order only in its scans
 _ROUNDS = 4
 _NEAR = 30.0  # of chi-square over the best: what must have come to rest
 _ENOUGH = 0.1  # of chi-square: rest
@@ -114,25 +115,58 @@ def locate_masses(reference: Reference, event: ModalMean, *, most: int = 3) -> M
     ModalDataError
         If fewer than three modes can be compared, or what is compared cannot be right.
     """
-    data = compare(reference, event)
+    for error in MODEL_ERRORS:
+        found = _counted(reference, event, most, error)
+        if found.p_value >= FITS:
+            break
+    masses = [mass_change(part, error) for part in found.each()]
+    return MassChanges(
+        masses=tuple(sorted(masses, key=lambda change: -abs(change.mass))),
+        probability=_shares(found.log_evidence, most + 1),
+        p_value=found.p_value,
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Counted:
+    """Fits of none, one, two, ... masses."""
+
+    single: Fit[AddedMass]
+    sets: list[Fit[Bodies]]  #: of two, three, ...
+    log_evidence: list[float]  #: of none, one, two, ...
+    p_values: list[float]
+
+    @property
+    def best(self) -> int:
+        return int(np.argmax(self.log_evidence))
+
+    @property
+    def p_value(self) -> float:
+        return self.p_values[self.best]
+
+    def each(self) -> list[Fit[AddedMass]]:
+        """Return the fit of each mass of the best number."""
+        if self.best < 2:
+            return [self.single][: self.best]
+        return _each(self.single.hypotheses.comparison, self.sets[self.best - 2])
+
+
+def _counted(reference: Reference, event: ModalMean, most: int, error: float) -> _Counted:
+    """Fit up to `most` masses with some model error."""
+    data, rough = compare(reference, event, model_error=error), compare(reference, event, model_error=_ROUGH)
     grid = propose_added_mass(reference, data)
     nothing, single = fit(data, Nothing(comparison=data)), fit(data, grid)
     evidence = [nothing.log_evidence, single.log_evidence]
     p_values = [nothing.p_value, single.p_value]
     sets: list[Fit[Bodies]] = []
     for number in range(2, most + 1):
-        sets.append(_settled(data, _starts(data, grid, number, sets[-1] if sets else single)))
+        sought = _settled(rough, _starts(rough, grid, number, sets[-1] if sets else single))
+        sets.append(_settled(data, replace(sought.hypotheses, start=sought.theta)))
         evidence.append(_log_evidence(sets[-1]) + (number - 1) * float(np.log(_FURTHER)))
         p_values.append(sets[-1].p_value)
         if evidence[-1] < evidence[-2] and max(p_values) > _LEAST_P:
             break
-    best = int(np.argmax(evidence))
-    masses = [mass_change(single)] if best == 1 else _each(data, grid, sets[best - 2]) if best else []
-    return MassChanges(
-        masses=tuple(sorted(masses, key=lambda change: -abs(change.mass))),
-        probability=_shares(evidence, most + 1),
-        p_value=p_values[best],
-    )
+    return _Counted(single=single, sets=sets, log_evidence=evidence, p_values=p_values)
 
 
 def _shares(evidence: list[float], n: int) -> FloatArray:
@@ -272,11 +306,11 @@ def _same(one: FloatArray, of_one: IndexArray, other: FloatArray, of_other: Inde
     return any(bool((of_one == of_other[o]).all() and (np.abs(one - other[o]) < reach[o]).all()) for o in orders)
 
 
-def _each(data: Comparison, grid: AddedMass, found: Fit[Bodies]) -> list[MassChange]:
+def _each(data: Comparison, found: Fit[Bodies]) -> list[Fit[AddedMass]]:
     """Return each body of the best set with its own posterior over all positions, the others fitted along."""
-    row = int(np.argmax(found.log_density))
+    row, grid = int(np.argmax(found.log_density)), found.hypotheses.grid
     theta = found.theta[row]
-    changes = []
+    fits = []
     for k in range(found.hypotheses.n_bodies):
         own = theta[k * PER_BODY + 1 : (k + 1) * PER_BODY]
         free = replace(grid, start=np.tile(own, (len(grid.position), 1)))
@@ -290,5 +324,5 @@ def _each(data: Comparison, grid: AddedMass, found: Fit[Bodies]) -> list[MassCha
             log_density=whole.log_density,
             freedom=whole.freedom,
         )
-        changes.append(mass_change(part))
-    return changes
+        fits.append(part)
+    return fits
