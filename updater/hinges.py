@@ -10,13 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from daq import FloatArray, IndexArray
+from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
 from updater.fe.model import Model
 from updater.fe.solver import factorise
 from updater.structure import AXES
 
 _TURNS = AXES[3:]
+_MOST_ELEMENTS = 1000  # whose hinges are read; of more every n-th, between which increments are smooth
+_BLOCK = 256  # hinges whose flexibility is solved for at once
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,7 +40,7 @@ def hinges_of(model: Model) -> Hinges:
         If there is none: the nodes of a model have no rotations.
     """
     found = [*_of_elements(model), *_of_supports(model), *_of_joints(model)]
-    rows = sparse.csr_array(np.array([row for _, _, _, row in found]))
+    rows = sparse.csr_array(sparse.vstack([row for _, _, _, row in found]))
     turning = np.flatnonzero(abs(rows).sum(1) > 0)
     if not len(turning):
         raise ModelError(f"{model.structure.name}: no node can turn, so that no element's bending can be read")
@@ -50,24 +52,29 @@ def hinges_of(model: Model) -> Hinges:
     )
 
 
-_Hinge = tuple[str, FloatArray, int, FloatArray]
+_Hinge = tuple[str, FloatArray, int, sparse.csr_array]
 
 
 def _of_elements(model: Model) -> list[_Hinge]:
     found = []
-    for name, (first, last, element) in zip(model.member_names, model.elements, strict=True):
+    every = -(-len(model.elements) // _MOST_ELEMENTS)
+    for name, (first, last, element) in list(zip(model.member_names, model.elements, strict=True))[::every]:
         middle = model.nodes[[first, last]].mean(0)
         axes = element.axes(model.nodes[last] - model.nodes[first])
-        rows = np.zeros((3, model.n_dofs + 1))  # the last column takes what is held, and is cut off
-        rows[:, model.dofs[last, 3:]] += axes
-        rows[:, model.dofs[first, 3:]] -= axes
-        found += [(name, middle, axis, row) for axis, row in enumerate(rows[:, :-1])]
+        dofs = np.concatenate([model.dofs[last, 3:], model.dofs[first, 3:]])
+        free = np.flatnonzero(dofs >= 0)
+        turn = np.concatenate([axes, -axes], axis=1)[:, free]
+        found += [(name, middle, axis, _row(model, dofs[free], turn[axis])) for axis in range(3)]
     return found
+
+
+def _row(model: Model, dofs: IntArray, values: FloatArray) -> sparse.csr_array:
+    return sparse.csr_array((values, (np.zeros(len(dofs), np.intp), dofs)), shape=(1, model.n_dofs))
 
 
 def _of_supports(model: Model) -> list[_Hinge]:
     return [
-        (f"foot {i}", np.array(support.at), axis, model.turn_rows(support.at, axis))
+        (f"foot {i}", np.array(support.at), axis, sparse.csr_array(model.turn_rows(support.at, axis)[None]))
         for i, support in enumerate(model.structure.support)
         for axis, name in enumerate(_TURNS)
         if name in support.stiffness
@@ -76,7 +83,7 @@ def _of_supports(model: Model) -> list[_Hinge]:
 
 def _of_joints(model: Model) -> list[_Hinge]:
     return [
-        (f"joint of {joint.member}", np.array(joint.at), axis, model.joint_rows(joint, axis))
+        (f"joint of {joint.member}", np.array(joint.at), axis, sparse.csr_array(model.joint_rows(joint, axis)[None]))
         for joint in model.structure.joint
         for axis, name in enumerate(_TURNS)
         if name in joint.stiffness
@@ -85,5 +92,6 @@ def _of_joints(model: Model) -> list[_Hinge]:
 
 def flexibility(model: Model, rows: sparse.csr_array) -> FloatArray:
     """Return the diagonal (n,) of R K^-1 R^T, by one factorisation."""
-    right = rows.toarray()
-    return np.asarray((right * factorise(model.stiffness)(right.T).T).sum(1))
+    solve = factorise(model.stiffness)
+    blocks = (rows[i : i + _BLOCK].toarray() for i in range(0, len(rows.indptr) - 1, _BLOCK))
+    return np.concatenate([(right * solve(right.T).T).sum(1) for right in blocks])

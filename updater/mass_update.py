@@ -31,7 +31,7 @@ class MassUpdate:
 
     increment: FloatArray  #: (n_nodes, 3) by direction, diag(M_u) - diag(M) [kg]; 0 where a node is held
     increment_std: FloatArray  #: (n_nodes, 3) of noise and of a common change of all frequencies [kg]
-    normalised: FloatArray  #: (n_nodes, 3) over the updated modes' share, eq. 14 [kg]; NaN where that is under 1e-3
+    normalised: FloatArray  #: (n_nodes, 3) over the updated modes' share, eq. 14 [kg]; NaN where that is too small
     normalised_std: FloatArray  #: (n_nodes, 3) [kg]
     totals: FloatArray  #: (3,) sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: FloatArray  #: (3,) [kg]

@@ -14,6 +14,7 @@ from updater.errors import PairingError
 
 _SINGULAR = 1e6  # condition of [A B2]: two measured modes stand for one of the structure
 _LEAST_SHARE = 1e-3  # eq. 14 divides by the updated modes' share of 1/M: below this it is noise
+_LEAST_OF_LARGEST = 1e-2  # or below this part of the largest share, if a fine mesh makes all shares small
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,7 +116,10 @@ def scale_by_stiffness(t: FloatArray, omega_reference: FloatArray, omega_updated
 
 
 def normalised_increments(increment: FloatArray, inverse_mass: FloatArray, updated_share: FloatArray) -> FloatArray:
-    """Return increments (n,) over the updated modes' share of the inverse mass, eq. 14; NaN where it is under 1e-3.
+    """Return increments (n,) over the updated modes' share of the inverse mass, eq. 14; NaN where it is too small.
+
+    Too small is under 1e-3, or under a hundredth of the largest share where a fine mesh makes all of them small: the
+    increments of a body do not depend on the mesh then.
 
     Parameters
     ----------
@@ -124,5 +128,5 @@ def normalised_increments(increment: FloatArray, inverse_mass: FloatArray, updat
     updated_share : (n,) sum over the updated modes of b_i(j)^2 [1/kg]
     """
     share = updated_share / inverse_mass
-    seen = share > _LEAST_SHARE
+    seen = share > min(_LEAST_SHARE, _LEAST_OF_LARGEST * float(share.max()))
     return np.where(seen, increment / np.where(seen, share, 1.0), np.nan)

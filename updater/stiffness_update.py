@@ -30,7 +30,7 @@ class StiffnessUpdate:
     share: FloatArray  #: (n,) of the updated modes in it [-]
     increment: FloatArray  #: (n,) [rad/(N m)]
     increment_std: FloatArray  #: (n,) of noise and of a common change of all frequencies [rad/(N m)]
-    normalised: FloatArray  #: (n,) over the share, as in eq. 14 [rad/(N m)]; NaN where that is under 1e-3
+    normalised: FloatArray  #: (n,) over the share, as in eq. 14 [rad/(N m)]; NaN where that is too small
     normalised_std: FloatArray  #: (n,) [rad/(N m)]
     z_limit: float  #: |z| that one undisturbed event in 100 passes anywhere [-]
     flagged: IndexArray  #: (n_flagged,) hinges beyond it; first the largest normalised increment over its flexibility

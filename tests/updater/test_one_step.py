@@ -222,10 +222,16 @@ def test_orthonormalised_modes_alter_no_mass() -> None:
 
 
 def test_increments_are_divided_by_the_updated_share() -> None:
-    """The paper's figures: 0.194 % times 7.5911 / 0.4872; under a share of 1e-3 nothing is said."""
+    """The paper's figures: 0.194 % times 7.5911 / 0.4872; under a share of 1e-3 nothing is said.
+
+    Unless all shares are small, as in a fine mesh: then under a hundredth of the largest.
+    """
     found = normalised_increments(np.array([0.194, 1.0]), np.array([7.5911, 1.0]), np.array([0.4872, 5e-4]))
     assert found[0] == pytest.approx(0.194 * 7.5911 / 0.4872)
     assert np.isnan(found[1])
+    fine = normalised_increments(np.ones(3), np.full(3, 1e4), np.array([5.0, 0.06, 0.04]))
+    np.testing.assert_allclose(fine[:2], [1e4 / 5, 1e4 / 0.06])
+    assert np.isnan(fine[2])
 
 
 def reference_and_event(seed: int, grams: float) -> tuple[Reference, FloatArray]:
