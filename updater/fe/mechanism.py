@@ -14,7 +14,8 @@ from scipy.sparse.linalg import eigsh
 from daq import FloatArray, IntArray
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
-_NO_STRAIN = 1e-12  # of what it would be if every DOF moved alone; a mesh of 1000 elements a member comes near
+_NO_STRAIN = 1e-14  # of what it would be if every DOF moved alone: rounding
+_NO_FORCE = 1e-12  # likewise of the forces; a frame on soft springs has 1e-9
 _SHIFT = 1e-9  # what keeps a large singular matrix solvable
 _DENSE = 1000  # DOFs up to which all of a matrix is solved for at once
 _ALIKE = 1e-6  # relative: rounding
@@ -54,8 +55,9 @@ def free_motion(nodes: FloatArray, dofs: IntArray, stiffness: sparse.csc_array) 
     size = float(np.ptp(nodes, axis=0).max())
     held, field = _rigid(nodes, dofs, size, len(diagonal))
     still = np.vstack([held, unit @ (field / scale[:, None]) / np.abs(field / scale[:, None]).max()])
-    _, resists, ways = np.linalg.svd(still.T @ still)
-    ways = np.where(np.abs(ways[resists < _NO_STRAIN].T) < _ALIKE, 0.0, ways[resists < _NO_STRAIN].T)
+    _, resists, ways = np.linalg.svd(np.linalg.qr(still, mode="r"))  # of six columns, however many rows
+    free = ways[resists < _NO_FORCE].T
+    ways = np.where(np.abs(free) < _ALIKE, 0.0, free)
     moved = _without(_null(unit), field @ ways / scale[:, None]) * scale[:, None]
     return _told(_names(ways), moved, dofs, size)
 
