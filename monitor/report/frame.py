@@ -64,6 +64,10 @@ class Frame:
         place = self.flat(np.array(answer.position))
         colour = ADDED if answer.mass >= 0 else REMOVED
         axes.plot(*place, "o", markersize=9, color=colour, markeredgecolor="white", zorder=6, label="best place")
+        for number, other in enumerate(answer.others):
+            label = "or here" if number == 0 else None
+            at = self.flat(np.array(other.position))
+            axes.plot(*at, "o", markersize=9, color="white", markeredgecolor=colour, zorder=6, label=label)
         if pairs:
             bar = axes.figure.colorbar(heat, ax=axes, shrink=0.5, pad=0.02, aspect=18)
             bar.set_label("worse than the best place by [σ]", fontsize=7)

@@ -14,6 +14,7 @@ import viewer_helpers as made
 from monitor.errors import ResultsError
 from monitor.logged import DeviceQuality, Run, load_run
 from monitor.report import diagnosis_report, load_diagnosis, run_report
+from monitor.results import OtherPlace
 from monitor.story import Story
 from monitor.words import headline as verdict
 
@@ -184,6 +185,19 @@ def test_a_mode_that_a_window_did_not_show_leaves_its_cells_empty(window: int, t
     row = re.search(r"<tr><td>1</td>.*?</tr>", page.text, re.DOTALL)
     assert row
     assert "<td></td>" in row.group(0)
+
+
+def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
+    other = OtherPlace(
+        member="crossbeam", position=(0.25, 0.0, 1.48), position_std=0.02, mass=0.2, mass_std=0.03, probability=0.31
+    )
+    last = WHOLE["windows"][-1]
+    answer = last.answer.model_copy(update={"others": [other]})
+    run = WHOLE | {"windows": [*WHOLE["windows"][:-1], last.model_copy(update={"answer": answer})]}
+    found = page_of(run, tmp_path)
+    assert "or 200 ± 30 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 20 mm (31.0 %)" in found.words
+    drawn = next(source for name, source in found.pictures.items() if name.startswith("The structure with its sensors"))
+    assert "or here" in base64.b64decode(drawn.removeprefix(_SVG)).decode()
 
 
 def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
