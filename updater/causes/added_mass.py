@@ -7,6 +7,7 @@ at 400 Hz by as much as the noise.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ _MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, 
 _KEPT = 300  # of those
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _MOST_FINE = 120  # fine positions on one member
+_MOST_FINE_IN_ALL = 480
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
@@ -111,9 +113,11 @@ class AddedMass:
         """Return the positions and, where one comes near the best, many more between."""
         near = log_density > log_density.max() - _NEAR
         grids, starts = {}, []
+        most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
         for m in np.unique(self.member).tolist():
             here = self.member == m
-            grids[m] = _closer(self.position[here], near[here], self.gap, self._member_of(m).length)
+            spacing = max(FINE, 2 * self.gap * near[here].sum() / most)
+            grids[m] = _closer(self.position[here], near[here], self.gap, spacing)
             starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
         return _along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T, self.gap)
 
@@ -219,7 +223,7 @@ def _along(
     structure, model = reference.calibration.structure, reference.calibration.model
     points = np.concatenate([structure.member[i].point(grid) for i, grid in grids.items()])
     here = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)
-    axes = [local_axes(np.subtract(m.end, m.start), m.local_y) for m in (structure.member[i] for i in grids)]
+    axes = [_axes_of(structure.member[i]) for i in grids]
     across = np.repeat(np.array(axes), [len(grid) for grid in grids.values()], axis=0)
     translation, rotation = here[:, :3], here[:, 3:]
     return AddedMass(
@@ -233,6 +237,17 @@ def _along(
         start=_first_order(reference, comparison, translation) if start is None else start,
         gap=gap,
     )
+
+
+def _axes_of(member: Member) -> FloatArray:
+    direction = np.subtract(member.end, member.start) / member.length
+    return _axes_along(_vector(np.round(direction, 12)), member.local_y)
+
+
+@lru_cache(maxsize=1024)
+def _axes_along(direction: Vector, local_y: Vector | None) -> FloatArray:
+    """Return the local axes, for many members that point the same way once."""
+    return local_axes(np.array(direction), local_y)
 
 
 def _first_order(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
@@ -250,12 +265,11 @@ def _lengths(position: FloatArray, gap: float) -> FloatArray:
     return np.minimum(np.gradient(position), gap) if len(position) > 1 else np.array([gap])
 
 
-def _closer(position: FloatArray, near: FloatArray, gap: float, length: float) -> FloatArray:
+def _closer(position: FloatArray, near: FloatArray, gap: float, spacing: float) -> FloatArray:
     if not near.any():
         return position
-    spacing = max(FINE, 2 * gap * near.sum() / _MOST_FINE)
     steps = np.arange(-gap, gap + spacing / 2, spacing)
-    fine = np.clip((position[near][:, None] + steps).ravel(), 0, length)
+    fine = np.clip((position[near][:, None] + steps).ravel(), position[0], position[-1])
     return np.unique(np.round(np.concatenate([position, fine]), 6))
 
 

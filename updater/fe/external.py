@@ -8,6 +8,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 from scipy.spatial import KDTree
 
@@ -18,6 +19,8 @@ from updater.fe.matrices import Matrices, read_matrices
 from updater.fe.model import Model
 from updater.fe.spans import ON_MEMBER
 from updater.structure import AXES, External, Member, Structure, Support
+
+BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -74,12 +77,7 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
     dofs = np.vstack([found.dofs, np.full((len(nodes) - len(found.nodes), 6), -1, np.int32)])
     tree = KDTree(nodes)
     lines = [_line(member, nodes, tree) for member in structure.member]
-    turns = np.any(dofs[:, 3:] >= 0, axis=1).tolist()
-    elements = tuple(
-        (a, b, Line(float(np.linalg.norm(nodes[b] - nodes[a])), turns[a] or turns[b]))
-        for line in lines
-        for a, b in itertools.pairwise(line.tolist())
-    )
+    pairs = [pair for line in lines for pair in itertools.pairwise(line.tolist())]
     mass = _particles(found) if lumped else found.mass
     stiffness = found.stiffness * external.factor + _springs(structure.support, tree, dofs, found.stiffness.shape[0])
     held = _held(structure.support, tree, dofs)
@@ -88,12 +86,21 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
         structure=structure,
         nodes=nodes,
         dofs=_renumbered(dofs, kept),
-        elements=elements,
+        elements=_elements(np.array(pairs, np.intp), nodes, np.any(dofs[:, 3:] >= 0, axis=1)),
         member_names=tuple(m.name for m, line in zip(structure.member, lines, strict=True) for _ in line[1:]),
         stiffness=sparse.csc_array(stiffness[kept][:, kept]),
         mass=sparse.csc_array(mass[kept][:, kept]),
         loose=tuple(np.setdiff1d(np.arange(len(nodes)), np.concatenate(lines)).tolist()),
     )
+
+
+def _elements(pairs: IndexArray, nodes: FloatArray, turning: BoolArray) -> tuple[tuple[int, int, Line], ...]:
+    """Return what lies between pairs (n, 2) of nodes; what is alike and points the same way is one thing."""
+    along = nodes[pairs[:, 1]] - nodes[pairs[:, 0]]
+    turns = turning[pairs].any(1)
+    kinds, which = np.unique(np.column_stack([np.round(along, 9), turns]), axis=0, return_inverse=True)
+    lines = [Line(float(np.linalg.norm(kind[:3])), bool(kind[3])) for kind in kinds]
+    return tuple((a, b, lines[kind]) for (a, b), kind in zip(pairs.tolist(), which.tolist(), strict=True))
 
 
 def _with_feet(supports: tuple[Support, ...], nodes: FloatArray) -> FloatArray:

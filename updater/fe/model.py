@@ -204,13 +204,18 @@ class Model:
     def total_mass(self) -> float:
         """Return the mass that a rigid translation would move [kg], held nodes included where it has members."""
         if self.structure.external is not None:
-            return max(float(self.mass[rows][:, rows].sum()) for rows in self._along_axes())
+            return self._moved_mass
         members = sum(_member_mass(self.structure, m) for m in self.structure.member)
         return members + sum(body.mass for body in self.structure.body)
 
-    def _along_axes(self) -> list[IntArray]:
-        """Return the rows of x, of y and of z that are free."""
-        return [axis[axis >= 0] for axis in self.dofs[:, :3].T]
+    @cached_property
+    def _moved_mass(self) -> float:
+        """Mass of what is free, by the translation that moves the most of it [kg]."""
+        translations = np.zeros((self.n_dofs + 1, 3))  # the last row takes what is held, and is cut off
+        for axis in range(3):
+            translations[self.dofs[:, axis], axis] = 1
+        moved = translations[:-1]
+        return float((moved * (self.mass @ moved)).sum(0).max())
 
 
 def _member_mass(structure: Structure, member: Member) -> float:
