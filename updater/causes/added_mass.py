@@ -119,7 +119,7 @@ class AddedMass:
             spacing = max(FINE, 2 * self.gap * near[here].sum() / most)
             grids[m] = _closer(self.position[here], near[here], self.gap, spacing)
             starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
-        return _along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T, self.gap)
+        return along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T, self.gap)
 
     def only(self, rows: IndexArray) -> "AddedMass":
         """Return some of the positions."""
@@ -197,7 +197,7 @@ def propose_added_mass(reference: Reference, comparison: Comparison, spacing: fl
     many = sum(len(grid) for grid in grids.values()) > _MOST
     if many:
         grids = _of_nodes(reference)
-    everywhere = _along(reference, comparison, grids, None, max(float(np.diff(grid).max()) for grid in grids.values()))
+    everywhere = along(reference, comparison, grids, None, max(float(np.diff(grid).max()) for grid in grids.values()))
     if not many:
         return everywhere
     return everywhere.only(most_likely(comparison, everywhere.translation, everywhere.prior_std[0], _KEPT))
@@ -217,9 +217,17 @@ def _of_nodes(reference: Reference) -> dict[int, FloatArray]:
     return {i: np.unique(distance[order][first[i] : first[i + 1]]) for i in range(len(members))}
 
 
-def _along(
+def along(
     reference: Reference, comparison: Comparison, grids: dict[int, FloatArray], start: FloatArray | None, gap: float
 ) -> AddedMass:
+    """Return a mass at given distances from the starts of some members, by their numbers.
+
+    Parameters
+    ----------
+    grids : member -> distances (n,), ascending [m]
+    start : (n_positions, 4) where the fit begins, members in the order of `grids`; None: to first order
+    gap : between positions where they are not finer [m]
+    """
     structure, model = reference.calibration.structure, reference.calibration.model
     points = np.concatenate([structure.member[i].point(grid) for i, grid in grids.items()])
     here = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)

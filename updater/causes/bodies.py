@@ -11,9 +11,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from daq import FloatArray, IndexArray
-from updater.causes.added_mass import GYRATION_STD, LARGEST_REMOVED, MASS_STD, OFFSET_STD, AddedMass
+from updater.causes.added_mass import GYRATION_STD, LARGEST_REMOVED, MASS_STD, OFFSET_STD, AddedMass, along
 from updater.reanalysis import Effect, no_effect
 
+_SPACING = 0.01  # m between the splines' points
+_INTERVALS = (4, 2000)  # of one member, at least and at most
 PER_BODY = 5  # shift from the start [m], mass [kg], two offsets [m], squared radius of gyration [m2]
 
 
@@ -21,7 +23,7 @@ PER_BODY = 5  # shift from the start [m], mass [kg], two offsets [m], squared ra
 class Bodies:
     """Bodies near places; an alternative is a set of places, its parameters `PER_BODY` for each body."""
 
-    grid: AddedMass  #: its positions carry the splines
+    grid: AddedMass  #: of one mass, which knows the reference and the data
     member: IndexArray  #: (n_alternatives, n_bodies)
     place: FloatArray  #: (n_alternatives, n_bodies) distance from the member's start [m]
     start: FloatArray  #: (n_alternatives, n_bodies * PER_BODY) where the fit begins
@@ -80,13 +82,17 @@ class Bodies:
 
     @cached_property
     def _splines(self) -> dict[int, tuple[CubicSpline, float]]:
-        """Translation, rotation and what offsets add (12, n_modes) along each member, and its length."""
+        """Translation, rotation and what offsets add (12, n_modes) along each member with a body, and its length.
+
+        Not at the grid's positions: of a large structure's those that are unlikely for one mass are left out.
+        """
         found = {}
-        for m in np.unique(self.grid.member):
-            here = self.grid.member == m
-            values = [self.grid.translation[here], self.grid.rotation[here], *self.grid.by_offset[:, here]]
-            position = self.grid.position[here]
-            found[int(m)] = CubicSpline(position, np.concatenate(values, axis=1)), float(position[-1])
+        for m in np.unique(self.member).tolist():
+            length = self.grid.reference.calibration.structure.member[m].length
+            position = np.linspace(0, length, int(np.clip(round(length / _SPACING), *_INTERVALS)) + 1)
+            here = along(self.grid.reference, self.grid.comparison, {m: position}, None, float(position[1]))
+            values = np.concatenate([here.translation, here.rotation, *here.by_offset], axis=1)
+            found[m] = CubicSpline(position, values), length
         return found
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
