@@ -4,7 +4,13 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Positive = Annotated[float, Field(gt=0)]
+_LARGEST = 1e30  # of any figure: products of them stay numbers
+_FARTHEST = 1e6  # m
+
+Positive = Annotated[float, Field(gt=0, lt=_LARGEST)]
+Number = Annotated[float, Field(gt=-_LARGEST, lt=_LARGEST)]
+Coordinate = Annotated[float, Field(ge=-_FARTHEST, le=_FARTHEST)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class Entry(BaseModel):

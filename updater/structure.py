@@ -8,13 +8,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from daq import FloatArray
-from updater.entry import Entry, Positive
+from updater.entry import Entry, Number, Positive, Vector
 from updater.section import Section
 from updater.structure_checks import ON_MEMBER, check_names, check_places
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
-Vector = tuple[float, float, float]
+_MOST_ELEMENTS = 100_000  # of a member
+_SHORTEST = 1e-5  # m, of a member: ends nearer than a tenth of it are one node
 _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
@@ -73,14 +74,18 @@ class Member(Entry):
     end: Vector = Field(alias="to")  #: [m]
     material: str = ""  #: "" where matrices stand for it
     section: str = ""
-    elements: Annotated[int, Field(ge=1)] = 0  #: of equal length; 0 where matrices stand for them
-    preload: float = 0.0  #: axial force, positive in tension [N]
+    elements: Annotated[int, Field(ge=1, le=_MOST_ELEMENTS)] = 0  #: of equal length; 0 where matrices stand for them
+    preload: Number = 0.0  #: axial force, positive in tension [N]
     local_y: Vector | None = None  #: roughly where the section's y axis points; horizontally if not said
 
     @model_validator(mode="after")
     def _has_axes(self) -> Self:
         if self.start == self.end:
             raise ValueError(f"member {self.name}: it ends where it begins, at {list(self.start)}")
+        if self.length < _SHORTEST:
+            raise ValueError(
+                f"member {self.name}: expected a length of {_SHORTEST:g} m or more, found {self.length:g} m"
+            )
         if self.local_y is not None:
             across = np.linalg.norm(np.cross(self.local_y, np.subtract(self.end, self.start))) / self.length
             if across <= _ALONG * np.linalg.norm(self.local_y):
@@ -137,9 +142,9 @@ class Body(Entry):
     """A rigid body fixed to a member."""
 
     at: Vector  #: the point of the member it is fixed to [m]
-    mass: float  #: [kg], negative for a body that was removed
+    mass: Number  #: [kg], negative for a body that was removed
     offset: Vector = (0.0, 0.0, 0.0)  #: from that point to the body's centre of mass [m]
-    inertia: Vector = (0.0, 0.0, 0.0)  #: about its own centre, global axes [kg m2]
+    inertia: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)  #: about its own centre, global axes [kg m2]
 
     @model_validator(mode="after")
     def _inertia_has_its_sign(self) -> Self:
@@ -156,7 +161,7 @@ class Sensor(Entry):
     channel: str
     at: Vector  #: [m]
     direction: Vector
-    gain: float = 1.0  #: what the channel says over what is true [-]
+    gain: Number = 1.0  #: what the channel says over what is true [-]
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
@@ -187,8 +192,9 @@ class Structure(Entry):
             return content
         try:
             length = Mesh.model_validate(content["mesh"]).element_length
-            return content | {"member": [_cut(member, length) for member in content["member"]]}
-        except (KeyError, TypeError, ValueError):
+            with np.errstate(over="ignore"):
+                return content | {"member": [_cut(member, length) for member in content["member"]]}
+        except (KeyError, OverflowError, TypeError, ValueError):
             return content
 
     @model_validator(mode="after")
