@@ -33,6 +33,7 @@ paper: $(VENV)/.done
 	$(BIN)/python examples/paper_t_structure.py docs
 	$(BIN)/python examples/paper_stiffness.py docs
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/paper_sweep.py docs
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/paper_reference.py 30
 
 # The frame element beside published answers: the tables in docs/structure.md, two seconds.
 frames: $(VENV)/.done
