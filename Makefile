@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags paper frames causes localization bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -42,6 +42,10 @@ frames: $(VENV)/.done
 # Our SLCAN bus beside python-can's: the tables in docs/daq.md, half a minute.
 bench: $(VENV)/.done
 	$(BIN)/python benchmarks/can_bus.py
+
+# Whether what `structure --target` foresees comes true: the tables in docs/foresight.md, a quarter of an hour.
+foresight: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/foresight.py
 
 # What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
 causes: $(VENV)/.done

@@ -128,16 +128,21 @@ class Outlook:
         paired, omega2 = self.reference.paired, self.reference.frequency**2
         gap = omega2[:, None] / omega2[paired] - 1
         turned = gap / (gap**2 + (2 * self.record.damping) ** 2) * self._modal_mass  # bounded where modes coincide
-        at = self.reference.at_channels(self.reference.baseline.channels)
-        length = np.linalg.norm(at[:, paired], axis=0)
-        unit = (at[:, paired] / length).T
-        shape = np.einsum("ck,opki->opic", at, turned) / length[:, None]
-        shape = shape - (shape * unit).sum(-1, keepdims=True) * unit
-        whitener = np.linalg.inv(np.linalg.cholesky(self._shape_covariance))
-        shape = np.einsum("icd,opid->opic", whitener, shape)
+        moved = self._of_modes @ turned.transpose(3, 2, 0, 1).reshape(len(paired), len(omega2), -1)
+        shape = moved.reshape(-1, *turned.shape[:2]).transpose(1, 2, 0)
         std = np.sqrt(2) * self.record.log_frequency_std(self.frequency)
         rest = without(self._log_frequency / std, COMMON_STD / std)
-        return np.concatenate([rest, shape.reshape(*shape.shape[:2], -1)], axis=2)
+        return np.concatenate([rest, shape], axis=2)
+
+    @cached_property
+    def _of_modes(self) -> FloatArray:
+        """What a share of each mode does to measured unit shapes, over their errors (n, n_channels, n_modes)."""
+        at = self.reference.at_channels(self.reference.baseline.channels)
+        length = np.linalg.norm(at[:, self.reference.paired], axis=0)
+        unit = (at[:, self.reference.paired] / length).T
+        beside = np.eye(len(at)) - unit[:, :, None] * unit[:, None]
+        whitener = np.linalg.inv(np.linalg.cholesky(self._shape_covariance))
+        return np.asarray(whitener @ beside @ at / length[:, None, None])
 
 
 def without(frequency: FloatArray, drift: FloatArray) -> FloatArray:

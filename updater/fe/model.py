@@ -167,12 +167,15 @@ class Model:
     @cached_property
     def sensor_rows(self) -> FloatArray:
         """Rows (n_sensors, n_dofs) that read the structure's sensors."""
-        return np.array(
-            [
-                s.gain * np.asarray(s.direction) / np.linalg.norm(s.direction) @ self.read(np.asarray(s.at))[:3]
-                for s in self.structure.sensor
-            ]
-        ).reshape(-1, self.n_dofs)
+        sensors = self.structure.sensor
+        way = np.array([s.direction for s in sensors], float).reshape(-1, 3)
+        way *= np.array([s.gain for s in sensors])[:, None] / np.linalg.norm(way, axis=1, keepdims=True)
+        at = self.reader(np.array([s.at for s in sensors], float))
+        column = 6 * np.arange(len(sensors))[:, None] + np.arange(3)
+        of_points = sparse.csr_array(
+            (way.ravel(), column.ravel(), 3 * np.arange(len(sensors) + 1)), (len(way), at.shape[0])
+        )
+        return np.asarray((of_points @ at).toarray())
 
     def turn_rows(self, at: tuple[float, float, float], axis: int) -> FloatArray:
         """Return the row (n_dofs,) that reads the rotation of a node about a global axis 0..2; zeros if it is held.
