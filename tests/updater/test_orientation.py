@@ -48,6 +48,23 @@ def test_section_resists_across_its_own_axes(
     assert _tip_stiffness(model, np.cross(along, y)) == pytest.approx(3 * UPRIGHT, rel=1e-9)
 
 
+@pytest.mark.parametrize("local_y", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_section_turns_with_its_own_inertia(local_y: tuple[float, float, float]) -> None:
+    """A free beam's inertia about its end: A L^3 / 3 and the second moment about the same axis, per density."""
+    plain = beam(length=1.0, elements=3, support=(), second_moment=(UPRIGHT, FLAT))
+    model = build_model(
+        plain.model_copy(update={"member": (plain.member[0].model_copy(update={"local_y": local_y}),)}),
+        mass="consistent",
+    )
+    about_y, about_z = (UPRIGHT, FLAT) if local_y[1] else (FLAT, UPRIGHT)
+    for axis, moment in ((1, about_y), (2, about_z)):
+        rigid = np.zeros(model.n_dofs)
+        for node, point in enumerate(model.nodes):
+            rigid[model.dofs[node, 3 + axis]] = 1
+            rigid[model.dofs[node, :3]] = np.cross(np.eye(3)[axis], point)
+        assert rigid @ (model.mass @ rigid) == pytest.approx(1 / 3 + moment, rel=1e-12)
+
+
 def test_unless_said_width_is_horizontal() -> None:
     level, post = _turned((0.6, 0.8, 0.0), None), _turned((0.0, 0.0, 1.0), None)
     assert _tip_stiffness(level, np.array([0.0, 0.0, 1.0])) == pytest.approx(3 * UPRIGHT, rel=1e-9)

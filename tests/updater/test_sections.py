@@ -67,6 +67,25 @@ def test_shear_factors_are_cowpers() -> None:
     assert factor(shape="box", width=1.0, height=1.0, thickness=1e-4) == pytest.approx([26 / 59.7] * 2, rel=1e-3)
 
 
+@pytest.mark.parametrize("shape", ["box", "i"])
+def test_without_lateral_strain_cowpers_factors_are_those_of_the_shear_flow(
+    shape: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """kappa = I^2 / (A int S^2 / t ds), S the first moment of what is cut off; walls so thin that they are lines."""
+    monkeypatch.setattr("updater.section_shapes._NU", 0.0)
+    b, h, t = 0.3, 0.5, 1e-6
+    x, z = np.linspace(0, b / 2, 2001), np.linspace(-h / 2, h / 2, 4001)
+    sides = 2 if shape == "box" else 1  # webs; each bears its half of the flanges, two of four strips or all four
+    flange = t * h / 2 * x
+    web = t * h / 2 * b / sides + t * ((h / 2) ** 2 - z**2) / 2
+    flow = (4 * np.trapezoid(flange**2, x) + sides * np.trapezoid(web**2, z)) / t
+    moment = 2 * b * t * (h / 2) ** 2 + sides * t * h**3 / 12
+    expected = moment**2 / ((2 * b + sides * h) * t * flow)
+    walls = {"thickness": t} if shape == "box" else {"web": t, "flange": t}
+    section = Section.model_validate({"shape": shape, "width": b + t, "height": h + t} | walls)
+    assert section.shear_area(1) / section.area == pytest.approx(expected, rel=1e-5)
+
+
 def test_shear_goes_to_the_walls_along_it() -> None:
     """Most of a flat box resists along its width, most of an I's web along its height."""
     along_width, along_height = Section.model_validate(
