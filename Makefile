@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization several bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -50,6 +50,10 @@ foresight: $(VENV)/.done
 # What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
 causes: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
+
+# How often one and two masses are counted rightly: the table in docs/updater.md, half an hour.
+several: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/several_masses.py
 
 # One added mass at 1000 random places a line, from modes with known noise: the table in docs/localization.md, an hour.
 localization: $(VENV)/.done
