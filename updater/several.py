@@ -17,7 +17,7 @@ from updater.reanalysis import Effect
 from updater.reference import Reference
 from updater.statistics import ModalMean
 
-_FURTHER = 0.1  # probability of one mass more over that of one fewer, beforehand
+_FURTHER = 0.02  # probability of one mass more over that of one fewer, beforehand
 _STARTS = 6  # sets of places of each scan from which a fit begins
 _KNOWN = 2  # sets of one mass fewer that a further mass is sought beside
 _SCANNED = 5000  # sets of a scan that are looked at
@@ -100,8 +100,8 @@ class Among:
 def locate_masses(reference: Reference, event: ModalMean, *, most: int = 3) -> MassChanges:
     """Locate masses that were added or removed together, and choose their number by evidence.
 
-    None and one are as probable beforehand, each further one a tenth as probable as one fewer. Each must earn its five
-    parameters (Laplace), so that one body is not taken for two near one another, or for itself and another where
+    None and one are as probable beforehand, each further one a fiftieth as probable as one fewer. Each must earn its
+    five parameters (Laplace), so that one body is not taken for two near one another, or for itself and another where
     nothing moves and no data speak. The first that does not, where something fits, is the last that is tried.
 
     Parameters
