@@ -1,14 +1,17 @@
 """What a structure that is not held is told: how the whole of it moves, or which member does."""
 
+import itertools
 from typing import Any
 
 import numpy as np
 import pytest
 from fe_helpers import ALL, beam, t_frame
 from frame_cases import frame
+from scipy import sparse
 
 from daq import FloatArray
 from updater import MechanismError, Structure, Support, build_model
+from updater.fe.mechanism import free_motion
 
 HANGS = "what hangs free needs the soft springs that it hangs on, as a support's stiffness"
 EVERY_WAY = "along x, along y, along z, about x, about y, about z"
@@ -84,3 +87,18 @@ def test_member_that_only_spins_is_named() -> None:
     balls = tuple(Support(at=(3.0, 0.0, z), fixed=("x", "y", "z")) for z in (0.0, 1.0))
     said = _said(structure.model_copy(update={"support": (*structure.support, *balls)}))
     assert said.startswith("; free to turn by itself: 2 at [3.0, 0.0, ")
+
+
+def test_nodes_that_only_move_hold_no_turn() -> None:
+    """A tetrahedron of bars, three DOFs a node, as matrices of another program may be: free every way, and no more."""
+    nodes = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+    dofs = np.full((4, 6), -1, np.int32)
+    dofs[:, :3] = np.arange(12).reshape(4, 3)
+    stiffness = np.zeros((12, 12))
+    for a, b in itertools.combinations(range(4), 2):
+        along = (nodes[b] - nodes[a]) / np.linalg.norm(nodes[b] - nodes[a])
+        rows = np.r_[dofs[a, :3], dofs[b, :3]]
+        stiffness[np.ix_(rows, rows)] += np.outer(np.r_[along, -along], np.r_[along, -along])
+    found = free_motion(nodes, dofs, sparse.csc_array(stiffness))
+    assert ", ".join(found.whole) == EVERY_WAY
+    assert found.node is None

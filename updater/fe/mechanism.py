@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from scipy import sparse
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from daq import FloatArray, IntArray
+from updater.fe.solver import factorise
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
 _NO_STRAIN = 1e-14  # of what it would be if every DOF moved alone: rounding
@@ -83,8 +84,10 @@ def _rigid(nodes: FloatArray, dofs: IntArray, size: float, n_dofs: int) -> tuple
         full[:, 3 + axis, 3 + axis] = 1 / size
     field = np.zeros((n_dofs, 6))
     field[dofs[dofs >= 0]] = full[dofs >= 0]
+    absent = dofs < 0
+    absent[:, 3:] &= (dofs[:, 3:] >= 0).any()  # matrices of nodes that only move hold no turn
     # what is held may be held by its turning alone: weighed as if turned by a size away
-    return full[dofs < 0] * np.tile([1.0] * 3 + [size] * 3, (len(dofs), 1))[dofs < 0][:, None], field
+    return full[absent] * np.tile([1.0] * 3 + [size] * 3, (len(dofs), 1))[absent][:, None], field
 
 
 def _null(unit: sparse.csc_array) -> FloatArray:
@@ -93,8 +96,9 @@ def _null(unit: sparse.csc_array) -> FloatArray:
     if n <= _DENSE:
         value, vector = scipy.linalg.eigh(unit.toarray())
     else:
-        start = np.random.default_rng(0).standard_normal(n)
-        value, vector = eigsh(unit, _MOST, sigma=-_SHIFT, v0=start)
+        lifted = factorise(sparse.csc_array(unit + _SHIFT * sparse.eye_array(n)))
+        inverse, start = LinearOperator(unit.shape, matvec=lifted, dtype=float), np.random.default_rng(0)
+        value, vector = eigsh(unit, _MOST, sigma=-_SHIFT, OPinv=inverse, v0=start.standard_normal(n))
     return np.asarray(vector[:, value < _NO_STRAIN])
 
 
