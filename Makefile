@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization several bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization several bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -86,6 +86,10 @@ oma-accuracy: $(VENV)/.done
 # Faulty channels, missing samples, drift: the table in docs/oma.md, some minutes.
 oma-faults: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/oma_faults.py
+
+# Modes, eq. 7, increments and localization up to 1e5 degrees of freedom: the tables in docs/scale.md, some minutes.
+scale: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python benchmarks/scale.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -227,6 +227,9 @@ def test_member_and_support_without_nodes_are_named(tower: Path) -> None:
     wrong = structure.model_copy(update={"member": (structure.member[0], longer)})
     with pytest.raises(ModelError, match="member crossbeam: the matrices need a node at each end"):
         build_model(wrong)
+    sensor = structure.sensor[0].model_copy(update={"at": (0.1, 0.1, 0.3)})
+    with pytest.raises(ModelError, match=r"a sensor: the point \[0\.1, 0\.1, 0\.3\] lies on no member"):
+        _ = build_model(structure.model_copy(update={"sensor": (sensor,)})).sensor_rows
     spring = structure.support[0].model_copy(update={"at": (0.0, 0.0, 0.5), "fixed": (), "stiffness": {"x": 1.0}})
     with pytest.raises(ModelError, match=r"support at \[0\.0, 0\.0, 0\.5\]: the matrices have no node there"):
         build_model(structure.model_copy(update={"support": (*structure.support, spring)}))

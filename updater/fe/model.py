@@ -170,7 +170,10 @@ class Model:
         sensors = self.structure.sensor
         way = np.array([s.direction for s in sensors], float).reshape(-1, 3)
         way *= np.array([s.gain for s in sensors])[:, None] / np.linalg.norm(way, axis=1, keepdims=True)
-        at = self.reader(np.array([s.at for s in sensors], float))
+        try:
+            at = self.reader(np.array([s.at for s in sensors], float))
+        except ModelError as error:  # matrices from elsewhere have their nodes somewhere else
+            raise ModelError(f"a sensor: {error}") from error
         column = 6 * np.arange(len(sensors))[:, None] + np.arange(3)
         of_points = sparse.csr_array(
             (way.ravel(), column.ravel(), 3 * np.arange(len(sensors) + 1)), (len(way), at.shape[0])
