@@ -208,10 +208,8 @@ def change_row(n_dofs: int) -> None:
     where = structure.member_named(found.member).point(found.distance)
     off = float(np.linalg.norm(where - place_of(structure)))
     weighed = f"{found.mass:.1f} ± {found.mass_std:.1f} of {mass:.1f}"
-    print(
-        f"| {model.n_dofs:,} | {nodes:,} | {learning:.1f} | {update:.2f} | {scan:.2f} | {weighed} | {off:.2f} |",
-        flush=True,
-    )
+    costs = f"{learning:.1f} | {first:.2f} | {update:.2f} | {scan:.2f}"
+    print(f"| {model.n_dofs:,} | {nodes:,} | {costs} | {weighed} | {off:.2f} |", flush=True)
 
 
 def frame_row() -> None:
@@ -237,17 +235,12 @@ def main() -> None:
     options = parser.parse_args()
     installed = find_spec("pypardiso") is not None
     solvers = [False, True] if installed else [False]
-    print(
-        "| DOFs | assembly [s] | "
-        + ("SuperLU [s] | PyPardiso [s]" if installed else "SuperLU [s]")
-        + " | residual | GB |"
-    )
+    names = "SuperLU [s] | PyPardiso [s]" if installed else "SuperLU [s]"
+    print(f"| DOFs | assembly [s] | {names} | residual | GB |")
     for n in (3_000, 10_000, 30_000, 100_000):
         if n <= options.largest:
             modes_row(n, solvers)
-    print(
-        "| DOFs | nodes | particles [s] | first update [s] | update [s] | localization [s] | mass [kg] | off by [m] |"
-    )
+    print("| DOFs | nodes | particles [s] | first update [s] | next [s] | localization [s] | mass [kg] | off by [m] |")
     frame_row()
     for n in (10_000, 100_000):
         if n <= options.largest:
