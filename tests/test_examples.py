@@ -141,3 +141,12 @@ def test_diagnose_change() -> None:
     assert np.linalg.norm(np.subtract(cause.where.position, truth["position"])) < 3 * cause.where.position_std
     assert diagnosis.gain.heldout
     assert diagnosis.gain.frequency_error_percent.after < 0.3 * diagnosis.gain.frequency_error_percent.before
+
+
+def test_matrices_from_elsewhere() -> None:
+    """Four squares across the strip bend too stiffly by about 3 %, the real strip is stiffer by 2 %."""
+    found = run("matrices_from_elsewhere.py")
+    change = found["found"]
+    assert abs(change.mass - found["BODY"]) < 3 * change.mass_std < 0.2 * found["BODY"]
+    assert abs(change.distance - found["PLACE"]) < 3 * change.distance_std < 0.01
+    assert found["stiffness"].value == pytest.approx(0.99, abs=0.01)
