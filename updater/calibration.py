@@ -13,12 +13,12 @@ from scipy import sparse
 
 from daq import FloatArray, IndexArray
 from oma import pair_modes
-from updater.errors import ModalDataError, PairingError
+from updater.errors import PairingError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.knobs import TURNS, Knob, apply_knobs, bending_stiffness, knobs_of
-from updater.modal_checks import check_baseline, unit_hint
+from updater.modal_checks import check_baseline, check_unit
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
 from updater.structure import Structure
@@ -76,12 +76,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     seen = (rows @ modes.shape).T
     frequency = np.exp(measured.log_frequency)
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
-    unit = unit_hint(frequency, measured.shape, modes.frequency, seen)
-    if unit:
-        raise ModalDataError(
-            f"frequencies: expected hertz, found {np.round(frequency, 2).tolist()}, which answer to the model's "
-            f"{np.round(modes.frequency[:12], 2).tolist()} Hz if they are in {unit}"
-        )
+    check_unit(frequency, measured.shape, modes.frequency, seen)
     if (answers >= 0).sum() < 3:
         raise PairingError(
             f"only {(answers >= 0).sum()} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "

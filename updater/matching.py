@@ -9,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from oma import mac_matrix
+from updater.modal_checks import check_unit
 from updater.statistics import ModalMean
 
 _FARTHEST = 0.3  # of ln f
@@ -67,10 +68,17 @@ class _Undo:
 
 
 def matched(baseline: ModalMean, event: ModalMean) -> ModalMean:
-    """Return the event's modes in the order of the baseline's tracks, NaN where there is none."""
+    """Return the event's modes in the order of the baseline's tracks, NaN where there is none.
+
+    Raises
+    ------
+    ModalDataError
+        If clearly more of the event's modes have a partner where its frequencies are taken to be in another unit.
+    """
     channels = tuple(c for c in baseline.channels if c in event.channels)
-    event = event.at(channels)
-    found = match_modes(baseline.at(channels), event)
+    baseline, event = baseline.at(channels), event.at(channels)
+    check_unit(np.exp(event.log_frequency), event.shape, np.exp(baseline.log_frequency), baseline.shape)
+    found = match_modes(baseline, event)
     values = {}
     for field in fields(event):
         if field.name != "channels":

@@ -112,20 +112,26 @@ def _alike(modes: "ModalMean") -> list[tuple[int, int]]:
     return [(int(shaped[i]), int(shaped[j])) for i, j in found]
 
 
-def unit_hint(
-    frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
-) -> str | None:
-    """Return a unit in which clearly more of the measured modes answer to a model's; None if hertz is as good.
+def check_unit(frequency: FloatArray, shape: FloatArray, known_frequency: FloatArray, known_shape: FloatArray) -> None:
+    """Refuse frequencies of which clearly more answer to known ones if they are taken to be in another unit.
 
     Parameters
     ----------
     frequency, shape : (n,) and (n, n_channels) measured; NaN for a mode that was never seen
-    model_frequency, model_shape : (k,) [Hz] and (k, n_channels)
+    known_frequency, known_shape : (k,) [Hz] and (k, n_channels) of a model or of a baseline
+
+    Raises
+    ------
+    ModalDataError
+        Naming the unit.
     """
 
     def partners(factor: float) -> int:
-        return int((pair_modes(frequency / factor, shape, model_frequency, model_shape) >= 0).sum())
+        return int((pair_modes(frequency / factor, shape, known_frequency, known_shape) >= 0).sum())
 
-    hertz = partners(1.0)
-    best = max(_UNITS, key=lambda unit: partners(_UNITS[unit]))
-    return best if partners(_UNITS[best]) >= max(3, 2 * hertz) else None
+    unit = max(_UNITS, key=lambda name: partners(_UNITS[name]))
+    if partners(_UNITS[unit]) >= max(3, 2 * partners(1.0)):
+        raise ModalDataError(
+            f"frequencies: expected hertz, found {np.round(frequency, 2).tolist()}, which answer to "
+            f"{np.round(known_frequency[:12], 2).tolist()} Hz if they are in {unit}"
+        )

@@ -7,6 +7,7 @@ from updater.delays import NO_DELAYS
 from updater.errors import PairingError
 from updater.knobs import with_springs
 from updater.matching import match_modes
+from updater.modal_checks import check_unit
 from updater.reference import Reference
 from updater.statistics import ModalMean, TrackedModes, learn_scatter, mean_modes
 from updater.structure import Structure
@@ -48,6 +49,7 @@ def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: i
         shape=shape,
         shape_std=np.full(shape.shape, _SHAPE_STD),
     )
+    check_unit(np.exp(measured.log_frequency), measured.shape, np.exp(own.log_frequency), own.shape)
     found = match_modes(own, measured)
     paired = np.flatnonzero(found >= 0)
     if len(paired) < 3:

@@ -15,6 +15,8 @@ from updater import (
     diagnose,
     learn_reference,
     locate_mass,
+    matched,
+    nominal_reference,
     stack_tracks,
 )
 
@@ -64,6 +66,14 @@ def test_an_event_in_a_wrong_unit_is_told(reference: Reference, factor: float, u
         locate_mass(reference, wrong)
     with pytest.raises(ModalDataError, match=unit):
         diagnose(reference, wrong)
+
+
+def test_a_wrong_unit_is_told_before_modes_are_matched(reference: Reference) -> None:
+    tracked = stack_tracks([in_unit(2 * np.pi)(e) for e in windows(3, 2)], unmoved(3))
+    with pytest.raises(ModalDataError, match="in rad/s"):
+        matched(reference.baseline, reference.mean_of(tracked))
+    with pytest.raises(ModalDataError, match="in rad/s"):
+        nominal_reference(t_frame(), tracked)
 
 
 @pytest.mark.parametrize(
