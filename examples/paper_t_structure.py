@@ -22,6 +22,7 @@ from updater import (
     Modes,
     Support,
     build_model,
+    expand_shapes,
     learn_reference,
     locate_mass,
     parse_structure,
@@ -90,7 +91,7 @@ def measured(modes: Modes, shape: np.ndarray, noise: float, n: int) -> list[Moda
 
 bare, bare_shape = true_modes()
 in_order = [np.arange(8)] * 8  # every window shows the eight modes in order
-updates, answers, spreads, frequencies = {}, {}, {}, {"as it is": bare.frequency}
+updates, literal, answers, spreads, frequencies = {}, {}, {}, {}, {"as it is": bare.frequency}
 
 for place, body in BODIES.items():
     loaded, loaded_shape = true_modes(body)
@@ -100,6 +101,7 @@ for place, body in BODIES.items():
         windows = measured(loaded, loaded_shape, noise, 4)
         event = reference.mean_of(stack_tracks(windows, in_order[:4]))
         updates[place, said] = MassUpdater(reference).update(event)
+        literal[place, said] = MassUpdater(reference, expand_shapes).update(event)
         answers[place, said] = locate_mass(reference, event)
         spreads[place, said] = spread_mass(reference, event)
 
@@ -140,9 +142,10 @@ for place, body in BODIES.items():
     print(f"  {'paper':14}" + "".join(f"{value or '-':>12}" for value in PAPER[place]))
     for said in NOISE:
         update, answer, spread = updates[place, said], answers[place, said], spreads[place, said]
-        cells = [f"{1000 * t:.0f} ± {1000 * s:.0f}" for t, s in zip(update.totals, update.totals_std, strict=True)]
+        for name, found in ((said, update), ("  to the letter", literal[place, said])):
+            cells = [f"{1000 * t:.0f} ± {1000 * s:.0f}" for t, s in zip(found.totals, found.totals_std, strict=True)]
+            print(f"  {name:14}" + "".join(f"{cell:>12}" for cell in cells))
         strongest = nodes[update.flagged[0].node]
-        print(f"  {said:14}" + "".join(f"{cell:>12}" for cell in cells))
         print(f"  {'':14}flags {len(update.flagged)} increments, strongest at {strongest.round(2).tolist()}")
         print(
             f"  {'':14}likelihood: {1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g on the {answer.member}, "

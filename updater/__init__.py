@@ -15,6 +15,7 @@ from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
+from updater.increments import Expansion, expand_changes, expand_shapes
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
@@ -52,6 +53,7 @@ __all__ = [
     "Choice",
     "DeviceDelays",
     "Diagnosis",
+    "Expansion",
     "Explained",
     "External",
     "Flag",
@@ -105,6 +107,8 @@ __all__ = [
     "dump_structure",
     "estimate_delays",
     "ever_fewer",
+    "expand_changes",
+    "expand_shapes",
     "foresee",
     "hinges_of",
     "learn_delays",

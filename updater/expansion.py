@@ -117,6 +117,21 @@ def expand_change(
     return ExpandedChange(t=t, by_event=turn @ by_event, by_base=-turn @ by_base)
 
 
+def expand_shape(
+    shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int
+) -> ExpandedChange:
+    """Expand a shape (n_channels,) itself, as the paper does, eqs 9 to 12; parameters as for `expand`.
+
+    The derivative holds within the cluster that was chosen: where noise makes it another one, t jumps.
+    """
+    cluster = np.flatnonzero(expand(shape, model_shape, omega, paired, largest=largest))
+    inverse = np.zeros((len(model_shape), len(shape)))
+    inverse[cluster] = np.linalg.pinv(model_shape[cluster].T)
+    t, by_event = _unit(inverse @ shape, inverse)
+    sign = -1.0 if t[paired] < 0 else 1.0
+    return ExpandedChange(t=sign * t, by_event=sign * by_event, by_base=np.zeros_like(by_event))
+
+
 def _unit(vector: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a vector (n,) at unit norm, and its slope (n, k) from the vector's own."""
     length = float(np.linalg.norm(vector))

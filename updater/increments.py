@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.errors import PairingError
-from updater.expansion import LARGEST_CLUSTER, ExpandedChange, expand_change, well_posed_cluster
+from updater.expansion import LARGEST_CLUSTER, ExpandedChange, expand_change, expand_shape, well_posed_cluster
 from updater.flags import moderated_variance, z_limit
 from updater.modal_checks import check_event
 from updater.reference import Reference
@@ -79,6 +79,27 @@ class NullDistribution:
         found = self._method(mean_of(windows.windows(np.array([window]))), others, tracks)
         std = np.linalg.norm(found.noise, axis=1)
         return np.asarray(np.divide(found.value, std, out=np.zeros_like(std), where=std > 0))
+
+
+#: how the shapes of an event's tracks are expanded in modes (at channels, omega), paired with some of them
+Expansion = Callable[
+    [ModalMean, ModalMean, IndexArray, tuple[FloatArray, FloatArray], IndexArray], list[ExpandedChange]
+]
+
+
+def expand_shapes(
+    event: ModalMean, base: ModalMean, tracks: IndexArray, modes: tuple[FloatArray, FloatArray], paired: IndexArray
+) -> list[ExpandedChange]:
+    """Expand the shapes themselves, to the paper's letter; parameters as for `expand_changes`.
+
+    What the clusters cannot hold of the structure as it was becomes an increment, also where nothing has changed.
+    """
+    del base
+    at_channels, omega = modes
+    return [
+        expand_shape(event.shape[track], at_channels, omega, int(mode), largest=LARGEST_CLUSTER)
+        for track, mode in zip(tracks, paired, strict=True)
+    ]
 
 
 def expand_changes(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.increments import Increments, NullDistribution, expand_changes, seen_tracks
+from updater.increments import Expansion, Increments, NullDistribution, expand_changes, seen_tracks
 from updater.one_step import mass_slope, normalised_increments, scale_by_stiffness, update_mass
 from updater.particles import lump
 from updater.reference import Reference
@@ -45,10 +45,11 @@ class MassUpdater:
     Parameters
     ----------
     reference : learnt before the change
+    expansion : `expand_changes`, or `expand_shapes` to follow the paper to the letter
     """
 
-    def __init__(self, reference: Reference) -> None:
-        self._reference = reference
+    def __init__(self, reference: Reference, expansion: Expansion = expand_changes) -> None:
+        self._reference, self._expand = reference, expansion
         self._at = lump(reference)
         self._nothing = NullDistribution(reference, self._increments)
 
@@ -112,7 +113,7 @@ class MassUpdater:
         """Return the increments by eqs 7, 12 and 13 and their slopes: eq. 13 takes the ratio to the baseline."""
         at, paired = self._at, self._at.paired[tracks]
         replaced = np.eye(at.translation.shape[1])[:, paired]
-        changes = expand_changes(event, base, tracks, (at.at_channels, at.modes.omega), paired)
+        changes = self._expand(event, base, tracks, (at.at_channels, at.modes.omega), paired)
         ratio = np.exp((event.log_frequency - base.log_frequency)[tracks])
         omega = at.modes.omega[paired]
         t = scale_by_stiffness(np.column_stack([c.t for c in changes]), omega, omega * ratio)

@@ -7,7 +7,7 @@ from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
 from updater import MassUpdater, PairingError, Reference, build_model, learn_reference, mean_modes, stack_tracks
-from updater.expansion import expand, orthonormal
+from updater.expansion import expand, expand_shape, orthonormal
 from updater.one_step import (
     LowRank,
     mass_slope,
@@ -193,6 +193,21 @@ def test_expansion_recovers_a_shape_inside_its_cluster_exactly(frame: Frame) -> 
     t[[3, 4]] = 1.0, 0.1
     found = expand(t @ at_channels, at_channels, frame.modes.omega, 3, largest=4)
     np.testing.assert_allclose(found, t, atol=1e-10)
+
+
+def test_shape_expanded_by_itself_has_unit_mass_and_its_slope_is_its_derivative(frame: Frame) -> None:
+    """Central differences of 1e-6: 1e-12 of curvature and 1e-16 / 1e-6 of rounding."""
+    at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
+    random = np.random.default_rng(9)
+    shape = at_channels[4] + 0.1 * at_channels[3] + 0.01 * random.standard_normal(12)
+    found = expand_shape(-shape, at_channels, frame.modes.omega, 4, largest=4)  # turned as the model's mode
+    assert np.linalg.norm(found.t) == pytest.approx(1)
+    assert found.t[4] > 0.9
+    direction = random.standard_normal(12)
+    ahead, behind = (
+        expand_shape(-shape + h * direction, at_channels, frame.modes.omega, 4, largest=4).t for h in (1e-6, -1e-6)
+    )
+    np.testing.assert_allclose(found.by_event @ direction, (ahead - behind) / 2e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize("seed", range(4))
