@@ -38,7 +38,7 @@ def test_unchanged_data_have_no_increment_at_all(rig: Rig) -> None:
 def test_to_the_letter_of_the_paper_totals_are_the_same_and_jump_with_noise(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without noise within 5 % of the mass of ours; at 2 % on shapes clusters change in size: 37 g beside 10."""
+    """Without noise within 5 % of the mass of ours; at 3 % on shapes clusters change in size: 66 g beside 15."""
     monkeypatch.setattr("updater.flags._DRAWS", 500)  # the limit is not looked at
 
     def totals(seed: int, noise: float) -> FloatArray:
@@ -49,9 +49,9 @@ def test_to_the_letter_of_the_paper_totals_are_the_same_and_jump_with_noise(
 
     ours, literal = totals(0, 1e-4)
     np.testing.assert_allclose(literal, ours, atol=0.05 * LOCATION_1.mass)
-    scatter = np.std([totals(seed, 2.0)[:, 0] for seed in range(12)], axis=0)
+    scatter = np.std([totals(seed, 3.0)[:, 0] for seed in range(10)], axis=0)
     print(scatter)
-    assert scatter[1] > 1.5 * scatter[0]
+    assert scatter[1] > 2 * scatter[0]
 
 
 def test_totals_count_the_joint_once_and_leave_the_unmoved_out(rig: Rig) -> None:
