@@ -26,7 +26,7 @@ from updater.statistics import COMMON_STD
 from updater.structure import Sensor, Structure
 
 _N_MODES = 30
-_FINEST = 0.01  # m between places
+_USUAL = 0.01  # m between places
 _PLACES, _MOST_PLACES = 600, 2400  # on all members, more than a centimetre apart: usually, and where a target asks it
 _PLACES_WITHIN = 2.5  # places to a distance that is to be told apart
 _STILL = 1e-6  # of the largest signature: a body there moves nothing
@@ -193,9 +193,10 @@ def foresee(structure: Structure, record: Record, within: float | None = None) -
 def _spacing(structure: Structure, within: float | None) -> float:
     """Return the distance between places [m]."""
     length = sum(member.length for member in structure.member)
+    usual = max(_USUAL, length / _PLACES)
     if within is None:
-        return max(_FINEST, length / _PLACES)
-    spacing = max(_FINEST, min(within / _PLACES_WITHIN, length / _PLACES))
+        return usual
+    spacing = min(within / _PLACES_WITHIN, usual)
     if length / spacing > _MOST_PLACES:
         raise ModelError(
             f"{structure.name}: {within:g} m on {length:.4g} m of members are too many places; "
@@ -218,7 +219,7 @@ def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
 
 
 def _outlook(
-    model: Model, modes: Modes, record: Record, bodies: AddedMass | None = None, *, spacing: float = _FINEST
+    model: Model, modes: Modes, record: Record, bodies: AddedMass | None = None, *, spacing: float = _USUAL
 ) -> Outlook:
     seen = told_apart(model, modes, record)
     if len(seen) < 3 or len(model.structure.sensor) < 2:

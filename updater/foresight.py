@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from daq import FloatArray, IndexArray
 from updater.comparison import Comparison, compare
 from updater.detectability import Outlook
-from updater.errors import ModalDataError
+from updater.errors import ModalDataError, ModelError
 from updater.posterior import HELD
 from updater.reanalysis import picked, predict, reanalyse
 from updater.statistics import ModalMean
@@ -61,9 +61,18 @@ class Foresight:
     ----------
     outlook : the structure and its sensors
     target : what is to be found
+
+    Raises
+    ------
+    ModelError
+        If the mass is more than a fifth of the structure's: the likelihood's prior does not expect it.
     """
 
     def __init__(self, outlook: Outlook, target: Target) -> None:
+        heaviest = float(outlook.bodies.prior_std[0])
+        if abs(target.mass) > heaviest:
+            name = outlook.reference.calibration.structure.name
+            raise ModelError(f"{name}: expected a target of at most {heaviest:.3g} kg, found {target.mass:g} kg")
         self._outlook, self._target = outlook, target
         step = max(1, int(target.within / 4 / float(np.median(outlook.bodies.weight))))
         self._signatures = _signatures(outlook, target.mass, np.arange(0, len(outlook.member), step))

@@ -73,7 +73,7 @@ def singular_values() -> rrb.Spatial2DView:
 
 def posterior() -> rrb.Spatial2DView:
     """Return the view of the posterior along the members."""
-    name = "Where: how much worse than the best place [σ], and the mass that would fit there, along each member [m]"
+    name = "Where: worse than the best place by [σ]; the mass that fits there"
     return _drawing(name, "/posterior", change.BOUNDS)
 
 

@@ -170,6 +170,11 @@ def test_one_more_sensor_goes_where_nothing_is_seen() -> None:
     assert one_more(outlook, 0.01).changed.direction == (0, 0, 1)
 
 
+def test_a_target_as_heavy_as_the_structure_is_refused() -> None:
+    with pytest.raises(ModelError, match=r"expected a target of at most 1\.5 kg, found 20 kg"):
+        Foresight(t_outlook(), Target(mass=20.0))
+
+
 @pytest.mark.parametrize("sensors", [0, 1])
 def test_too_few_sensors_are_refused_by_name(sensors: int) -> None:
     few = t_frame().model_copy(update={"sensor": t_frame().sensor[:sensors]})
@@ -214,6 +219,7 @@ def test_places_are_near_enough_to_be_told_apart_or_refused() -> None:
     slow = Record(highest=100.0)
     assert len(foresee(long, slow).member) == pytest.approx(600, abs=2)
     assert len(foresee(long, slow, within=2.5).member) == pytest.approx(1000, abs=2)
+    assert len(foresee(bar, Record(highest=2000.0), within=0.005).member) == 501
     with pytest.raises(ModelError, match=r"0\.05 m on 1000 m of members are too many places; expected 1 m or more"):
         foresee(long, slow, within=0.05)
 
