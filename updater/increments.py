@@ -15,6 +15,7 @@ from updater.reference import Reference
 from updater.statistics import ModalMean
 
 _WORST_CONDITION = 30.0  # of [A B2]: beyond it noise decides, and smaller clusters are taken
+_NEGLIGIBLE = 1e-9  # of the largest: a deviation, or a singular value of what inputs err, that is rounding
 _LEAST_WINDOWS = 3  # of the baseline with all modes of the event, to learn a deviation from
 
 
@@ -78,7 +79,7 @@ class NullDistribution:
         others = mean_of(windows.windows(usable[usable != window]))
         found = self._method(mean_of(windows.windows(np.array([window]))), others, tracks)
         std = np.linalg.norm(found.noise, axis=1)
-        return np.asarray(np.divide(found.value, std, out=np.zeros_like(std), where=std > 0))
+        return np.asarray(np.divide(found.value, std, out=np.zeros_like(std), where=std > _NEGLIGIBLE * std.max()))
 
 
 #: how the shapes of an event's tracks are expanded in modes (at channels, omega), paired with some of them
@@ -124,6 +125,13 @@ def expand_changes(
         if np.linalg.cond(np.array([c.t[paired] for c in changes])) < _WORST_CONDITION:
             break
     return changes
+
+
+def covariance_root(spread: FloatArray) -> FloatArray:
+    """Return (n, rank) with the covariance of (n, n_inputs): a cluster of a few modes holds what many channels err."""
+    left, value, _ = np.linalg.svd(spread, full_matrices=False)
+    kept = value > _NEGLIGIBLE * value[0]
+    return np.asarray(left[:, kept] * value[kept])
 
 
 def seen_tracks(reference: Reference, paired: IndexArray, event: ModalMean) -> IndexArray:

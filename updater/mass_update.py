@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.increments import Expansion, Increments, NullDistribution, expand_changes, seen_tracks
+from updater.increments import (
+    Expansion,
+    Increments,
+    NullDistribution,
+    covariance_root,
+    expand_changes,
+    seen_tracks,
+)
 from updater.one_step import mass_slope, normalised_increments, scale_by_stiffness, update_mass
 from updater.particles import lump
 from updater.reference import Reference
@@ -123,6 +130,6 @@ class MassUpdater:
         stated = np.hypot(event.log_frequency_std, base.log_frequency_std)[tracks]
         columns = [by_frequency * stated]
         for i, (track, change) in enumerate(zip(tracks, changes, strict=True)):
-            columns.append(slope[i] @ (ratio[i] * change.by_event * event.shape_std[track]))
-            columns.append(slope[i] @ (ratio[i] * change.by_base * base.shape_std[track]))
+            by_shape = [ratio[i] * change.by_event * event.shape_std[track], change.by_base * base.shape_std[track]]
+            columns.append(slope[i] @ covariance_root(np.concatenate(by_shape, axis=1)))
         return Increments(value, np.column_stack(columns), COMMON_STD * by_frequency.sum(1))
