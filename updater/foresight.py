@@ -15,7 +15,7 @@ from daq import FloatArray, IndexArray
 from updater.comparison import Comparison, compare
 from updater.detectability import Outlook
 from updater.errors import ModalDataError, ModelError
-from updater.posterior import HELD
+from updater.posterior import likeliest_place
 from updater.reanalysis import picked, predict, reanalyse
 from updater.statistics import ModalMean
 
@@ -54,6 +54,17 @@ class _Signatures:
     prior: FloatArray  #: (n_parameters,) inverse variances
 
 
+@dataclass(frozen=True, eq=False)
+class _Draws:
+    """Standard normal numbers behind the errors of the played records, the same for records of every length."""
+
+    frequency: FloatArray  #: (n_draws, n) of what is measured
+    frequency_model: FloatArray  #: (n_draws, n) of what the model gets wrong
+    mixing: FloatArray  #: (n_draws, n, n_modes) of what other modes add to a shape
+    shape_model: FloatArray  #: (n_draws, n, n_channels) of what the model gets wrong
+    blur: FloatArray  #: (n_draws, n, n_channels) of the channels' own noise
+
+
 class Foresight:
     """One mass anywhere on a structure.
 
@@ -76,11 +87,7 @@ class Foresight:
         self._outlook, self._target = outlook, target
         step = max(1, int(target.within / 4 / float(np.median(outlook.bodies.weight))))
         self._signatures = _signatures(outlook, target.mass, np.arange(0, len(outlook.member), step))
-        n, n_all = len(outlook.frequency), len(outlook.reference.frequency)
-        random = np.random.default_rng(_SEED)
-        n_channels = len(outlook.reference.baseline.channels)
-        shapes = [(_DRAWS, n), (_DRAWS, n), (_DRAWS, n, n_all), (_DRAWS, n, n_channels), (_DRAWS, n, n_channels)]
-        self._random = [random.standard_normal(shape) for shape in shapes]
+        self._draws = _draw(outlook)
 
     @property
     def target(self) -> Target:
@@ -151,11 +158,12 @@ class Foresight:
         quiet = outlook.bodies.comparison
         std = np.sqrt(2) * outlook.reference.baseline.log_frequency_std
         model = np.sqrt(np.maximum(_variance(data) - _variance(quiet), 0))
-        blur = outlook.record.blur(outlook.frequency)[:, None] * self._random[4]
-        by_mode = np.einsum("din,inc->dic", self._random[2], outlook.shape_error)
+        blur = outlook.record.blur(outlook.frequency)[:, None] * self._draws.blur
+        by_mode = np.einsum("din,inc->dic", self._draws.mixing, outlook.shape_error)
         root = _root(_covariance(data.shape_whitener) - _covariance(quiet.shape_whitener))
-        by_model = np.einsum("icd,sid->sic", root, self._random[3])
-        return std * self._random[0] + model * self._random[1], np.sqrt(2) * (by_mode + blur) + by_model
+        by_model = np.einsum("icd,sid->sic", root, self._draws.shape_model)
+        frequency = std * self._draws.frequency + model * self._draws.frequency_model
+        return frequency, np.sqrt(2) * (by_mode + blur) + by_model
 
     def _answers(self, signature: FloatArray, measured: FloatArray) -> FloatArray:
         """Return the place that each record's posterior says (n_draws, 3).
@@ -175,33 +183,11 @@ class Foresight:
         return np.asarray(place @ self._outlook.point[rows])
 
 
-def likeliest_place(member: IndexArray, probability: FloatArray) -> FloatArray:
-    """Return the posterior within the most probable stretch of the 95 % region, for many posteriors at once.
-
-    Parameters
-    ----------
-    member : (n,) of equally spaced positions
-    probability : (n_draws, n) posteriors
-
-    Returns
-    -------
-    (n_draws, n)
-        Zero outside the stretch, summing to one.
-    """
-    falling = np.argsort(-probability, axis=1)
-    before = np.cumsum(np.take_along_axis(probability, falling, 1), axis=1) - np.take_along_axis(
-        probability, falling, 1
-    )
-    inside = np.zeros(probability.shape, bool)
-    np.put_along_axis(inside, falling, before < HELD, axis=1)
-    edge = np.r_[True, member[1:] != member[:-1]]
-    starts = inside & (edge | ~np.pad(inside, ((0, 0), (1, 0)))[:, :-1])
-    stretch = np.where(inside, np.cumsum(starts, axis=1), 0)
-    n_draws, most = len(probability), int(stretch.max()) + 1
-    flat = (stretch + most * np.arange(n_draws)[:, None]).ravel()
-    held = np.bincount(flat, np.where(inside, probability, 0).ravel(), minlength=n_draws * most).reshape(n_draws, most)
-    own = np.where(inside & (stretch == np.argmax(held, axis=1)[:, None]), probability, 0)
-    return np.asarray(own / own.sum(axis=1, keepdims=True))
+def _draw(outlook: Outlook) -> _Draws:
+    random, n = np.random.default_rng(_SEED), (_DRAWS, len(outlook.frequency))
+    n_modes, n_channels = len(outlook.reference.frequency), len(outlook.reference.baseline.channels)
+    shapes = (n, n, (*n, n_modes), (*n, n_channels), (*n, n_channels))
+    return _Draws(*(random.standard_normal(shape) for shape in shapes))
 
 
 def _signatures(outlook: Outlook, mass: float, rows: IndexArray) -> _Signatures:

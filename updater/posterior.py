@@ -82,3 +82,32 @@ def _nearest(stretches: list[tuple[int, float, float]], member: IndexArray, posi
         away[number] = np.where(member == m, off, np.inf)
     nearest = np.argmin(away, axis=0)
     return np.where(np.isfinite(away[nearest, np.arange(len(position))]), nearest, -1)
+
+
+def likeliest_place(member: IndexArray, probability: FloatArray) -> FloatArray:
+    """Return the posterior within the most probable stretch of the 95 % region, for many posteriors at once.
+
+    Parameters
+    ----------
+    member : (n,) of equally spaced positions
+    probability : (n_draws, n) posteriors
+
+    Returns
+    -------
+    (n_draws, n)
+        Zero outside the stretch, summing to one.
+    """
+    falling = np.argsort(-probability, axis=1)
+    before = np.cumsum(np.take_along_axis(probability, falling, 1), axis=1) - np.take_along_axis(
+        probability, falling, 1
+    )
+    inside = np.zeros(probability.shape, bool)
+    np.put_along_axis(inside, falling, before < HELD, axis=1)
+    edge = np.r_[True, member[1:] != member[:-1]]
+    starts = inside & (edge | ~np.pad(inside, ((0, 0), (1, 0)))[:, :-1])
+    stretch = np.where(inside, np.cumsum(starts, axis=1), 0)
+    n_draws, most = len(probability), int(stretch.max()) + 1
+    flat = (stretch + most * np.arange(n_draws)[:, None]).ravel()
+    held = np.bincount(flat, np.where(inside, probability, 0).ravel(), minlength=n_draws * most).reshape(n_draws, most)
+    own = np.where(inside & (stretch == np.argmax(held, axis=1)[:, None]), probability, 0)
+    return np.asarray(own / own.sum(axis=1, keepdims=True))

@@ -25,8 +25,7 @@ from updater import (
     one_more,
     vagueness,
 )
-from updater.foresight import likeliest_place
-from updater.posterior import places
+from updater.posterior import likeliest_place, places
 
 MINUTE = Record(seconds=60.0)
 
