@@ -107,7 +107,7 @@ def bare_reference(structure: Structure) -> ReferenceResult:
     return ReferenceResult(time=0, n_windows=0, modes=[], calibrated={}, **_geometry(build_model(structure)))
 
 
-def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> MassAnswer:
+def mass_answer(structure: Structure, change: MassChange, n_windows: int, outlook: str) -> MassAnswer:
     """Return a located mass in the structure's coordinates."""
     at = {member.name: member.point for member in structure.member}
     columns = (change.members, change.position, change.density, change.profile_mass)
@@ -124,6 +124,7 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int) -> Mas
         member_probability=change.member_probability,
         p_value=change.p_value,
         n_windows=n_windows,
+        outlook=outlook,
         profile=[
             ProfilePoint(member=m, position=_vector(at[m](s)), density=float(d), mass=float(g))
             for m, s, d, g in zip(*columns, strict=True)

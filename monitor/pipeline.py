@@ -37,6 +37,7 @@ from updater import (
     novelty,
     novelty_limit,
     remove_delays,
+    sharpening,
     stack_tracks,
 )
 
@@ -169,7 +170,8 @@ class Pipeline:
         except ValueError:
             return found  # fewer than three modes left to compare: there is an alarm, but no cause
         if is_one_mass(diagnosis):
-            found["answer"] = mass_answer(self._structure, locate_mass(watch.reference, event), len(pure))
+            change, outlook = locate_mass(watch.reference, event), sharpening(watch.reference, event).said
+            found["answer"] = mass_answer(self._structure, change, len(pure), outlook)
         return found
 
     def _said(self, window: _Window, text: str) -> AlarmResult:

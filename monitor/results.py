@@ -95,6 +95,7 @@ class MassAnswer(_Result):
     p_value: Number  #: of the fit: chance of a worse one if a mass is the cause [-]
     n_windows: int  #: windows that entered
     profile: list[ProfilePoint]
+    outlook: str = ""  #: what more windows would give, and when they no longer do
     others: list[OtherPlace] = []  #: places that the data leave open besides, as on a symmetric frame's other arm
 
 

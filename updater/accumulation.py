@@ -41,9 +41,9 @@ class Sharpening:
         """What it means for whoever waits."""
         least = f"{1e3 * self.least_distance_std:.0f} mm and {1e3 * self.least_mass_std:.0f} g"
         if self.limited_by == "windows":
-            return f"sharpens as the square root of the windows until about {self.enough}, to no less than {least}"
+            return f"more windows sharpen it as their square root until about {self.enough}, to no less than {least}"
         what = {"baseline": "a longer baseline", "model": "a better model or another sensor"}[self.limited_by]
-        return f"more windows will not sharpen it under {least}; {what} would"
+        return f"more windows will not sharpen it under {least}, {what} would"
 
 
 def sharpening(reference: Reference, event: ModalMean) -> Sharpening:

@@ -89,6 +89,8 @@ def _facts(story: Story) -> list[tuple[str, str]]:
         sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
         windows = f"{answer.n_windows} window{'s' * (answer.n_windows > 1)}"
         facts.append(("How sure", f"{sure}; fit p = {answer.p_value:.2g} from {windows}"))
+        if answer.outlook:
+            facts.append(("Outlook", answer.outlook))
     judged = [w.novelty for w in story.watched if w.novelty]
     if judged:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))

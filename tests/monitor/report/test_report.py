@@ -200,6 +200,15 @@ def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
     assert "or here" in base64.b64decode(drawn.removeprefix(_SVG)).decode()
 
 
+def test_outlook_stands_on_the_page_where_there_is_one(tmp_path: Path) -> None:
+    said = "more windows sharpen it as their square root until about 4, to no less than 4 mm and 8 g"
+    last = WHOLE["windows"][-1]
+    told = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": said})})
+    found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], told]}, tmp_path)
+    assert said in found.words
+    assert "Outlook" not in page_of(WHOLE, tmp_path).words
+
+
 def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
     assert page_of(FOUND, tmp_path).text == page.text
 
