@@ -179,7 +179,7 @@ def draw(swept: dict[str, list[Case]], stretched: list[Case]) -> Figure:
     for axes in (totals, lengths):
         axes.axhline(1, color="#66707c", linewidth=0.8)
         axes.set_ylabel("total by eq. 14 over the mass")
-    totals.legend(fontsize=8, frameon=False, ncol=3, loc=(0.02, 0.36))
+    totals.legend(fontsize=7, frameon=False, ncol=3, loc=(0.02, 0.4), handlelength=1.5, columnspacing=1.0)
     lengths.legend(fontsize=8, frameon=False, loc="lower left")
     totals.set(xscale="log", xlabel="mass added, % of the structure's", title="By size")
     lengths.set_title("304 g, smeared")
