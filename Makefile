@@ -51,7 +51,7 @@ foresight: $(VENV)/.done
 causes: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
 
-# How often one and two masses are counted rightly: the table in docs/updater.md, half an hour.
+# How often one and two masses are counted rightly, and how near the worse is placed: prints a table, half an hour.
 several: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/several_masses.py
 

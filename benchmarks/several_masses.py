@@ -1,7 +1,7 @@
 """How often masses that came together are counted rightly, and how near the worse of them is placed.
 
 Plain masses of 2 to 4 % of the structure each, anywhere, at least 0.3 m apart, on the true frames and with the noise of
-benchmarks/localization.py. Prints the table of docs/updater.md.
+benchmarks/localization.py. Prints a table.
 
 Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/several_masses.py [CASES], or make several
 """
