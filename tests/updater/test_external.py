@@ -28,6 +28,7 @@ from updater import (
     spread_mass,
     stack_tracks,
 )
+from updater.fe.matrices import whole_blocks
 
 FOOT = '\n[[support]]\nat = [0.0, 0.0, 0.0]\nfixed = ["x", "y", "z", "rx", "ry", "rz"]\n'
 
@@ -123,6 +124,17 @@ def test_diagnosed_causes_go_into_the_file_and_its_comments_stay(tower: Path, tm
     extended = dump_structure(structure, text)
     assert extended.startswith("# as built\n")
     assert parse_structure(extended, tmp_path / "extended.toml") == structure
+
+
+def test_blocks_of_nodes_are_whole_and_nothing_else_is_changed() -> None:
+    """What the frame's assembly stores, zeros included, from the entries that are not zero."""
+    model = build_model(t_frame(), shear_flexible=True)
+    found = matrices_of(model)
+    bare = model.stiffness.copy()
+    bare.eliminate_zeros()
+    whole = whole_blocks(bare, found.dofs)
+    assert bare.nnz < model.stiffness.nnz == whole.nnz
+    assert abs(whole - model.stiffness).max() == 0
 
 
 def test_text_for_other_folders_names_the_whole_path(tower: Path) -> None:

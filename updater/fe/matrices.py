@@ -5,7 +5,7 @@ What the rows mean stands in a DOF table: node, its place and the axis (x y z rx
 
 import csv
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from zipfile import BadZipFile
@@ -69,7 +69,25 @@ def _read(stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path
     found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs)
     _check(stiffness[0], k, found, "stiffness")
     _check(mass[0], m, found, "mass")
-    return found
+    return replace(found, stiffness=whole_blocks(k, dofs))
+
+
+def whole_blocks(stiffness: sparse.csc_array, dofs: IntArray) -> sparse.csc_array:
+    """Return the same matrix with zeros stored wherever two nodes have an entry in common.
+
+    Rows of a node that have one pattern are ordered as one by the solver, which fills less.
+
+    Parameters
+    ----------
+    stiffness : (n_dofs, n_dofs)
+    dofs : (n_nodes, 6) row of each node's DOF, -1 where there is none
+    """
+    node, axis = np.nonzero(dofs >= 0)
+    of_node = sparse.csr_array((np.ones(len(node)), (dofs[node, axis], node)), shape=(stiffness.shape[0], len(dofs)))
+    pattern = (of_node @ (of_node.T @ abs(stiffness) @ of_node) @ of_node.T).tocoo()
+    own = stiffness.tocoo()
+    row, column = (np.concatenate([own.coords[i], pattern.coords[i]]) for i in (0, 1))
+    return sparse.csc_array((np.concatenate([own.data, np.zeros(pattern.nnz)]), (row, column)), shape=own.shape)
 
 
 def save_matrices(path: Path, matrices: Matrices) -> None:
