@@ -1,7 +1,7 @@
 """How often the one-step update flags what did not change, and what it flags of masses that were added.
 
 Eight windows teach the reference, four make an event, as in a demo; noise by the uncertainty law. Prints the tables
-of docs/updater.md.
+of docs/updater.md, and false flags of the stiffness twin.
 
 Usage: PYTHONPATH=tests python benchmarks/flags.py [BASELINES], or make flags
 """
