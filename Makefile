@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization several bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes localization localization-records rivals several bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -58,6 +58,14 @@ several: $(VENV)/.done
 # One added mass at 1000 random places a line, from modes with known noise: the table in docs/localization.md, an hour.
 localization: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/localization.py
+
+# The same from accelerations, 200 places a length of record: half an hour.
+localization-records: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/localization_records.py
+
+# Other methods on the same modes: a quarter of an hour.
+rivals: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/rivals.py
 
 # Identities of modes through simulated months: the table in docs/oma.md, some minutes.
 tracking: $(VENV)/.done
