@@ -13,7 +13,20 @@ from multiprocessing import Pool
 
 import numpy as np
 from fe_helpers import unmoved
-from localization import FRAMES, LINES, N_BASELINE, N_EVENT, N_MODES, SEED, STRUCTURE, calibrated, frame, learnt_anew
+from localization import (
+    FRAMES,
+    LINES,
+    N_BASELINE,
+    N_EVENT,
+    N_MODES,
+    SEED,
+    STRUCTURE,
+    Frame,
+    Line,
+    calibrated,
+    frame,
+    learnt_anew,
+)
 from places import TOTAL, Placed, share
 
 from daq import FloatArray
@@ -22,6 +35,7 @@ from updater import MassChange, build_model, locate_masses, matched, stack_track
 NUMBERS = (1, 2)
 NOISES = ("0.05/1", "0.1/2")
 APART = 0.3  # m
+SHOWN = 5.0  # standard deviations
 SHARES = (0.02, 0.04)  # of the structure's mass
 HEAD = (
     "| | cases | counted rightly [%] | worse place off, median [mm] | 90 % [mm] | worse mass off, median [%] |\n"
@@ -34,6 +48,7 @@ class Counted:
     """What was found of one case."""
 
     right: bool
+    seen: bool  # whether each of the masses by itself would show in the frequencies
     off: float  # m, of the worse mass; NaN if the number is wrong
     mass_error: float  # share of its mass, of the worse mass; NaN if the number is wrong
 
@@ -67,17 +82,26 @@ def one(task: tuple[str, int, int]) -> Counted:
     loaded = build_model(structure, shear_flexible=True, mass="consistent").modes(N_MODES)
     reference = learnt_anew(calibrated(case % FRAMES, line), here.windows(here.bare, line, N_BASELINE, random))
     windows = stack_tracks(here.windows(loaded, line, N_EVENT, random), unmoved(N_EVENT))
-    return judged(placed, locate_masses(reference, matched(reference.baseline, reference.mean_of(windows))).masses)
+    seen = all(shown(p, here, line) for p in placed)
+    masses = locate_masses(reference, matched(reference.baseline, reference.mean_of(windows))).masses
+    return judged(placed, masses, seen)
 
 
-def judged(placed: list[Placed], found: tuple[MassChange, ...]) -> Counted:
+def shown(placed: Placed, here: Frame, line: Line) -> bool:
+    """Tell whether a mass by itself moves the frequencies by five standard deviations in all, to first order."""
+    moved = (here.truth.model().read(point(placed))[:3] @ here.bare.shape) ** 2
+    shift = 0.5 * placed.mass * moved.sum(0)
+    return bool(np.linalg.norm(shift / (np.sqrt(2) * line.frequency_std(here.bare.frequency))) > SHOWN)
+
+
+def judged(placed: list[Placed], found: tuple[MassChange, ...], seen: bool) -> Counted:
     """Judge an answer by the order of masses that fits it best."""
     if len(found) != len(placed):
-        return Counted(False, np.nan, np.nan)
+        return Counted(False, seen, np.nan, np.nan)
     at = [STRUCTURE.member_named(change.member).point(change.distance) for change in found]
     orders = itertools.permutations(range(len(placed)))
     off, best = min((max(float(np.linalg.norm(at[i] - point(placed[k]))) for i, k in enumerate(o)), o) for o in orders)
-    return Counted(True, off, max(abs(found[i].mass / placed[k].mass - 1) for i, k in enumerate(best)))
+    return Counted(True, seen, off, max(abs(found[i].mass / placed[k].mass - 1) for i, k in enumerate(best)))
 
 
 def main() -> int:
@@ -87,12 +111,17 @@ def main() -> int:
     with Pool() as pool:
         for name, number in itertools.product(NOISES, NUMBERS):
             found = pool.map(one, [(name, number, case) for case in range(cases)], chunksize=2)
-            off = 1000 * np.array([f.off for f in found if f.right])
-            error = 100 * np.array([f.mass_error for f in found if f.right])
-            said = f"{number} mass{'es' * (number > 1)}, {LINES[name].said}"
-            cells = [share([f.right for f in found]), f"{np.median(off):.1f}", f"{np.percentile(off, 90):.0f}"]
-            print(" | ".join([f"| {said}", str(cases), *cells, f"{np.median(error):.1f}"]) + " |", flush=True)
+            print(row(f"{number} mass{'es' * (number > 1)}, {LINES[name].said}", found))
+            print(row("of these each of the masses shows", [f for f in found if f.seen]), flush=True)
     return 0
+
+
+def row(said: str, found: list[Counted]) -> str:
+    """Return a line of the table."""
+    off = 1000 * np.array([f.off for f in found if f.right])
+    error = 100 * np.array([f.mass_error for f in found if f.right])
+    cells = [share([f.right for f in found]), f"{np.median(off):.1f}", f"{np.percentile(off, 90):.0f}"]
+    return " | ".join([f"| {said}", str(len(found)), *cells, f"{np.median(error):.1f}"]) + " |"
 
 
 if __name__ == "__main__":
