@@ -21,6 +21,7 @@ from daq.sampling import UnevenError, even_grid
 from daq.universalfile import read_universal
 
 _LARGEST = (1 << 30) - 1  # count
+_LEAST_SCALE = float(np.finfo(float).tiny)  # m/s2 a count: what is less has no quotients
 _BLOCK_SECONDS = 1.0
 _DEVICE = "import"
 _UNIVERSAL = {".uff", ".unv"}
@@ -185,7 +186,7 @@ def _blocks(recording: Recording, device: str) -> Iterator[Block]:
     data[:, list(axes)] = recording.data[:, list(axes.values())]
     there = np.asarray(np.isfinite(data).all(axis=1))
     largest = float(np.abs(data[there]).max(initial=0.0))
-    scale = largest / _LARGEST if largest > 0 else 1.0
+    scale = max(largest / _LARGEST, _LEAST_SCALE) if largest > 0 else 1.0
     counts = np.rint(np.where(there[:, None], data, 0.0) / scale).astype(np.int32)
     edges = np.flatnonzero(np.diff(np.r_[False, there, False].astype(np.int8)))
     length = max(1, round(_BLOCK_SECONDS * recording.rate))
