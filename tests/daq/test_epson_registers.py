@@ -1,6 +1,8 @@
 """Register commands and answers, and the emulator's registers seen as a host sees them."""
 
 import os
+import select
+import time
 from collections.abc import Iterator
 
 import hypothesis.strategies as st
@@ -41,8 +43,17 @@ def line(device: EmulatedEpson) -> Iterator[int]:
 def ask(device: EmulatedEpson, line: int, window: int, address: int) -> int:
     """Return a register as the host reads it."""
     os.write(line, epson.write_register(epson.WINDOW, window) + epson.read_register(address))
-    device.serve()
-    return epson.parse_reply(os.read(line, 4), address)
+    return epson.parse_reply(_answer(device, line), address)
+
+
+def _answer(device: EmulatedEpson, line: int) -> bytes:
+    """Serve until four bytes came back: a pty hands on what is written when the kernel gets round to it."""
+    reply, until = b"", time.monotonic() + 5.0
+    while len(reply) < 4 and time.monotonic() < until:
+        device.serve()
+        if select.select([line], [], [], 0.01)[0]:
+            reply += os.read(line, 4 - len(reply))
+    return reply
 
 
 @given(st.integers(0, 0x7F), bytes_)
