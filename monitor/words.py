@@ -176,13 +176,18 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
 
 
 def _what(story: Story, diagnosis: Diagnosis | None) -> str:
-    if diagnosis:
+    if diagnosis and not (story.answers and _is_one_mass(diagnosis)):
         return change_text(diagnosis)
     if not story.answers:
         return "where is not known yet"
     answer = story.answers[-1][1]
     doubt = " (a mass alone explains it badly)" if answer.p_value < _DOUBTFUL else ""
     return mass_text(answer) + doubt
+
+
+def _is_one_mass(diagnosis: Diagnosis) -> bool:
+    """Tell whether one mass and nothing else is the cause: the located answer then says how much, and is surer."""
+    return [(c.cause, c.cannot_be_told_from) for c in diagnosis.causes] == [("added_mass", ())]
 
 
 def _when(story: Story) -> str:
