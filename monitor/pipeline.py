@@ -17,7 +17,7 @@ from monitor.describe import (
 from monitor.fusion import choose_tracks
 from monitor.results import AlarmResult, MassAnswer, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
-from monitor.words import alarm_text
+from monitor.words import alarm_text, is_one_mass
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
     NO_DELAYS,
@@ -32,12 +32,11 @@ from updater import (
     estimate_delays,
     learn_delays,
     learn_reference,
-    locate_mass,
+    locate_and_sharpen,
     mean_modes,
     novelty,
     novelty_limit,
     remove_delays,
-    sharpening,
     stack_tracks,
 )
 
@@ -170,8 +169,8 @@ class Pipeline:
         except ValueError:
             return found  # fewer than three modes left to compare: there is an alarm, but no cause
         if is_one_mass(diagnosis):
-            change, outlook = locate_mass(watch.reference, event), sharpening(watch.reference, event).said
-            found["answer"] = mass_answer(self._structure, change, len(pure), outlook)
+            change, outlook = locate_and_sharpen(watch.reference, event)
+            found["answer"] = mass_answer(self._structure, change, len(pure), outlook.said)
         return found
 
     def _said(self, window: _Window, text: str) -> AlarmResult:
@@ -183,11 +182,6 @@ def _increments(watch: _Watch, event: ModalMean, n_windows: int) -> MassIncremen
         return increment_result(watch.updater.update(event), n_windows)
     except (PairingError, ValueError):
         return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments
-
-
-def is_one_mass(diagnosis: Diagnosis) -> bool:
-    """Tell whether one added or removed mass, and nothing else, explains what has changed."""
-    return diagnosis.verdict == "explained" and [c.cause for c in diagnosis.causes] == ["added_mass"]
 
 
 def _rms(recording: Recording) -> dict[str, float]:

@@ -176,7 +176,7 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
 
 
 def _what(story: Story, diagnosis: Diagnosis | None) -> str:
-    if diagnosis and not (story.answers and _is_one_mass(diagnosis)):
+    if diagnosis and not (story.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
         return change_text(diagnosis)
     if not story.answers:
         return "where is not known yet"
@@ -185,9 +185,9 @@ def _what(story: Story, diagnosis: Diagnosis | None) -> str:
     return mass_text(answer) + doubt
 
 
-def _is_one_mass(diagnosis: Diagnosis) -> bool:
-    """Tell whether one mass and nothing else is the cause: the located answer then says how much, and is surer."""
-    return [(c.cause, c.cannot_be_told_from) for c in diagnosis.causes] == [("added_mass", ())]
+def is_one_mass(diagnosis: Diagnosis) -> bool:
+    """Tell whether one added or removed mass, and nothing else, explains what has changed."""
+    return diagnosis.verdict == "explained" and [c.cause for c in diagnosis.causes] == ["added_mass"]
 
 
 def _when(story: Story) -> str:

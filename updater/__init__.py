@@ -1,6 +1,6 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
-from updater.accumulation import Sharpening, sharpening
+from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import Outlook, foresee, with_sensors
@@ -115,6 +115,7 @@ __all__ = [
     "learn_reference",
     "learn_scatter",
     "load_structure",
+    "locate_and_sharpen",
     "locate_mass",
     "locate_masses",
     "match_modes",

@@ -11,11 +11,11 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.added_mass import DENSITY_STD
+from updater.causes.added_mass import DENSITY_STD, AddedMass
 from updater.causes.bodies import Bodies
 from updater.comparison import compare
-from updater.fit import linearised
-from updater.localization import fit_mass
+from updater.fit import Fit, linearised
+from updater.localization import MassChange, fit_mass, mass_change
 from updater.reference import Reference
 from updater.statistics import ModalMean
 
@@ -62,7 +62,17 @@ def sharpening(reference: Reference, event: ModalMean) -> Sharpening:
     ModalDataError
         If fewer than three modes can be compared, or what is compared cannot be right.
     """
-    body, error = _best(reference, event)
+    return _sharpened(reference, event, *fit_mass(reference, event))
+
+
+def locate_and_sharpen(reference: Reference, event: ModalMean) -> tuple[MassChange, Sharpening]:
+    """Return what `locate_mass` and `sharpening` do, by one fit; parameters and errors are theirs."""
+    found, error = fit_mass(reference, event)
+    return mass_change(found, error), _sharpened(reference, event, found, error)
+
+
+def _sharpened(reference: Reference, event: ModalMean, found: Fit[AddedMass], error: float) -> Sharpening:
+    body = _best(found)
     windows = max(int(event.n.max()), 1)
 
     def std(n: float) -> FloatArray:
@@ -84,17 +94,15 @@ def sharpening(reference: Reference, event: ModalMean) -> Sharpening:
     )
 
 
-def _best(reference: Reference, event: ModalMean) -> tuple[Bodies, float]:
-    """Return the most probable body, its position a parameter, and the model error that it needs."""
-    found, error = fit_mass(reference, event)
+def _best(found: Fit[AddedMass]) -> Bodies:
+    """Return the most probable body, its position a parameter."""
     cause, row = found.hypotheses, found.best
-    body = Bodies(
+    return Bodies(
         grid=cause,
         member=cause.member[row].reshape(1, 1),
         place=cause.position[row].reshape(1, 1),
         start=np.r_[0.0, found.theta[row]][None],
     )
-    return body, error
 
 
 def _scaled(event: ModalMean, factor: float) -> ModalMean:
