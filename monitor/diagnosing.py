@@ -1,12 +1,15 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from daq import IndexArray, Recording
+import numpy as np
+
+from daq import FloatArray, IndexArray, Recording
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from oma import IdentificationError, ModalEstimate
 from updater import (
+    Circumstances,
     Explained,
     ModalMean,
     Reference,
@@ -17,15 +20,19 @@ from updater import (
     estimate_delays,
     learn_delays,
     learn_reference,
+    match_modes,
     matched,
     nominal_reference,
     remove_delays,
     stack_tracks,
+    tone_ratios,
+    trend_of,
 )
 
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
+_THERMOMETER_STD = 0.5  # K, of the mean of a log
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,6 +42,8 @@ class Observation:
     windows: Windows
     estimates: tuple[ModalEstimate, ...]
     tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
+    temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
+    rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
 
     @property
     def modes(self) -> TrackedModes:
@@ -76,9 +85,11 @@ def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], No
         If fewer than three windows give modes, or no mode is seen in most of them.
     """
     devices: dict[str, str] = {}
+    seen: list[tuple[int, float, float]] = []
 
     def note(recording: Recording) -> None:
         devices.update({channel.name: channel.device for channel in recording.channels})
+        seen.append((recording.start, recording.temperature, _rms(recording)))
         on_window(recording)
 
     windows = identify_windows(recordings, on_window=note)
@@ -90,7 +101,28 @@ def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], No
     _, kept, tracks = choose_tracks(estimates)
     if not len(kept):
         raise IdentificationError("no mode is seen in most of the windows")
-    return Observation(windows=windows, estimates=tuple(estimates), tracks=tuple(tracks))
+    temperature, rms = _at_windows(seen, estimates)
+    return Observation(
+        windows=windows, estimates=tuple(estimates), tracks=tuple(tracks), temperature=temperature, rms=rms
+    )
+
+
+def _rms(recording: Recording) -> float:
+    """Return the root mean square over time and channels, each channel's mean taken off [m/s2]."""
+    present = np.isfinite(recording.data)
+    count = np.maximum(present.sum(0), 1)
+    mean = np.where(present, recording.data, 0.0).sum(0) / count
+    square = np.where(present, recording.data - mean, 0.0) ** 2
+    return float(np.sqrt(np.mean(square.sum(0) / count)))
+
+
+def _at_windows(
+    seen: Sequence[tuple[int, float, float]], estimates: Sequence[ModalEstimate]
+) -> tuple[FloatArray, FloatArray]:
+    """Return temperature and rms of the windows that gave modes; alignment may have moved their start a little."""
+    start = np.array([at for at, _, _ in seen])
+    chosen = [seen[int(np.argmin(np.abs(start - estimate.start)))] for estimate in estimates]
+    return np.array([t for _, t, _ in chosen]), np.array([rms for _, _, rms in chosen])
 
 
 def explain_change(
@@ -104,13 +136,45 @@ def explain_change(
         If fewer than three modes can be compared.
     """
     reference = learn_reference(structure, before.estimates, before.tracks)
-    return diagnose(reference, _event(reference, after), heldout=_event(reference, heldout) if heldout else None)
+    return diagnose(
+        reference,
+        _event(reference, after),
+        heldout=_event(reference, heldout) if heldout else None,
+        circumstances=circumstances_of(reference, before, after),
+    )
 
 
 def explain_model(structure: Structure, measured: Observation, heldout: Observation | None = None) -> Explained:
     """Explain what the structure file gets wrong about logs; errors as for `explain_change`."""
     reference = nominal_reference(structure, measured.modes)
-    return diagnose(reference, _event(reference, measured), heldout=_event(reference, heldout) if heldout else None)
+    return diagnose(
+        reference,
+        _event(reference, measured),
+        heldout=_event(reference, heldout) if heldout else None,
+        circumstances=circumstances_of(reference, None, measured),
+    )
+
+
+def circumstances_of(reference: Reference, before: Observation | None, now: Observation) -> Circumstances:
+    """Return what logs say beside their tracked modes; without logs from before only what they say by themselves."""
+    event = reference.mean_of(now.modes)
+    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
+    found = match_modes(reference.baseline.at(channels), event.at(channels))
+    excess = float(now.rms.mean() - before.rms.mean()) if before else 0.0
+    trend = trend_of(now.modes.tracks(found), now.rms, excess)
+    extra = np.setdiff1d(np.arange(len(event.log_frequency)), found)
+    return Circumstances(
+        warmer=_mean(now.temperature) - _mean(before.temperature) if before else float("nan"),
+        warmer_std=_THERMOMETER_STD * 2**0.5,
+        tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
+        extra=event.only(extra) if len(extra) else None,
+        trend=trend,
+    )
+
+
+def _mean(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")
 
 
 def _event(reference: Reference, observation: Observation) -> ModalMean:

@@ -2,6 +2,7 @@
 
 from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
+from updater.circumstances import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
@@ -41,6 +42,7 @@ from updater.structure_file import dump_structure, load_structure, parse_structu
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
 
 __all__ = [
+    "NOTHING_KNOWN",
     "NO_DELAYS",
     "UNSEEN",
     "Alternative",
@@ -51,6 +53,7 @@ __all__ = [
     "Calibration",
     "Cause",
     "Choice",
+    "Circumstances",
     "DeviceDelays",
     "Diagnosis",
     "Expansion",
@@ -97,6 +100,7 @@ __all__ = [
     "Support",
     "Target",
     "TrackedModes",
+    "Trend",
     "UpdaterError",
     "Verdict",
     "Where",
@@ -138,6 +142,8 @@ __all__ = [
     "spread_mass",
     "stack_tracks",
     "t_structure_toml",
+    "tone_ratios",
+    "trend_of",
     "vagueness",
     "with_sensors",
 ]

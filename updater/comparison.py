@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
+from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.errors import ModalDataError
 from updater.modal_checks import check_event
 from updater.reference import Reference
@@ -49,6 +50,7 @@ class Comparison:
     model_base: FloatArray  #: (n, n_channels) of the reference, unit norm
     at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
+    circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
 
     @property
     def freedom(self) -> float:
@@ -56,14 +58,33 @@ class Comparison:
         n_modes, n_channels = (int(n) for n in self.shape.shape)
         return n_modes + int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
 
+    @property
+    def extra_frequency(self) -> FloatArray:
+        """Frequencies (n_extra,) of modes that the baseline has not [Hz]."""
+        extra = self.circumstances.extra
+        return np.exp(extra.log_frequency) if extra else np.empty(0)
 
-def compare(reference: Reference, event: ModalMean, *, model_error: float = _MODEL_ERROR) -> Comparison:
+    @property
+    def extra_frequency_std(self) -> FloatArray:
+        """Their standard deviations (n_extra,) [Hz]."""
+        extra = self.circumstances.extra
+        return self.extra_frequency * extra.log_frequency_std if extra else np.empty(0)
+
+
+def compare(
+    reference: Reference,
+    event: ModalMean,
+    *,
+    circumstances: Circumstances = NOTHING_KNOWN,
+    model_error: float = _MODEL_ERROR,
+) -> Comparison:
     """Set an event beside the baseline.
 
     Parameters
     ----------
     reference : learnt before
     event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
+    circumstances : what else is known of the event
     model_error : of a mode's typical displacement, what the reference gets wrong about it at any point; a larger one
         makes a rougher search that misses less
 
@@ -111,6 +132,7 @@ def compare(reference: Reference, event: ModalMean, *, model_error: float = _MOD
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
         frequency=reference.frequency,
+        circumstances=circumstances,
     )
 
 

@@ -16,6 +16,7 @@ from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import Beside, Chosen
 from updater.causes.nothing import Nothing
+from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
 from updater.fit import Fit, fit
 from updater.reference import Reference
@@ -54,7 +55,13 @@ class Candidate:
         return tuple(c.cause.name for c in self.chosen)
 
 
-def diagnose(reference: Reference, event: ModalMean, *, heldout: ModalMean | None = None) -> Explained:
+def diagnose(
+    reference: Reference,
+    event: ModalMean,
+    *,
+    heldout: ModalMean | None = None,
+    circumstances: Circumstances = NOTHING_KNOWN,
+) -> Explained:
     """Explain an event against a reference.
 
     Parameters
@@ -62,13 +69,14 @@ def diagnose(reference: Reference, event: ModalMean, *, heldout: ModalMean | Non
     reference : of the structure as it was, or of the nominal model
     event : (n_tracks,) mean of the windows to explain
     heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
+    circumstances : what else is known of the event
 
     Raises
     ------
     ValueError
         If fewer than three modes can be compared.
     """
-    data = compare(reference, event)
+    data = compare(reference, event, circumstances=circumstances)
     nothing = fit(data, Nothing(comparison=data))
     log_nothing = nothing.log_evidence + float(np.log(_PRIOR_NOTHING))
     singles = _singles(reference, data)

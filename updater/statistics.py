@@ -32,6 +32,16 @@ class TrackedModes:
         kept = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "channels"}
         return TrackedModes(channels=self.channels, **kept)
 
+    def tracks(self, chosen: IndexArray) -> "TrackedModes":
+        """Return some of the tracks; NaN for those given as -1."""
+        kept = {}
+        for f in fields(self):
+            if f.name != "channels":
+                values = getattr(self, f.name)[:, chosen]
+                unknown = (chosen < 0).reshape(1, -1, *[1] * (values.ndim - 2))
+                kept[f.name] = np.where(unknown, np.nan, values)
+        return TrackedModes(channels=self.channels, **kept)
+
 
 def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> TrackedModes:
     """Order the modes of windows by track; `tracks` holds for each window (n_tracks,) indices into its modes, or -1.

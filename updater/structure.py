@@ -170,6 +170,12 @@ class Sensor(Entry):
         return self
 
 
+class Recorder(Entry):
+    """What records the sensors."""
+
+    clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
+
+
 class Structure(Entry):
     """A frame of straight members with everything fixed to it."""
 
@@ -183,6 +189,7 @@ class Structure(Entry):
     joint: tuple[Joint, ...] = ()
     body: tuple[Body, ...] = ()
     sensor: tuple[Sensor, ...] = ()
+    recorder: Recorder | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from updater.errors import StructureError
 from updater.section import Section
-from updater.structure import Body, External, Joint, Material, Member, Mesh, Sensor, Structure, Support
+from updater.structure import Body, External, Joint, Material, Member, Mesh, Recorder, Sensor, Structure, Support
 from updater.structure_rewrite import rewrite
 
 _ENTRIES: dict[str, type[BaseModel]] = {
@@ -23,6 +23,7 @@ _ENTRIES: dict[str, type[BaseModel]] = {
     "joint": Joint,
     "body": Body,
     "sensor": Sensor,
+    "recorder": Recorder,
 }
 _STAND_FOR_OTHERS = {"external": ["matrices"], "material": ["poisson_ratio"], "section": ["shape"]}
 

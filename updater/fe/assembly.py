@@ -55,7 +55,11 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         bare = external_model(structure, structure.external, lumped=mass == "lumped")
     else:
         bare = _frame(structure, shear_flexible=shear_flexible, mass=mass)
-    return _with_bodies(bare) if structure.body else bare
+    whole = _with_bodies(bare) if structure.body else bare
+    if structure.recorder is None or structure.recorder.clock == 1:
+        return whole
+    # stiffness is mass over squared time, and this is the recorder's
+    return replace(whole, stiffness=whole.stiffness * structure.recorder.clock**2)
 
 
 def _frame(structure: Structure, *, shear_flexible: bool, mass: MassKind) -> Model:

@@ -1,0 +1,76 @@
+"""What multiplies every frequency by one factor and leaves the shapes: common part of its four makers.
+
+Stiffness, density, temperature and the sampling clock say the very same of one record. Each has the same wide prior, so
+that none is preferred where nothing tells them apart; what is known beside the record (a temperature, a tone) makes a
+maker's prior narrow, and then it is told.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.comparison import Comparison
+from updater.reanalysis import Effect, no_effect
+from updater.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+COMMON_FACTOR_STD = 0.025  # of ln f: stiffness or density known to 5 %
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CommonFactor(Discrete):
+    """One alternative; its parameter is the standard score of the logarithm of the factor on frequencies."""
+
+    comparison: Comparison
+    centre: float = 0.0  #: prior mean of that logarithm
+    spread: float = COMMON_FACTOR_STD  #: its prior standard deviation
+    place_free: bool = True
+
+    def log_factor(self, theta: FloatArray) -> FloatArray:
+        """Return ln of the factor on frequencies (...) of parameters (..., 1)."""
+        return np.asarray(self.centre + self.spread * theta[..., 0])
+
+    def found(self, fit: "Fit[Cause]") -> tuple[float, float]:
+        """Return the logarithm of the factor on frequencies, and its standard deviation."""
+        return float(self.log_factor(fit.theta[0])), self.spread * float(fit.covariance[0, 0, 0] ** 0.5)
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the flexibility over the squared factor."""
+        flexibility = np.diag((2 * np.pi * self.comparison.frequency) ** -2.0)
+        change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * flexibility
+        return replace(no_effect(len(rows), self.comparison), flexibility=change)
+
+    def where(self, fit: "Fit[Cause]") -> None:
+        """Return none: it is everywhere."""
+
+
+def stiffened(structure: Structure, factor: float) -> Structure:
+    """Return a structure with all its materials and springs so much stiffer."""
+    material = {
+        name: m.model_copy(
+            update={"youngs_modulus": m.youngs_modulus * factor, "shear_modulus": m.shear_modulus * factor}
+        )
+        for name, m in structure.material.items()
+    }
+    springs = {
+        kind: tuple(
+            part.model_copy(update={"stiffness": {axis: k * factor for axis, k in part.stiffness.items()}})
+            for part in parts
+        )
+        for kind, parts in (("support", structure.support), ("joint", structure.joint))
+    }
+    external = structure.external
+    if external is not None:
+        external = external.model_copy(update={"factor": external.factor * factor})
+    return structure.model_copy(update={"external": external, "material": material, **springs})
+
+
+def standard_score() -> dict[str, Any]:
+    """Return the fields of one alternative with one parameter of standard normal prior, and no drift beside it."""
+    return {"prior_std": np.ones(1), "lower": np.full((1, 1), -np.inf), "drifting": False}
