@@ -2,7 +2,9 @@
 
 from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
+from updater.causes.base import Discrete
 from updater.circumstances import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
+from updater.comparison import Comparison
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
@@ -14,6 +16,7 @@ from updater.fe.matrices import Matrices, read_matrices, save_matrices
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
+from updater.fit import Fit
 from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
 from updater.increments import Expansion, expand_changes, expand_shapes
@@ -22,6 +25,7 @@ from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
+from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference, learn_reference
 from updater.section import Section
 from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
@@ -54,11 +58,15 @@ __all__ = [
     "Cause",
     "Choice",
     "Circumstances",
+    "Comparison",
     "DeviceDelays",
     "Diagnosis",
+    "Discrete",
+    "Effect",
     "Expansion",
     "Explained",
     "External",
+    "Fit",
     "Flag",
     "Foresight",
     "FrequencyFit",
@@ -126,6 +134,7 @@ __all__ = [
     "matched",
     "mean_modes",
     "motion",
+    "no_effect",
     "nominal_reference",
     "novelty",
     "novelty_limit",

@@ -6,12 +6,13 @@ from updater.causes.added_mass import propose_added_mass
 from updater.causes.base import Cause, Propose
 from updater.causes.global_density import propose_global_density
 from updater.causes.global_stiffness import propose_global_stiffness
+from updater.causes.plugins import Catalogue
 from updater.causes.sampling_clock import propose_sampling_clock
 from updater.causes.sensors import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
 from updater.causes.springs import propose_joint_stiffness, propose_support_stiffness
 from updater.causes.temperature import propose_temperature
 
-CATALOGUE: Mapping[str, Propose[Cause]] = {
+_OWN: dict[str, Propose[Cause]] = {
     "added_mass": propose_added_mass,
     "global_stiffness": propose_global_stiffness,
     "global_density": propose_global_density,
@@ -23,3 +24,5 @@ CATALOGUE: Mapping[str, Propose[Cause]] = {
     "sensor_polarity": propose_sensor_polarity,
     "sensor_swap": propose_sensor_swap,
 }
+
+CATALOGUE: Mapping[str, Propose[Cause]] = Catalogue(_OWN)
