@@ -82,9 +82,9 @@ def misfit(reference: Reference, event: ModalMean) -> Answer:
 def _misfit(reference: Reference, data: Comparison, point: FloatArray, mass: float) -> float:
     moved = reference.calibration.model.read(point)[:3] @ reference.shape
     effect = replace(no_effect(1, data), mass=mass * (moved.T @ moved)[None])
-    log_ratio, shape = predict(data, *picked(reanalyse(data, effect)), effect.chain)
-    relative = 1 - np.exp(data.log_ratio - log_ratio[0])
-    assurance = (shape[0] * data.shape).sum(1) ** 2 / (shape[0] ** 2).sum(1)
+    predicted = predict(data, *picked(reanalyse(data, effect)), effect)
+    relative, shape = 1 - np.exp(data.log_ratio - predicted.log_ratio[0]), predicted.shape[0]
+    assurance = (shape * data.shape).sum(1) ** 2 / (shape**2).sum(1)
     return float(relative @ relative + 1 / (assurance @ assurance))
 
 

@@ -39,18 +39,22 @@ def true_model(random: np.random.Generator, body: Body | None = None) -> Model:
 def measure(
     model: Model, random: np.random.Generator, gain: np.ndarray, *, noise: float = 1e-3, shape_noise: float = 3e-3
 ) -> ModalEstimate:
-    """Modes as identification would give them: relative noise of frequency falls with sqrt(f), as the law says."""
+    """Modes as identification would give them: relative noise of frequency falls with sqrt(f), as the law says.
+
+    Damping and the shapes' imaginary parts, which are noise alone, have draws of their own.
+    """
     modes = model.modes(8)
     shape = (model.sensor_rows @ modes.shape).T * gain
     shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
     std = noise * np.sqrt(10 / modes.frequency)
+    own = random.spawn(1)[0]
     return ModalEstimate(
         channels=model.structure.channels,
         frequency=modes.frequency * (1 + std * random.standard_normal(8)),
         frequency_std=std * modes.frequency,
-        damping=np.full(8, 0.004),
-        damping_std=np.full(8, 0.001),
-        shape=(shape + shape_noise * random.standard_normal(shape.shape)).astype(complex),
+        damping=0.004 * (1 + 0.1 * own.standard_normal(8)),
+        damping_std=np.full(8, 0.0004),
+        shape=shape + shape_noise * (random.standard_normal(shape.shape) + 1j * own.standard_normal(shape.shape)),
         shape_std=np.full(shape.shape, shape_noise),
         support=np.ones(8),
         law_ratio=np.ones(8),

@@ -175,8 +175,12 @@ def best_model(structure: Structure) -> Model:
     return build_model(structure, shear_flexible=True, mass="consistent")
 
 
-def channel_rows(model: Model, channels: tuple[str, ...]) -> FloatArray:
+def channel_rows(model: Model, channels: tuple[str, ...], *, across: bool = False) -> FloatArray:
     """Return rows (n_channels, n_dofs) that read the named sensors.
+
+    Parameters
+    ----------
+    across : read along the two axes across each sensor instead (2 n_channels, n_dofs), first axes first
 
     Raises
     ------
@@ -187,4 +191,7 @@ def channel_rows(model: Model, channels: tuple[str, ...]) -> FloatArray:
     missing = [c for c in channels if c not in known]
     if missing:
         raise PairingError(f"the structure has no sensor for channel {missing[0]!r}; it has {', '.join(known)}")
-    return np.asarray(model.sensor_rows[[known.index(c) for c in channels]])
+    chosen = [known.index(c) for c in channels]
+    if across:
+        return np.asarray(model.cross_rows[:, chosen].reshape(2 * len(chosen), -1))
+    return np.asarray(model.sensor_rows[chosen])

@@ -2,9 +2,14 @@
 
 Ratios to the baseline, log frequencies and shapes, so that what the model gets wrong about the structure as it was
 cancels to first order.
+
+Four blocks of data: log frequencies; shapes; the shapes' imaginary parts, each mode turned so that its own is least
+(`lag`: complex modes of the structure itself cancel against the baseline, a late channel does not); log damping. A
+block of which nothing was measured is empty or zero and adds nothing to the degrees of freedom.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +19,15 @@ from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.errors import ModalDataError
 from updater.modal_checks import check_event
 from updater.reference import Reference
-from updater.statistics import COMMON_STD, ModalMean
+from updater.statistics import COMMON_STD, ModalMean, Scatter
 
 BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
 _LEAST_GAP = 1e-6  # of squared frequencies
 _SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
+_DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
+_USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +36,16 @@ class Whitener:
 
     matrix: FloatArray  #: (n, n)
     log_det: float  #: of the matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What alternatives say would be measured."""
+
+    log_ratio: FloatArray  #: (n_alternatives, n) of frequency to the baseline's
+    shape: FloatArray  #: (n_alternatives, n, n_channels) of any norm and sign
+    lag: FloatArray  #: (n_alternatives, n, n_channels) the shape's imaginary part where the real one has unit norm
+    log_damping: FloatArray  #: (n_alternatives, n) of damping to the baseline's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,8 +64,17 @@ class Comparison:
     base: FloatArray  #: (n, n_channels) measured before, unit norm
     shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
     overdispersion: float  #: components of a shape that err as one [-]
+    phased: BoolArray  #: (n,) whether phases are known now and before
+    lag: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
+    base_lag: FloatArray  #: (n, n_channels) before
+    lag_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors, 0 where phases are not known
+    lag_overdispersion: float  #: components of the imaginary part that err as one [-]
+    log_damping: FloatArray  #: (n,) of damping to the baseline's; 0 where it is not known
+    log_damping_std: FloatArray  #: (n,) of what is measured, then and now; NaN where it is not known
+    damping_weight: FloatArray  #: (n,) one over the standard deviation with what is not the cause's; 0: not known
     model_base: FloatArray  #: (n, n_channels) of the reference, unit norm
     at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
+    across: FloatArray  #: (2 n_channels, n_modes) of them along the two axes across each channel, first axes first
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
 
@@ -56,7 +82,10 @@ class Comparison:
     def freedom(self) -> float:
         """Number of data: unit norm leaves a shape one component fewer than it has channels."""
         n_modes, n_channels = (int(n) for n in self.shape.shape)
-        return n_modes + int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
+        of_shapes = int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
+        of_phases = int(self.phased.sum()) * (n_channels - 1) / self.lag_overdispersion
+        of_damping = float(np.nansum((self.log_damping_std * self.damping_weight) ** 2))  # the rest is no noise
+        return n_modes + of_shapes + of_phases + of_damping
 
     @property
     def extra_frequency(self) -> FloatArray:
@@ -100,18 +129,20 @@ def compare(
     tracks = np.flatnonzero(np.isfinite(event.log_frequency))
     if len(tracks) < 3:
         raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")
-    ratio = (event.log_frequency - base.log_frequency)[tracks]
+    base, event = base.only(tracks), event.only(tracks)
+    ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
-    variance = (event.log_frequency_std**2 + base.log_frequency_std**2)[tracks]
+    variance = event.log_frequency_std**2 + base.log_frequency_std**2
     variance += (2 * model_error) ** 2 * shift * shift.mean()
-    check_event(base.only(tracks), event.only(tracks))
-    before = base.shape[tracks]
-    shaped = np.asarray(np.isfinite(event.shape[tracks]).all(1))
-    shape = np.where(shaped[:, None], event.shape[tracks], before)
-    shape = shape * np.where((shape * before).sum(1) < 0, -1, 1)[:, None]
+    check_event(base, event)
+    before = base.shape
+    shaped = np.asarray(np.isfinite(event.shape).all(1))
+    shape = np.where(shaped[:, None], event.shape, before)
+    sign = np.where((shape * before).sum(1) < 0, -1, 1)[:, None]
+    shape = shape * sign
     # components that err together are so much less data: each is believed less, all together as much as they are worth
     overdispersion = reference.scatter.shape_overdispersion
-    spread = np.where(shaped[:, None], event.shape_std[tracks], 0.0) ** 2 + base.shape_std[tracks] ** 2
+    spread = np.where(shaped[:, None], event.shape_std, 0.0) ** 2 + base.shape_std**2
     own = overdispersion * spread + _SHAPE_BIAS**2
     at_channels = reference.at_channels(event.channels)
     expected = at_channels[:, reference.paired[tracks]].T
@@ -120,7 +151,7 @@ def compare(
         tracks=tracks,
         paired=reference.paired[tracks],
         log_ratio=ratio,
-        log_frequency_std=event.log_frequency_std[tracks],
+        log_frequency_std=event.log_frequency_std,
         plain=_whitener(np.diag(variance)),
         drifting=_whitener(np.diag(variance) + COMMON_STD**2),
         shaped=shaped,
@@ -129,11 +160,43 @@ def compare(
         shape_whitener=shaped[:, None, None]
         * _shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels, model_error)),
         overdispersion=overdispersion,
+        **_lags(base, event, sign, reference.scatter, _nearer(reference, tracks, ratio, at_channels, base.damping)),
+        **_dampings(base, event),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
+        across=reference.across_channels(channels),
         frequency=reference.frequency,
         circumstances=circumstances,
     )
+
+
+def _lags(base: ModalMean, event: ModalMean, sign: FloatArray, scatter: Scatter, foreign: FloatArray) -> dict[str, Any]:
+    """Return what a comparison says of the shapes' imaginary parts, which are turned by `sign` (n, 1)."""
+    phased = np.asarray(np.isfinite(event.imaginary + base.imaginary).all(1))
+    known = phased[:, None]
+    now, before = np.where(known, event.imaginary * sign, 0.0), np.where(known, base.imaginary, 0.0)
+    spread = np.where(known, event.imaginary_std**2 + base.imaginary_std**2, 0.0)
+    own = scatter.phase_overdispersion * spread + _SHAPE_BIAS**2
+    return {
+        "phased": phased,
+        "lag": now,
+        "base_lag": before,
+        "lag_whitener": known[:, :, None] * _shape_whiteners(own, base.shape, foreign),
+        "lag_overdispersion": scatter.phase_overdispersion,
+    }
+
+
+def _dampings(base: ModalMean, event: ModalMean) -> dict[str, Any]:
+    """Return what a comparison says of damping."""
+    known = (base.damping > 0) & (event.damping > 0)
+    now, before = np.where(known, event.damping, 1.0), np.where(known, base.damping, 1.0)
+    std = np.hypot(event.damping_std / now, base.damping_std / before)
+    known &= np.isfinite(std)
+    return {
+        "log_damping": np.where(known, np.log(now / before), 0.0),
+        "log_damping_std": np.where(known, std, np.nan),
+        "damping_weight": np.where(known, 1 / np.hypot(np.where(known, std, 1.0), _DAMPING_BIAS), 0.0),
+    }
 
 
 def _whitener(covariance: FloatArray) -> Whitener:
@@ -160,13 +223,36 @@ def _foreign(
     shifts = np.full(len(reference.frequency), shift.mean())
     shifts[paired] = shift
     coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
-    turned = np.minimum(coupling * _closeness(reference.frequency, paired, ratio), _MOST_TURNED)
+    closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
+    return _towards(np.minimum(coupling * closeness, _MOST_TURNED), paired, at_channels)
+
+
+def _nearer(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, damping: FloatArray
+) -> FloatArray:
+    """Return how complex modes may have become that came closer or parted.
+
+    Two modes that are damped together are complex by their closeness omega_i^2 / |omega_k^2 - omega_i^2| times twice
+    the damping at most; half of that is expected of a change of closeness.
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's imaginary share in unit shapes, times the mode.
+    """
+    paired = reference.paired[tracks]
+    before, after = _closeness(reference.frequency, paired, ratio)
+    share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
+    return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
+
+
+def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:
     length = np.linalg.norm(at_channels[:, paired], axis=0)
     return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
 
 
-def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> FloatArray:
-    """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes), before or after the change, whichever is larger.
+def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes) before the change and after.
 
     What is not seen after the change is taken as close as twice the mean of what the others moved allows.
     """
@@ -174,9 +260,10 @@ def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> 
     own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
     after = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
     after[:, paired] = now.T
-    gap = np.minimum(np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
     itself = np.arange(len(frequency)) == paired[:, None]
-    return np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP))
+    gaps = (np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
+    was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP)) for gap in gaps)
+    return was, became
 
 
 def _shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
@@ -199,14 +286,16 @@ def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
     return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
 
 
-def residual(comparison: Comparison, log_ratio: FloatArray, shape: FloatArray, whitener: Whitener) -> FloatArray:
-    """Return whitened residuals (n_alternatives, n_data).
-
-    Parameters
-    ----------
-    log_ratio : (n_alternatives, n) predicted
-    shape : (n_alternatives, n, n_channels) predicted, of any norm and sign
-    """
-    frequency = (comparison.log_ratio - log_ratio) @ whitener.matrix.T
+def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) -> FloatArray:
+    """Return whitened residuals (n_alternatives, n_data): log frequencies, shapes, their lags, log damping."""
+    shape, n = predicted.shape, len(predicted.shape)
+    frequency = (comparison.log_ratio - predicted.log_ratio) @ whitener.matrix.T
     off = np.einsum("icd,pid->pic", comparison.shape_whitener, beside(comparison.shape, shape))
-    return np.concatenate([frequency, off.reshape(len(shape), -1)], axis=1)
+    blocks = [frequency, off.reshape(n, -1)]
+    if comparison.phased.any():
+        sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+        late = beside(comparison.lag - sign * predicted.lag, shape)  # a mode's own phase is no one's
+        blocks.append(np.einsum("icd,pid->pic", comparison.lag_whitener, late).reshape(n, -1))
+    if comparison.damping_weight.any():
+        blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
+    return np.concatenate(blocks, axis=1)

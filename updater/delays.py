@@ -141,6 +141,19 @@ def remove_delays(estimate: ModalEstimate, devices: Mapping[str, str], delays: M
     return replace(estimate, shape=shape * np.exp(-0.5j * np.angle((shape**2).sum(1)))[:, None])
 
 
+def split_shape(shape: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Return real and imaginary parts (n_modes, n_channels), each mode turned so that its imaginary part is least.
+
+    The turn makes the sum of squares real, so that the parts are at right angles; the real part has unit norm and its
+    largest entry positive.
+    """
+    turned = shape * np.exp(-0.5j * np.angle((shape**2).sum(1)))[:, None]
+    size = np.linalg.norm(turned.real, axis=1)
+    peak = turned.real[np.arange(len(turned)), np.argmax(np.abs(turned.real), axis=1)]
+    unit = turned / (size * np.sign(peak))[:, None]
+    return np.asarray(unit.real), np.asarray(unit.imag)
+
+
 def real_shape(shape: ComplexArray) -> FloatArray:
     """Return the real part (n_modes, n_channels), at unit norm and with its largest entry positive."""
     real = np.asarray(shape.real / np.linalg.norm(shape.real, axis=1, keepdims=True))

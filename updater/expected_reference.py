@@ -62,13 +62,19 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
         log_frequency=np.log(frequency),
         log_frequency_std=log_std,
         damping=np.full(len(seen), record.damping),
+        damping_std=np.full(len(seen), np.nan),
         shape=(at[:, seen] / np.linalg.norm(at[:, seen], axis=0)).T,
         shape_std=np.sqrt((error**2).sum(1) + blur[:, None] ** 2),
+        imaginary=np.full((len(seen), len(at)), np.nan),
+        imaginary_std=np.full((len(seen), len(at)), np.nan),
     )
     scatter = Scatter(
         frequency_factor=1.0,
         shape_factor=1.0,
         shape_overdispersion=_overdispersion(shape_covariance(error, blur)),
+        phase_factor=1.0,
+        phase_overdispersion=1.0,
+        damping_factor=1.0,
         degrees_of_freedom=len(seen),
         window_std=log_std,
     )
@@ -120,6 +126,8 @@ def _no_windows(baseline: ModalMean) -> TrackedModes:
         log_frequency=flat,
         log_frequency_std=flat,
         damping=flat,
+        damping_std=flat,
         shape=shaped,
         shape_std=shaped,
+        imaginary=shaped,
     )

@@ -203,7 +203,7 @@ def _evaluate(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray,
     effect = hypotheses.effect(theta, rows)
     changed = reanalyse(comparison, effect)
     value, vector = picked(changed)
-    return _Point(theta.copy(), effect, changed, _residual(comparison, hypotheses, theta, value, vector, effect.chain))
+    return _Point(theta.copy(), effect, changed, _residual(comparison, hypotheses, theta, value, vector, effect))
 
 
 def _residual(
@@ -212,11 +212,11 @@ def _residual(
     theta: FloatArray,
     value: FloatArray,
     vector: FloatArray,
-    chain: FloatArray,
+    effect: Effect,
 ) -> FloatArray:
     """Return whitened residuals (n_alternatives, n_data + n_parameters), the priors' included."""
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
-    of_data = residual(comparison, *predict(comparison, value, vector, chain), whitener)
+    of_data = residual(comparison, predict(comparison, value, vector, effect), whitener)
     return np.concatenate([of_data, theta / hypotheses.prior_std], axis=1)
 
 
@@ -230,6 +230,6 @@ def _slope(comparison: Comparison, hypotheses: Hypotheses, point: _Point, rows: 
         theta[:, k] += h
         effect = hypotheses.effect(theta, rows)
         d_value, d_vector = derivative(changed, effect.mass - old.mass, effect.flexibility - old.flexibility)
-        moved = _residual(comparison, hypotheses, theta, value + d_value, vector + d_vector, effect.chain)
+        moved = _residual(comparison, hypotheses, theta, value + d_value, vector + d_vector, effect)
         columns.append((moved - point.residual[rows]) / h)
     return np.stack(columns, axis=2) if columns else np.zeros((*point.residual[rows].shape, 0))

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, compare
+from updater.comparison import Comparison, Prediction, compare
 from updater.detectability import Outlook
 from updater.errors import ModalDataError, ModelError
 from updater.posterior import likeliest_place
@@ -198,22 +198,22 @@ def _signatures(outlook: Outlook, mass: float, rows: IndexArray) -> _Signatures:
     theta[:, 0] = mass
     here = _predicted(outlook, theta, rows)
     base = outlook.reference.baseline.shape
-    ratios, shapes = [here[0]], [here[1] - base]
+    ratios, shapes = [here.log_ratio], [here.shape - base]
     for parameter in range(1, len(std)):
         moved = theta.copy()
         moved[:, parameter] = _STEP * std[parameter]
         there = _predicted(outlook, moved, rows)
-        ratios.append((there[0] - here[0]) / _STEP)
-        shapes.append((there[1] - here[1]) / _STEP)
+        ratios.append((there.log_ratio - here.log_ratio) / _STEP)
+        shapes.append((there.shape - here.shape) / _STEP)
     prior = np.ones(len(std))
     prior[0] = (mass / std[0]) ** 2
     return _Signatures(rows, np.array(ratios), np.array(shapes), prior)
 
 
-def _predicted(outlook: Outlook, theta: FloatArray, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
+def _predicted(outlook: Outlook, theta: FloatArray, rows: IndexArray) -> Prediction:
     comparison, effect = outlook.bodies.comparison, outlook.bodies.effect(theta, rows)
     value, vector = picked(reanalyse(comparison, effect))
-    return predict(comparison, value, vector, effect.chain)
+    return predict(comparison, value, vector, effect)
 
 
 def _event(base: ModalMean, log_ratio: FloatArray, shape: FloatArray) -> ModalMean:

@@ -111,8 +111,8 @@ class _Spread:
         return reanalyse(self._comparison, replace(nothing, mass=np.tensordot(x, self._by_mass, 1)[None]))
 
     def _residual(self, value: FloatArray, vector: FloatArray) -> FloatArray:
-        chain = no_effect(1, self._comparison).chain
-        return residual(self._comparison, *predict(self._comparison, value, vector, chain), self._comparison.drifting)
+        nothing = no_effect(1, self._comparison)
+        return residual(self._comparison, predict(self._comparison, value, vector, nothing), self._comparison.drifting)
 
     def residual(self, x: FloatArray) -> FloatArray:
         return np.asarray(self._residual(*picked(self._solve(x)))[0])

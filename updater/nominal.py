@@ -9,7 +9,7 @@ from updater.knobs import with_springs
 from updater.matching import match_modes
 from updater.modal_checks import check_unit
 from updater.reference import Reference
-from updater.statistics import ModalMean, TrackedModes, learn_scatter, mean_modes
+from updater.statistics import ModalMean, TrackedModes, learn_scatter
 from updater.structure import Structure
 
 _FREQUENCY_STD = 2e-3  # of ln f: what a beam model cannot say better, whatever its parameters
@@ -33,7 +33,7 @@ def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: i
         With fewer than three windows.
     """
     scatter = learn_scatter(windows)
-    measured = mean_modes(windows, frequency_factor=scatter.frequency_factor, shape_factor=scatter.shape_factor)
+    measured = scatter.mean(windows)
     sprung = with_springs(structure)
     model = best_model(sprung)
     modes = model.modes(n_modes)
@@ -46,8 +46,11 @@ def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: i
         log_frequency=np.log(modes.frequency[seen]),
         log_frequency_std=np.full(len(seen), _FREQUENCY_STD),
         damping=np.full(len(seen), np.nan),
+        damping_std=np.full(len(seen), np.nan),
         shape=shape,
         shape_std=np.full(shape.shape, _SHAPE_STD),
+        imaginary=np.zeros(shape.shape),
+        imaginary_std=np.full(shape.shape, _SHAPE_STD),
     )
     check_unit(np.exp(measured.log_frequency), measured.shape, np.exp(own.log_frequency), own.shape)
     found = match_modes(own, measured)

@@ -5,40 +5,60 @@ flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. I
 eigenvectors, so that a step of Gauss-Newton costs one decomposition an alternative.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison
+from updater.comparison import Comparison, Prediction
 
 _LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Effect:
     """What each of some alternatives does."""
 
     mass: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal mass
     flexibility: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal flexibility [s2]
-    chain: FloatArray  #: (n_alternatives, n_channels, n_channels) what the channels say over what is true
+    #: (n_alternatives, n_channels, 3 n_channels) what the channels say over what is true along their own directions,
+    #: along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
+    chain: FloatArray
+    lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
+    log_damping: FloatArray  #: (n_alternatives, n or 1) of the compared modes' damping to the baseline's
 
     def rows(self, rows: IndexArray) -> "Effect":
         """Return some alternatives."""
-        return Effect(self.mass[rows], self.flexibility[rows], self.chain[rows])
+        return Effect(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def then(self, other: "Effect") -> "Effect":
-        """Return both together."""
-        return Effect(self.mass + other.mass, self.flexibility + other.flexibility, other.chain @ self.chain)
+        """Return both together; what the other says of the channels acts on what this one makes of them."""
+        n = other.lag.shape[1]
+        own = other.chain[:, :, :n]
+        chain = own @ self.chain
+        for k in (1, 2):
+            across = other.chain[:, :, k * n : (k + 1) * n]
+            if across.any():  # of the place that this one's channels are read at
+                chain[:, :, k * n : (k + 1) * n] += across @ self.chain[:, :, :n]
+        share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _LEAST)  # whose lag a channel has: a swap moves it
+        return Effect(
+            mass=self.mass + other.mass,
+            flexibility=self.flexibility + other.flexibility,
+            chain=chain,
+            lag=(share @ self.lag[:, :, None])[:, :, 0] + other.lag,
+            log_damping=self.log_damping + other.log_damping,
+        )
 
 
 def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
     """Return the effect of nothing, to be filled."""
     n_channels, n_modes = comparison.at_channels.shape
     return Effect(
-        np.zeros((n_alternatives, n_modes, n_modes)),
-        np.zeros((n_alternatives, n_modes, n_modes)),
-        np.tile(np.eye(n_channels), (n_alternatives, 1, 1)),
+        mass=np.zeros((n_alternatives, n_modes, n_modes)),
+        flexibility=np.zeros((n_alternatives, n_modes, n_modes)),
+        chain=np.tile(np.eye(n_channels, 3 * n_channels), (n_alternatives, 1, 1)),
+        lag=np.zeros((n_alternatives, n_channels)),
+        log_damping=np.zeros((n_alternatives, len(comparison.paired))),
     )
 
 
@@ -85,25 +105,51 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
     return value, root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
 
 
-def predict(
-    comparison: Comparison, value: FloatArray, vector: FloatArray, chain: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return log frequency ratios (n_alternatives, n) and shapes at the channels (n_alternatives, n, n_channels).
+def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effect: Effect) -> Prediction:
+    """Return what would be measured.
 
-    The measured baseline shape is changed by what the reference says about the change, then read by the channels.
+    The measured baseline shape is changed by what the reference says about the change, then read by the channels; a
+    channel that is late by tau turns its part of a mode by -2 pi f tau.
 
     Parameters
     ----------
     value : (n_alternatives, n) 1/omega'^2 of the compared modes [s2]
     vector : (n_alternatives, n_modes, n) theirs
-    chain : (n_alternatives, n_channels, n_channels)
+    effect : (n_alternatives,) of which chain, lag and damping enter here
     """
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
     shape = np.einsum("cr,pri->pic", comparison.at_channels, vector)
     along = (shape * comparison.model_base).sum(-1, keepdims=True)
     along = np.where(np.abs(along) < 1e-6, 1e-6, along)
     true = comparison.base + shape / along - comparison.model_base
-    return -0.5 * np.log(np.maximum(value / old, _LEAST)), true @ chain.transpose(0, 2, 1)
+    n = true.shape[2]
+    read = true @ effect.chain[:, :, :n].transpose(0, 2, 1)
+    if effect.chain[:, :, n:].any():
+        across = np.einsum("cr,pri->pic", comparison.across, vector) / along
+        read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
+    log_ratio = -0.5 * np.log(np.maximum(value / old, _LEAST))
+    frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
+    shape, lag = _heard(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
+    return Prediction(log_ratio, shape, lag, np.broadcast_to(effect.log_damping, log_ratio.shape))
+
+
+def _heard(
+    real: FloatArray, imaginary: FloatArray, frequency: FloatArray, late: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the real part of shapes (p, n, n_channels) heard late, and the imaginary one where that has unit norm.
+
+    Parameters
+    ----------
+    real, imaginary : (p, n, n_channels) in time
+    frequency : (p, n) [Hz]
+    late : (p, n_channels) [s]
+    """
+    if late.any():
+        turned = (real + 1j * imaginary) * np.exp(-2j * np.pi * frequency[:, :, None] * late[:, None, :])
+        turned = turned * np.exp(-0.5j * np.angle((turned**2).sum(-1, keepdims=True)))
+        sign = np.where((turned.real * real).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+        real, imaginary = sign * turned.real, sign * turned.imag
+    return real, imaginary / np.maximum(np.linalg.norm(real, axis=-1, keepdims=True), _LEAST)
 
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:

@@ -37,13 +37,17 @@ class Reference:
         """Return the modes at sensors (n_channels, n_modes)."""
         return channel_rows(self.calibration.model, channels) @ self.shape
 
+    def across_channels(self, channels: tuple[str, ...]) -> FloatArray:
+        """Return the modes at sensors along the two axes across each (2 n_channels, n_modes), first axes first."""
+        return channel_rows(self.calibration.model, channels, across=True) @ self.shape
+
     def rows(self, model: Model) -> FloatArray:
         """Return the rows (n_channels, n_dofs) of a model of the same structure that read the baseline's channels."""
         return channel_rows(model, self.baseline.channels)
 
     def mean_of(self, modes: TrackedModes) -> ModalMean:
         """Average windows with the standard deviations that the baseline's scatter has shown to be real."""
-        return mean_modes(modes, frequency_factor=self.scatter.frequency_factor, shape_factor=self.scatter.shape_factor)
+        return self.scatter.mean(modes)
 
 
 def learn_reference(
@@ -71,7 +75,7 @@ def learn_reference(
     calibration = calibrate(structure, mean_modes(tracked))
     kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
     scatter = learn_scatter(kept)
-    baseline = mean_modes(kept, frequency_factor=scatter.frequency_factor, shape_factor=scatter.shape_factor)
+    baseline = scatter.mean(kept)
     updated = first_stage(calibration.model, calibration.modes, calibration.paired, baseline)
     return Reference(
         calibration=calibration,

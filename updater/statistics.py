@@ -8,11 +8,12 @@ from scipy.stats import f as f_distribution
 
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate
-from updater.delays import real_shape
+from updater.delays import split_shape
 from updater.modal_checks import check_windows
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
 _WORTH_WINDOWS = 12  # that this knowledge is worth
+_LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K)
 
 
@@ -24,8 +25,10 @@ class TrackedModes:
     log_frequency: FloatArray  #: (n_windows, n_tracks) [ln Hz]
     log_frequency_std: FloatArray  #: (n_windows, n_tracks)
     damping: FloatArray  #: (n_windows, n_tracks) [-]
+    damping_std: FloatArray  #: (n_windows, n_tracks)
     shape: FloatArray  #: (n_windows, n_tracks, n_channels) real, unit norm [-]
-    shape_std: FloatArray  #: (n_windows, n_tracks, n_channels)
+    shape_std: FloatArray  #: (n_windows, n_tracks, n_channels), of the imaginary part too
+    imaginary: FloatArray  #: (n_windows, n_tracks, n_channels) of the shape, turned to be least; NaN: a real estimate
 
     def windows(self, chosen: IndexArray) -> "TrackedModes":
         """Return some of the windows."""
@@ -56,35 +59,41 @@ def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray
     check_windows(estimates, tracks)
     channels = max((e.channels for e in estimates), key=len)
     n_windows, n_tracks = len(estimates), len(tracks[0])
-    flat = np.full((3, n_windows, n_tracks), np.nan)
-    shaped = np.full((2, n_windows, n_tracks, len(channels)), np.nan)
+    flat = np.full((4, n_windows, n_tracks), np.nan)
+    shaped = np.full((3, n_windows, n_tracks, len(channels)), np.nan)
     for w, (estimate, track) in enumerate(zip(estimates, tracks, strict=True)):
         seen = np.flatnonzero(track >= 0)
         mode = track[seen]
         flat[0, w, seen] = np.log(estimate.frequency[mode])
         flat[1, w, seen] = estimate.frequency_std[mode] / estimate.frequency[mode]
         flat[2, w, seen] = estimate.damping[mode]
+        flat[3, w, seen] = estimate.damping_std[mode]
         if estimate.channels == channels:
-            shaped[0, w, seen] = real_shape(estimate.shape[mode])
+            shaped[0, w, seen], imaginary = split_shape(estimate.shape[mode])
             shaped[1, w, seen] = estimate.shape_std[mode]
-    _same_signs(shaped[0])
+            shaped[2, w, seen] = imaginary if np.iscomplex(estimate.shape).any() else np.nan
+    _same_signs(shaped[0], shaped[2])
     return TrackedModes(
         channels=channels,
         log_frequency=flat[0],
         log_frequency_std=flat[1],
         damping=flat[2],
+        damping_std=flat[3],
         shape=shaped[0],
         shape_std=shaped[1],
+        imaginary=shaped[2],
     )
 
 
-def _same_signs(shape: FloatArray) -> None:
+def _same_signs(shape: FloatArray, imaginary: FloatArray) -> None:
     """Turn each track's shapes (n_windows, n_tracks, n_channels) to the sign of its first, in place."""
     for track in range(shape.shape[1]):
         seen = np.flatnonzero(np.isfinite(shape[:, track, 0]))
         if len(seen):
             agreement = shape[seen, track] @ shape[seen[0], track]
-            shape[seen, track] *= np.where(agreement < 0, -1.0, 1.0)[:, None]
+            sign = np.where(agreement < 0, -1.0, 1.0)[:, None]
+            shape[seen, track] *= sign
+            imaginary[seen, track] *= sign
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,8 +105,11 @@ class ModalMean:
     log_frequency: FloatArray  #: (n_tracks,) [ln Hz]
     log_frequency_std: FloatArray  #: (n_tracks,)
     damping: FloatArray  #: (n_tracks,) [-]
+    damping_std: FloatArray  #: (n_tracks,)
     shape: FloatArray  #: (n_tracks, n_channels) unit norm [-]
     shape_std: FloatArray  #: (n_tracks, n_channels)
+    imaginary: FloatArray  #: (n_tracks, n_channels) of the shape, turned to be least; NaN where phases are not known
+    imaginary_std: FloatArray  #: (n_tracks, n_channels)
 
     def at(self, channels: tuple[str, ...]) -> "ModalMean":
         """Return the same modes at some of the channels, at unit norm there."""
@@ -105,13 +117,13 @@ class ModalMean:
             return self
         column = [self.channels.index(c) for c in channels]
         norm = np.linalg.norm(self.shape[:, column], axis=1, keepdims=True)
-        shape, std = self.shape[:, column] / norm, self.shape_std[:, column] / norm
-        return replace(self, channels=channels, shape=shape, shape_std=std)
+        names = ("shape", "shape_std", "imaginary", "imaginary_std")
+        return replace(self, channels=channels, **{name: getattr(self, name)[:, column] / norm for name in names})
 
     def without_shapes(self) -> "ModalMean":
         """Return the same modes as if only their frequencies had been measured."""
         unknown = np.full(self.shape.shape, np.nan)
-        return replace(self, shape=unknown, shape_std=unknown)
+        return replace(self, shape=unknown, shape_std=unknown, imaginary=unknown, imaginary_std=unknown)
 
     def only(self, tracks: IndexArray) -> "ModalMean":
         """Return the mean of some tracks."""
@@ -119,19 +131,30 @@ class ModalMean:
         return ModalMean(channels=self.channels, **kept)
 
 
-def mean_modes(modes: TrackedModes, *, frequency_factor: float = 1.0, shape_factor: float = 1.0) -> ModalMean:
+def mean_modes(
+    modes: TrackedModes,
+    *,
+    frequency_factor: float = 1.0,
+    shape_factor: float = 1.0,
+    phase_factor: float = 1.0,
+    damping_factor: float = 1.0,
+) -> ModalMean:
     """Average windows; the factors correct the windows' own standard deviations (see `Scatter`)."""
     n = np.isfinite(modes.log_frequency).sum(0).astype(np.intp)
     n_shape = np.isfinite(modes.shape[:, :, 0]).sum(0)
     shape = _mean(modes.shape)
+    size = np.linalg.norm(shape, axis=1, keepdims=True)
     return ModalMean(
         channels=modes.channels,
         n=n,
         log_frequency=_mean(modes.log_frequency),
         log_frequency_std=frequency_factor * _std_of_mean(modes.log_frequency_std, n),
         damping=_mean(modes.damping),
-        shape=shape / np.linalg.norm(shape, axis=1, keepdims=True),
+        damping_std=damping_factor * _std_of_mean(modes.damping_std, n),
+        shape=shape / size,
         shape_std=shape_factor * _std_of_mean(modes.shape_std, n_shape[:, None]),
+        imaginary=_mean(modes.imaginary) / size,
+        imaginary_std=phase_factor * _std_of_mean(modes.shape_std, n_shape[:, None]),
     )
 
 
@@ -158,8 +181,21 @@ class Scatter:
     frequency_factor: float  #: real over stated standard deviation of log frequency [-]
     shape_factor: float  #: the same for shapes [-]
     shape_overdispersion: float  #: how many of a shape's components err as one, by the variance of chi-square [-]
+    phase_factor: float  #: real over stated standard deviation of the shapes' imaginary parts [-]
+    phase_overdispersion: float  #: how many of the imaginary part's components err as one [-]
+    damping_factor: float  #: real over stated standard deviation of damping [-]
     degrees_of_freedom: int  #: of frequency_factor
     window_std: FloatArray  #: (n_tracks,) of one window's log frequency, factor included
+
+    def mean(self, modes: TrackedModes) -> ModalMean:
+        """Average windows with the standard deviations that the baseline has shown to be real."""
+        return mean_modes(
+            modes,
+            frequency_factor=self.frequency_factor,
+            shape_factor=self.shape_factor,
+            phase_factor=self.phase_factor,
+            damping_factor=self.damping_factor,
+        )
 
 
 def learn_scatter(modes: TrackedModes) -> Scatter:
@@ -178,22 +214,35 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
     if not freedom:
         raise ValueError("baseline: expected a mode seen in at least two windows, found none")
     factor = float(np.sqrt(np.nansum(z**2) / freedom))
-    shape_factor, overdispersion = _spread_of_shapes(modes)
+    shape_factor, shape_overdispersion = _spread_of_shapes(modes.shape, modes.shape_std)
+    phase_factor, phase_overdispersion = _spread_of_shapes(modes.imaginary, modes.shape_std)
     return Scatter(
         frequency_factor=factor,
         degrees_of_freedom=freedom,
         window_std=factor * stated,
         shape_factor=shape_factor,
-        shape_overdispersion=overdispersion,
+        shape_overdispersion=shape_overdispersion,
+        phase_factor=phase_factor,
+        phase_overdispersion=phase_overdispersion,
+        damping_factor=_factor(
+            (modes.damping - _mean(modes.damping)) / np.maximum(np.sqrt(_mean(modes.damping_std**2)), _LEAST_DAMPING)
+        ),
     )
 
 
-def _spread_of_shapes(modes: TrackedModes) -> tuple[float, float]:
-    """Return factor and overdispersion of `Scatter`."""
-    z = (modes.shape - _mean(modes.shape)) / np.sqrt(_mean(modes.shape_std**2))
+def _factor(z: FloatArray) -> float:
+    """Return the real over the stated standard deviation, from deviations (n_windows, n_tracks) over the stated."""
+    seen = np.isfinite(z)
+    freedom = int(np.maximum(seen.sum(0) - 1, 0).sum())
+    return float(np.sqrt((z[seen] ** 2).sum() / freedom)) if freedom else 1.0
+
+
+def _spread_of_shapes(shape: FloatArray, std: FloatArray) -> tuple[float, float]:
+    """Return factor and overdispersion of `Scatter`, of the shapes' real or imaginary parts."""
+    z = (shape - _mean(shape)) / np.sqrt(_mean(std**2))
     # unit norm leaves a shape one free component fewer than it has channels
-    freedom = np.maximum(np.isfinite(z[:, :, 0]).sum(0) - 1, 0).sum() * (z.shape[2] - 1)
-    factor = float(np.sqrt(np.nansum(z**2) / max(freedom, 1)))
+    freedom = int(np.maximum(np.isfinite(z[:, :, 0]).sum(0) - 1, 0).sum()) * (z.shape[2] - 1)
+    factor = float(np.sqrt(np.nansum(z**2) / freedom)) if freedom else 1.0
     return factor, _overdispersion(z / max(factor, 1e-12))
 
 

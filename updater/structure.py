@@ -176,6 +176,19 @@ class Recorder(Entry):
     clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
 
 
+def sensor_axes(direction: Vector) -> FloatArray:
+    """Return unit vectors (3, 3): along a sensor's direction, and two across it that complete a right-handed set.
+
+    The first across is the global axis that follows the one which the direction is nearest to (y for x, z for y, x for
+    z), made square to it: for a sensor along an axis, the other two in their cycle.
+    """
+    along = np.asarray(direction, float) / np.linalg.norm(direction)
+    first = np.eye(3)[(int(np.argmax(np.abs(along))) + 1) % 3]
+    first = first - (first @ along) * along
+    first /= np.linalg.norm(first)
+    return np.array([along, first, np.cross(along, first)])
+
+
 class Structure(Entry):
     """A frame of straight members with everything fixed to it."""
 

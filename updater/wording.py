@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 from daq import FloatArray
 from updater.causes.composite import Beside, Chosen
-from updater.comparison import Comparison, residual
+from updater.comparison import Comparison, Prediction, residual
 from updater.reanalysis import picked, predict, reanalyse
 from updater.verdict import Cause, FrequencyFit, Gain, ModeFit, Pair, Rejected
 
@@ -20,14 +20,15 @@ _LEAST_P = 1e-3  # under which a fit is none
 _WORTH_NAMING = 0.05  # of the best one's posterior
 
 
-def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> tuple[FloatArray, FloatArray]:
-    """Return log ratios (1, n) and shapes (1, n, n_channels) of chosen causes; of none, those of the baseline."""
+def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
+    """Return what one alternative, chosen causes together, predicts; of none, the baseline."""
     if not chosen:
-        return np.zeros((1, len(data.log_ratio))), data.base[None]
+        nothing = np.zeros((1, len(data.log_ratio)))
+        return Prediction(nothing, data.base[None], data.base_lag[None], nothing)
     together = Beside(chosen[0].cause, tuple(chosen[1:]))
     theta = np.concatenate([c.theta for c in chosen])[None]
     effect = together.effect(theta, np.array([chosen[0].row]))
-    return predict(data, *picked(reanalyse(data, effect)), effect.chain)
+    return predict(data, *picked(reanalyse(data, effect)), effect)
 
 
 def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tuple[tuple[Cause, ...], bool]:
@@ -51,7 +52,7 @@ def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tup
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Tell whether the data cannot separate two causes' best predictions."""
-    first, second = (residual(data, *prediction(data, c.chosen), data.plain) for c in (one, other))
+    first, second = (residual(data, prediction(data, c.chosen), data.plain) for c in (one, other))
     return bool(((first - second) ** 2).sum() < _SEPARATE)
 
 
@@ -95,14 +96,14 @@ def modes_of(data: Comparison, chosen: Sequence[Chosen] | None) -> tuple[ModeFit
     base = np.log(data.frequency[data.paired])
     measured = np.exp(base + data.log_ratio)
     before, after = prediction(data, None), prediction(data, chosen)
-    macs = [_said(_mac(data, shape[0])) for _, shape in (before, after)]
+    macs = [_said(_mac(data, predicted.shape[0])) for predicted in (before, after)]
     return tuple(
         ModeFit(
             frequency=FrequencyFit(
                 measured=float(measured[i]),
                 std=float(measured[i] * data.log_frequency_std[i]),
                 before=float(np.exp(base[i])),
-                after=float(np.exp(base[i] + after[0][0, i])) if chosen else None,
+                after=float(np.exp(base[i] + after.log_ratio[0, i])) if chosen else None,
             ),
             mac=Pair(before=macs[0][i], after=macs[1][i] if chosen else None),
         )
@@ -124,12 +125,12 @@ def gain_of(data: Comparison, chosen: Sequence[Chosen], *, heldout: bool) -> Gai
     """Return what the causes gain on data."""
     figures = []
     for part, whitener in ((None, data.plain), (chosen, data.drifting)):
-        log_ratio, shape = prediction(data, part)
+        predicted = prediction(data, part)
         drift = any(c.cause.drifting for c in part) if part else False
         used = whitener if drift else data.plain
-        rest = residual(data, log_ratio, shape, used)
-        error = 100 * float(np.sqrt(np.mean((data.log_ratio - log_ratio[0]) ** 2)))
-        apart = float(1 - _mac(data, shape[0])[data.shaped].mean()) if data.shaped.any() else None
+        rest = residual(data, predicted, used)
+        error = 100 * float(np.sqrt(np.mean((data.log_ratio - predicted.log_ratio[0]) ** 2)))
+        apart = float(1 - _mac(data, predicted.shape[0])[data.shaped].mean()) if data.shaped.any() else None
         figures.append((error, apart, float(-0.5 * (rest**2).sum() + used.log_det)))
     before, after = figures
     names = ("frequency_error_percent", "one_minus_mac", "log_likelihood")

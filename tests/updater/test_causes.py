@@ -56,7 +56,8 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     assert cause is not None
     assert cause.name == name
     chosen = drawn(cause, np.random.default_rng(seed))
-    log_ratio, shape = prediction(data, [chosen])
+    predicted = prediction(data, [chosen])
+    log_ratio, shape = predicted.log_ratio, predicted.shape
     frequency, expected = in_full(reference, chosen, data.channels)
     found = data.frequency[data.paired] * np.exp(log_ratio[0])
     unit = shape[0] / np.linalg.norm(shape[0], axis=1, keepdims=True)

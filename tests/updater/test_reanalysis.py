@@ -1,5 +1,7 @@
 """Re-analysis in the reference's modes against the full eigenproblem; derivatives against differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -8,7 +10,7 @@ from updater_helpers import measure, t_frame, true_model
 from daq import FloatArray
 from updater import Reference, build_model, learn_reference, stack_tracks
 from updater.comparison import Comparison, compare
-from updater.reanalysis import Effect, derivative, no_effect, picked, reanalyse
+from updater.reanalysis import derivative, no_effect, picked, reanalyse
 
 TRACK = np.arange(8)
 
@@ -39,7 +41,7 @@ def test_reanalysis_in_all_modes_is_exact_and_in_thirty_nearly_so(n: int | None,
     _, data = compared(1)
     data = in_modes_of(data, frequency)
     none = no_effect(1, data)
-    changed = reanalyse(data, Effect(0.3 * (at.T @ at)[None], none.flexibility, none.chain))
+    changed = reanalyse(data, replace(none, mass=0.3 * (at.T @ at)[None]))
     found = picked(changed)[0][0] ** -0.5 / (2 * np.pi)
     np.testing.assert_allclose(np.sort(found), expected[:8], rtol=tolerance)
 
@@ -56,12 +58,12 @@ def test_derivatives_are_those_of_differences(seed: int) -> None:
     none = no_effect(1, data)
 
     def at(step: float) -> tuple[FloatArray, FloatArray]:
-        effect = Effect(((1 + step) * mass)[None], ((1 + step) * flexibility)[None], none.chain)
+        effect = replace(none, mass=((1 + step) * mass)[None], flexibility=((1 + step) * flexibility)[None])
         return picked(reanalyse(data, effect))
 
     h = 1e-5
     plus, minus = at(h), at(-h)
-    changed = reanalyse(data, Effect(mass[None], flexibility[None], none.chain))
+    changed = reanalyse(data, replace(none, mass=mass[None], flexibility=flexibility[None]))
     d_value, d_vector = derivative(changed, mass[None], flexibility[None])
     np.testing.assert_allclose(d_value, (plus[0] - minus[0]) / (2 * h), rtol=1e-5)
     signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]

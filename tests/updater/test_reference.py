@@ -137,7 +137,8 @@ def test_shape_scatter_factor_is_recovered() -> None:
     noise = 1e-3 * random.standard_normal((12, 8))
     modes = TrackedModes(
         channels=tuple("abcdef"), log_frequency=noise, log_frequency_std=np.full((12, 8), 1e-3),
-        damping=np.full((12, 8), 0.01), shape=shape, shape_std=np.full(shape.shape, 1e-3),
+        damping=np.full((12, 8), 0.01), damping_std=np.full((12, 8), 1e-3),
+        shape=shape, shape_std=np.full(shape.shape, 1e-3), imaginary=np.zeros(shape.shape),
     )  # fmt: skip
     assert learn_scatter(modes).shape_factor == pytest.approx(2.0, rel=4 / np.sqrt(2 * 8 * 11 * 5))
 
@@ -145,8 +146,9 @@ def test_shape_scatter_factor_is_recovered() -> None:
 def test_baseline_that_saw_each_mode_once_is_refused() -> None:
     once = np.where(np.eye(3, dtype=bool), 1.0, np.nan)
     modes = TrackedModes(
-        channels=("a", "b"), log_frequency=once, log_frequency_std=once, damping=once,
+        channels=("a", "b"), log_frequency=once, log_frequency_std=once, damping=once, damping_std=once,
         shape=np.repeat(once[..., None], 2, 2), shape_std=np.repeat(once[..., None], 2, 2),
+        imaginary=np.repeat(once[..., None], 2, 2),
     )  # fmt: skip
     with pytest.raises(ValueError, match="at least two windows"):
         learn_scatter(modes)

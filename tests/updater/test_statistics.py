@@ -28,8 +28,10 @@ def baseline(random: np.random.Generator, stated: float, real: float) -> tuple[M
         log_frequency=np.log(np.arange(1, N_MODES + 1)) + real * random.standard_normal(size),
         log_frequency_std=np.full(size, stated),
         damping=np.full(size, 0.005),
+        damping_std=np.full(size, 1e-4),
         shape=np.full((*size, N_CHANNELS), N_CHANNELS**-0.5),
         shape_std=np.full((*size, N_CHANNELS), 1e-3),
+        imaginary=np.zeros((*size, N_CHANNELS)),
     )
     scatter = learn_scatter(modes)
     return mean_modes(modes, frequency_factor=scatter.frequency_factor), scatter
@@ -70,8 +72,10 @@ def test_too_few_windows_are_refused() -> None:
         log_frequency=np.zeros((2, 1)),
         log_frequency_std=np.ones((2, 1)),
         damping=np.ones((2, 1)),
+        damping_std=np.ones((2, 1)),
         shape=np.ones((2, 1, 1)),
         shape_std=np.ones((2, 1, 1)),
+        imaginary=np.zeros((2, 1, 1)),
     )
     with pytest.raises(ValueError, match="at least 3 windows"):
         learn_scatter(modes)

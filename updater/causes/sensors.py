@@ -92,7 +92,8 @@ class SensorSwap(_Chain):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return permutations."""
         del theta
-        return replace(no_effect(len(rows), self.comparison), chain=np.eye(self.order.shape[1])[self.order[rows]])
+        n = self.order.shape[1]
+        return replace(no_effect(len(rows), self.comparison), chain=np.eye(n, 3 * n)[self.order[rows]])
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Exchange the channels' names."""

@@ -13,7 +13,7 @@ from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT
 from updater.fe.modes import Modes, lowest_modes
 from updater.fe.spans import SpanIndex
-from updater.structure import Joint, Member, Structure
+from updater.structure import Joint, Member, Structure, sensor_axes
 
 
 class Interpolation(Protocol):
@@ -167,9 +167,18 @@ class Model:
     @cached_property
     def sensor_rows(self) -> FloatArray:
         """Rows (n_sensors, n_dofs) that read the structure's sensors."""
+        return self._read_along(np.array([sensor_axes(s.direction)[0] for s in self.structure.sensor]))
+
+    @cached_property
+    def cross_rows(self) -> FloatArray:
+        """Rows (2, n_sensors, n_dofs) that read the two axes across each sensor with its gain."""
+        axes = np.array([sensor_axes(s.direction)[1:] for s in self.structure.sensor]).reshape(-1, 2, 3)
+        return np.array([self._read_along(axes[:, k]) for k in range(2)])
+
+    def _read_along(self, way: FloatArray) -> FloatArray:
+        """Return rows (n_sensors, n_dofs) that read the sensors' places along unit vectors (n_sensors, 3)."""
         sensors = self.structure.sensor
-        way = np.array([s.direction for s in sensors], float).reshape(-1, 3)
-        way *= np.array([s.gain for s in sensors])[:, None] / np.linalg.norm(way, axis=1, keepdims=True)
+        way = way.reshape(-1, 3) * np.array([s.gain for s in sensors])[:, None]
         try:
             at = self.reader(np.array([s.at for s in sensors], float))
         except ModelError as error:  # matrices from elsewhere have their nodes somewhere else
