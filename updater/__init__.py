@@ -8,6 +8,7 @@ from updater.comparison import Comparison
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
+from updater.discrepancy import Discrepancy, as_before, as_extended, set_beside
 from updater.errors import MechanismError, ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.expected_noise import Record
 from updater.expected_reference import UNSEEN, motion, seen_by
@@ -17,6 +18,7 @@ from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.fit import Fit
+from updater.force_balance import ForceBalance, force_balance
 from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
 from updater.increments import Expansion, expand_changes, expand_shapes
@@ -44,6 +46,7 @@ from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
 from updater.structure import Body, External, Joint, Material, Member, Sensor, Structure, Support
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
+from updater.virtual_sensing import VirtualSensing, virtual_sensing
 
 __all__ = [
     "NOTHING_KNOWN",
@@ -61,6 +64,7 @@ __all__ = [
     "Comparison",
     "DeviceDelays",
     "Diagnosis",
+    "Discrepancy",
     "Discrete",
     "Effect",
     "Expansion",
@@ -68,6 +72,7 @@ __all__ = [
     "External",
     "Fit",
     "Flag",
+    "ForceBalance",
     "Foresight",
     "FrequencyFit",
     "Gain",
@@ -111,7 +116,10 @@ __all__ = [
     "Trend",
     "UpdaterError",
     "Verdict",
+    "VirtualSensing",
     "Where",
+    "as_before",
+    "as_extended",
     "build_model",
     "calibrate",
     "channel_rows",
@@ -121,6 +129,7 @@ __all__ = [
     "ever_fewer",
     "expand_changes",
     "expand_shapes",
+    "force_balance",
     "foresee",
     "hinges_of",
     "learn_delays",
@@ -147,6 +156,7 @@ __all__ = [
     "remove_delays",
     "save_matrices",
     "seen_by",
+    "set_beside",
     "sharpening",
     "spread_mass",
     "stack_tracks",
@@ -154,5 +164,6 @@ __all__ = [
     "tone_ratios",
     "trend_of",
     "vagueness",
+    "virtual_sensing",
     "with_sensors",
 ]
