@@ -92,7 +92,18 @@ def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], No
         seen.append((recording.start, recording.temperature, _rms(recording)))
         on_window(recording)
 
-    windows = identify_windows(recordings, on_window=note)
+    return follow(identify_windows(recordings, on_window=note), devices, seen)
+
+
+def follow(windows: Windows, devices: dict[str, str], seen: Sequence[tuple[int, float, float]]) -> Observation:
+    """Track the modes of windows, the devices' constant delays taken out; errors as for `observe`.
+
+    Parameters
+    ----------
+    windows : what identification made of them
+    devices : of each channel
+    seen : start [ns UTC], temperature [degC] and rms [m/s2] of every window, those that gave no modes included
+    """
     if len(windows.estimates) < _LEAST_WINDOWS:
         why = f": {windows.problems[0]}" if windows.problems else ""
         raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")

@@ -1,0 +1,201 @@
+"""Cells of the confusion matrix: causes that can be detected, those too small to be, pairs, what is in no catalogue."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sealed_chain as chain
+import sealed_draws as draws
+from scipy.optimize import linear_sum_assignment
+from scipy.stats import chi2, ncx2
+from sealed_draws import Do, Done
+from sealed_frame import Zone
+from sealed_outside import OUTSIDE
+from sealed_signals import WINDOW, modal_std
+from sealed_specimen import Random, State, draw_state
+
+from daq import FloatArray
+from oma import uncertainty_law
+
+CAUSES: dict[str, Do] = {
+    do.__name__: do
+    for do in (
+        draws.added_mass,
+        draws.distributed_mass,
+        draws.local_stiffness,
+        draws.support_stiffness,
+        draws.joint_stiffness,
+        draws.support_spring,
+        draws.axial_force,
+        draws.attached_oscillator,
+        draws.global_stiffness,
+        draws.global_density,
+        draws.temperature,
+        draws.sampling_clock,
+        draws.damping_change,
+        chain.sensor_gain,
+        chain.sensor_polarity,
+        chain.sensor_swap,
+        chain.sensor_orientation,
+        chain.sensor_delay,
+        chain.sensor_dead,
+    )
+}
+PAIRS = (
+    "added_mass + sensor_gain",
+    "added_mass + support_stiffness",
+    "added_mass + sensor_polarity",
+    "added_mass + added_mass",
+    "local_stiffness + sensor_gain",
+    "support_stiffness + sensor_swap",
+    "local_stiffness + added_mass",
+)
+CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE)
+N_BEFORE, N_AFTER = 8, 5  # windows
+_BAND = 290.0  # Hz
+_COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
+_TOGETHER = 3.0  # components of a shape that err as one
+_LEVEL, _POWER = 0.01, 0.99
+_HARDLY = 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One draw of a cell."""
+
+    cell: str
+    kind: str  #: "detectable", "nothing", "small", "two" or "outside"
+    seed: int
+    done: Done
+
+
+def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
+    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b" or an outsider.
+
+    Raises
+    ------
+    RuntimeError
+        If a hundred draws bring none of the size that the cell wants.
+    """
+    random = np.random.default_rng((seed, 5))
+    state = draw_state(seed)
+    if cell == "nothing":
+        return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))
+    if cell == "small":
+        return Case(cell=cell, kind="small", seed=seed, done=_small(state, random, noise))
+    if cell in OUTSIDE:
+        return Case(cell=cell, kind="outside", seed=seed, done=_large(OUTSIDE[cell], state, random, noise))
+    if "+" in cell:
+        first, second = (CAUSES[name] for name in cell.split(" + "))
+        return Case(cell=cell, kind="two", seed=seed, done=_both(first, second, state, random, noise))
+    return Case(cell=cell, kind="detectable", seed=seed, done=_large(CAUSES[cell], state, random, noise))
+
+
+def _large(do: Do, state: State, random: Random, noise: str) -> Done:
+    return _drawn(lambda: do(state, random), lambda power: power >= _POWER, noise)
+
+
+def _small(state: State, random: Random, noise: str) -> Done:
+    """A hundredth of what a mass, a loss, a gain or a foot usually is."""
+
+    def one() -> Done:
+        names = ("added_mass", "local_stiffness", "support_stiffness", "sensor_gain", "support_spring")
+        done = CAUSES[names[int(random.integers(len(names)))]](state, random)
+        return _fainter(done, 10 ** random.uniform(-3, -1.5))
+
+    return _drawn(one, lambda power: power <= _HARDLY, noise)
+
+
+def _fainter(done: Done, share: float) -> Done:
+    """Return the same with a share of the change: a state between, in mass, stiffness and gain."""
+    before, after = done.before, done.after
+    gain = before.gain + share * (after.gain - before.gain)
+    one, other = before.frame, after.frame
+    bars = tuple(
+        replace(b, zones=tuple(z if z in a.zones else _thinner(z, share) for z in b.zones))
+        for a, b in zip(one.bars, other.bars, strict=True)
+    )
+    new = [lump for lump in other.lumps if lump not in one.lumps]
+    old = [lump for lump in one.lumps if lump not in other.lumps]
+    lumps = (
+        *(lump for lump in one.lumps if lump not in old),
+        *(replace(lump, mass=lump.mass * share, inertia=_times(lump.inertia, share)) for lump in new),
+        *(replace(lump, mass=lump.mass * (1 - share), inertia=_times(lump.inertia, 1 - share)) for lump in old),
+    )
+    foot = tuple(1 / (1 / a + share * (1 / b - 1 / a)) for a, b in zip(one.foot, other.foot, strict=True))
+    props = tuple(replace(p, stiffness=p.stiffness * share) for p in other.props)
+    frame = replace(other, bars=bars, lumps=lumps, foot=foot, props=props)  # type: ignore[arg-type]
+    return Done(before, replace(after.of_frame(frame), gain=gain), done.hidden)
+
+
+def _times(inertia: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+    x, y, z = (i * share for i in inertia)
+    return x, y, z
+
+
+def _thinner(zone: Zone, share: float) -> Zone:
+    left = {key: 1 + share * (getattr(zone, key) - 1) for key in ("bend1", "bend2", "twist")}
+    return replace(zone, mass=zone.mass * share, **left)
+
+
+def _both(first: Do, second: Do, state: State, random: Random, noise: str) -> Done:
+    """Do both, each of which alone can be detected; nothing is taken off."""
+    while True:
+        one = _large(first, state, random, noise)
+        two = _large(second, one.after, random, noise)
+        if one.before is state and two.before is one.after:
+            return Done(state, two.after, one.hidden + two.hidden)
+
+
+def _drawn(one: Callable[[], Done], wanted: Callable[[float], bool], noise: str) -> Done:
+    for _ in range(100):
+        done = one()
+        if wanted(detection_power(done, noise)):
+            return done
+    raise RuntimeError("a hundred draws brought none of the size that is wanted")
+
+
+def detection_power(done: Done, noise: str = "law") -> float:
+    """Return how often a chi-square test of all data at a level of 1 % would see that something has changed.
+
+    Frequencies, complex shapes and damping of the modes in the band, with the noise of 8 windows before and 5 after.
+    Of a change that has a place, what is common to all frequencies counts only beyond 0.3 %.
+    """
+    n_modes = 24
+    before, after = done.before, done.after
+    f, g = before.claimed_frequency(n_modes), after.claimed_frequency(n_modes)
+    u, v = _heard(before, n_modes), _heard(after, n_modes)
+    mac = np.abs(u.conj() @ v.T) ** 2
+    chain_alone = done.before.body is done.after.body and before.clock == after.clock
+    cost = np.abs(np.log(f[:, None] / g)) * 10 + (0 if chain_alone else 1 - mac)
+    mode, partner = linear_sum_assignment(cost)
+    kept = f[mode] < _BAND
+    mode, partner = mode[kept], partner[kept]
+    share = 1 / N_BEFORE + 1 / N_AFTER
+    std, shape_std = modal_std(before, n_modes, noise)
+    ratio = np.log(g[partner] / f[mode])
+    whole = all(one.position is None and not one.channels for one in done.hidden) and bool(done.hidden)
+    covariance = np.diag(share * std[mode] ** 2) + (0.0 if whole else _COMMON**2)
+    turn = np.sum(u[mode].conj() * v[partner], axis=1)
+    apart = v[partner] * (turn.conj() / np.abs(turn))[:, None] - u[mode]
+    damping = np.log(after.damping[partner] / before.damping[mode])
+    damping_std = _damping_std(before, mode)
+    noncentrality = (
+        float(ratio @ np.linalg.solve(covariance, ratio))
+        + float((np.abs(apart) ** 2).sum()) / (share * shape_std**2 * _TOGETHER)
+        + float((damping**2 / damping_std**2).sum()) / share * (not np.array_equal(after.damping, before.damping))
+    )
+    freedom = len(mode) * (1 + len(before.channels) / _TOGETHER)
+    return float(ncx2.sf(chi2.isf(_LEVEL, freedom), freedom, max(noncentrality, 1e-9)))
+
+
+def _heard(state: State, n_modes: int) -> FloatArray:
+    """Complex unit shapes (n_modes, n_channels), delays included."""
+    frequency, shape = state.claimed_frequency(n_modes), state.claimed_shape(n_modes)
+    turned = shape * np.exp(-2j * np.pi * frequency[:, None] * state.delay)
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def _damping_std(state: State, mode: np.ndarray) -> FloatArray:
+    frequency = state.motion(24).frequency
+    return np.array([uncertainty_law(frequency[i], state.damping[i], WINDOW)[1] / state.damping[i] for i in mode])

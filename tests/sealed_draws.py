@@ -1,0 +1,210 @@
+"""What is done to a specimen, drawn; the truth of it goes to the scorer only."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from sealed_frame import Frame, Lump, Prop, Vector, Zone
+from sealed_specimen import Random, State
+
+from daq import FloatArray
+
+UNIT = 210e9 * 9.3e-8 / 1.48  #: E I / L of the column [N m]
+_EULER = np.pi**2 * UNIT / (4 * 1.48)  # N, of the column
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hidden:
+    """One thing that was done."""
+
+    cause: str
+    position: Vector | None = None  #: [m]
+    channels: tuple[str, ...] = ()
+    parameters: dict[str, float] = field(default_factory=dict)  #: as a diagnosis names them
+    reach: float = 0.0  #: half the length over which it acts [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """A specimen before and after."""
+
+    before: State
+    after: State
+    hidden: tuple[Hidden, ...]
+    wandering: tuple[State, ...] = ()  #: what it goes through while the log runs, if it does not stay the same
+
+    def during(self, window: int) -> State:
+        """State in a window of the log."""
+        return self.wandering[window % len(self.wandering)] if self.wandering else self.after
+
+
+Do = Callable[[State, Random], Done]
+
+
+def log_uniform(random: Random, low: float, high: float) -> float:
+    """Draw a size of which only the order is known."""
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def sign(random: Random) -> float:
+    """Draw plus or minus one."""
+    return float(random.choice([-1.0, 1.0]))
+
+
+def somewhere(frame: Frame, random: Random, *, margin: float = 0.0, lowest: float = 0.15) -> tuple[str, float]:
+    """Draw a place, by length; not where nothing moves."""
+    column, beam = frame.bars
+    s = random.uniform(lowest, column.length + beam.length - 2 * margin)
+    if s < column.length - margin:
+        return column.name, float(s)
+    return beam.name, float(s - column.length + margin + margin)
+
+
+def with_lump(state: State, lump: Lump) -> State:
+    """Fix a body to the frame."""
+    return state.of_frame(replace(state.frame, lumps=(*state.frame.lumps, lump)))
+
+
+def nothing(state: State, random: Random) -> Done:
+    """Leave it."""
+    del random
+    return Done(state, state, ())
+
+
+def added_mass(state: State, random: Random) -> Done:
+    """Clamp a body of 50 to 500 g beside a bar; one time in four it was there before and is taken off."""
+    bar, s = somewhere(state.frame, random, lowest=0.3)
+    mass = log_uniform(random, 0.05, 0.5)
+    axis = state.frame.bar(bar).axis
+    offset = np.where(np.arange(3) == axis, 0.0, random.uniform(-0.025, 0.025, 3))
+    inertia = mass * random.uniform(0.005, 0.02, 3) ** 2
+    lump = Lump(bar=bar, s=s, mass=mass, offset=_three(offset), inertia=_three(inertia))
+    place = state.frame.bar(bar).point(s)
+    if random.random() < 0.25:
+        return Done(with_lump(state, lump), state, (_at("added_mass", place, mass=-mass),))
+    return Done(state, with_lump(state, lump), (_at("added_mass", place, mass=mass),))
+
+
+def distributed_mass(state: State, random: Random) -> Done:
+    """Lay 0.2 to 1 kg along 0.25 to 0.7 m of a bar."""
+    bar = state.frame.bars[int(random.integers(2))]
+    extent, mass = random.uniform(0.25, 0.7), log_uniform(random, 0.2, 1.0)
+    start = random.uniform(0.2 if bar.name == "column" else 0.0, bar.length - extent)
+    zone = Zone(start=start, end=start + extent, mass=mass / extent)
+    frame = state.frame.with_bar(bar.name, zones=(*bar.zones, zone))
+    hidden = _at("distributed_mass", bar.point(start + extent / 2), reach=extent / 2, mass=mass, extent=extent)
+    return Done(state, state.of_frame(frame), (hidden,))
+
+
+def local_stiffness(state: State, random: Random) -> Done:
+    """Take 20 to 70 % of the stiffness of 3 to 30 cm of a bar, off the foot, the joint and the free ends."""
+    bar = state.frame.bars[int(random.random() > 0.65)]
+    extent, loss = log_uniform(random, 0.03, 0.3), random.uniform(0.2, 0.7)
+    middle = 0.0
+    while not _is_clear(state.frame, bar.name, middle, extent / 2 + 0.06):
+        middle = random.uniform(0, bar.length)
+    zone = _cut(middle, extent, 1 - loss)
+    frame = state.frame.with_bar(bar.name, zones=(*bar.zones, zone))
+    hidden = _at("local_stiffness", bar.point(middle), reach=extent / 2, loss=loss, extent=extent)
+    return Done(state, state.of_frame(frame), (hidden,))
+
+
+def _cut(middle: float, extent: float, left: float) -> Zone:
+    return Zone(start=middle - extent / 2, end=middle + extent / 2, bend1=left, bend2=left, twist=left)
+
+
+def _is_clear(frame: Frame, bar: str, s: float, margin: float) -> bool:
+    stops = (0.0, frame.bar(bar).length) if bar == "column" else (0.0, frame.middle, frame.bar(bar).length)
+    return all(abs(s - stop) > margin for stop in stops)
+
+
+def support_stiffness(state: State, random: Random) -> Done:
+    """Leave 10 to 60 % of the foot's stiffness about each axis."""
+    left = random.uniform(0.1, 0.6, 3)
+    after = replace(state.frame, foot=_three(np.multiply(state.frame.foot, left)))
+    stiffness = {f"stiffness_{a}": k for a, k in zip(("rx", "ry", "rz"), after.foot, strict=True)}
+    return Done(state, state.of_frame(after), (_at("support_stiffness", (0.0, 0.0, 0.0), **stiffness),))
+
+
+def joint_stiffness(state: State, random: Random) -> Done:
+    """Leave 10 to 60 % of the joint's stiffness about each axis."""
+    left = random.uniform(0.1, 0.6, 3)
+    after = replace(state.frame, joint=_three(np.multiply(state.frame.joint, left)))
+    stiffness = {f"stiffness_{a}": k for a, k in zip(("rx", "ry", "rz"), after.joint, strict=True)}
+    return Done(state, state.of_frame(after), (_at("joint_stiffness", (0.0, 0.0, 1.48), **stiffness),))
+
+
+def support_spring(state: State, random: Random) -> Done:
+    """Lean something of 0.5 to 20 kN/m against a bar, across it."""
+    bar, s = somewhere(state.frame, random, lowest=0.4)
+    axis = int(random.choice([a for a in range(3) if a != state.frame.bar(bar).axis]))
+    prop = Prop(bar=bar, s=s, axis=axis, stiffness=log_uniform(random, 500.0, 2e4))
+    frame = replace(state.frame, props=(*state.frame.props, prop))
+    hidden = _at("support_spring", state.frame.bar(bar).point(s), **{f"stiffness_{'xyz'[axis]}": prop.stiffness})
+    return Done(state, state.of_frame(frame), (hidden,))
+
+
+def axial_force(state: State, random: Random) -> Done:
+    """Press or pull the column by 5 to 40 % of its Euler load."""
+    force = sign(random) * random.uniform(0.05, 0.4) * _EULER
+    frame = state.frame.with_bar("column", preload=force)
+    return Done(state, state.of_frame(frame), (_at("axial_force", (0.0, 0.0, 0.74), reach=0.74, force=force),))
+
+
+def attached_oscillator(state: State, random: Random) -> Done:
+    """Hang 50 to 300 g on a spring of its own, tuned apart from the frame's modes but within what is analysed."""
+    bar, s = somewhere(state.frame, random, lowest=0.6)
+    axis = int(random.choice([a for a in range(3) if a != state.frame.bar(bar).axis]))
+    frequency = log_uniform(random, 14.0, 130.0)
+    while np.abs(np.log(state.motion(24).frequency / frequency)).min() < 0.05:
+        frequency = log_uniform(random, 14.0, 130.0)
+    mass = log_uniform(random, 0.05, 0.3)
+    after = with_lump(state, Lump(bar=bar, s=s, mass=mass, axis=axis, spring=frequency))
+    place = state.frame.bar(bar).point(s)
+    return Done(state, after, (_at("attached_oscillator", place, mass=mass, frequency=frequency),))
+
+
+def global_stiffness(state: State, random: Random) -> Done:
+    """Change all moduli, and with them the foot's and joint's springs, by 2 to 6 %."""
+    loss = sign(random) * random.uniform(0.02, 0.06)
+    frame = state.frame
+    for bar in frame.bars:
+        frame = frame.with_bar(bar.name, modulus=bar.modulus * (1 - loss), shear_modulus=bar.shear_modulus * (1 - loss))
+    return Done(state, state.of_frame(frame), (Hidden(cause="global_stiffness", parameters={"loss": loss}),))
+
+
+def global_density(state: State, random: Random) -> Done:
+    """Change the density by 2 to 6 %: paint, or what was never weighed."""
+    gain = sign(random) * random.uniform(0.02, 0.06)
+    frame = state.frame
+    for bar in frame.bars:
+        frame = frame.with_bar(bar.name, density=bar.density * (1 + gain))
+    return Done(state, state.of_frame(frame), (Hidden(cause="global_density"),))
+
+
+def temperature(state: State, random: Random) -> Done:
+    """Warm or cool everything by 10 to 30 K; devices say so."""
+    now = state.temperature + sign(random) * random.uniform(10.0, 30.0)
+    body = replace(state.body, temperature=now)  # type: ignore[type-var]
+    return Done(state, state.of_body(body, temperature=now), (Hidden(cause="temperature"),))
+
+
+def sampling_clock(state: State, random: Random) -> Done:
+    """Let the recorder sample 1 to 3 % faster or slower than it says."""
+    error = sign(random) * random.uniform(0.01, 0.03)
+    return Done(state, replace(state, clock=1 + error), (Hidden(cause="sampling_clock"),))
+
+
+def damping_change(state: State, random: Random) -> Done:
+    """Multiply all damping by 1.6 to 3."""
+    factor = random.uniform(1.6, 3.0)
+    return Done(state, replace(state, damping=state.damping * factor), (Hidden(cause="damping_change"),))
+
+
+def _at(cause: str, position: Vector, *, reach: float = 0.0, **parameters: float) -> Hidden:
+    return Hidden(cause=cause, position=position, reach=reach, parameters=parameters)
+
+
+def _three(values: FloatArray) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

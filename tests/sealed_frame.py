@@ -1,0 +1,294 @@
+"""A space frame of three-node Timoshenko beams with reduced integration, which shares nothing with the code it judges.
+
+Bars lie along a global axis a; their two cross axes are a + 1 and a + 2 (modulo 3), so that local and global components
+are the same numbers in another order. A bar's mesh is uneven and has nodes where its zones begin and end.
+
+References
+----------
+Hughes, Taylor & Kanoknukulchai (1977). A simple and efficient finite element for plate bending. Int. J. Numer. Meth.
+Engng 11, 1529-1543 (selective reduced integration; here of the quadratic beam: two Gauss points cure the locking).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import eigsh
+
+from daq import FloatArray, IndexArray
+
+Vector = tuple[float, float, float]
+_G2 = np.array([-1.0, 1.0]) / np.sqrt(3), np.ones(2)
+_G3 = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)]), np.array([5.0, 8.0, 5.0]) / 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """A stretch of a bar that differs; factors on the bar's own stiffness about its two cross axes and its own."""
+
+    start: float  #: along the bar [m]
+    end: float
+    bend1: float = 1.0
+    bend2: float = 1.0
+    twist: float = 1.0
+    mass: float = 0.0  #: more per length [kg/m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """A straight bar with a doubly symmetric section."""
+
+    name: str
+    start: Vector
+    axis: int
+    length: float
+    size: float  #: of elements, roughly [m]
+    modulus: float
+    shear_modulus: float
+    density: float
+    area: float
+    second_moment: tuple[float, float]
+    torsion_constant: float
+    shear_factor: float
+    breaks: tuple[float, ...] = ()  #: where there must be a node [m]
+    zones: tuple[Zone, ...] = ()
+    preload: float = 0.0  #: tension [N]
+
+    @property
+    def order(self) -> list[int]:
+        """Global axes of the bar's own and its two cross axes."""
+        return [(self.axis + i) % 3 for i in range(3)]
+
+    def point(self, s: float) -> Vector:
+        """Point at s [m]."""
+        x, y, z = (c + s * (i == self.axis) for i, c in enumerate(self.start))
+        return x, y, z
+
+    def ends(self) -> FloatArray:
+        """Ends of the elements [m]: between the breaks evenly, but the lengths alternate by a quarter."""
+        stops = sorted({0.0, self.length, *self.breaks, *(e for z in self.zones for e in (z.start, z.end))})
+        found = [0.0]
+        for a, b in pairwise(stops):
+            n = max(2, round((b - a) / self.size))
+            lengths = np.where(np.arange(n) % 2, 1.25, 1.0)
+            found += [*list(a + (b - a) * np.cumsum(lengths)[:-1] / lengths.sum()), b]
+        return np.array(found)
+
+    def at(self, s: float) -> tuple[FloatArray, float]:
+        """Stiffness (axial, shear, shear, twist, bend1, bend2) and mass a length at s."""
+        bend1, bend2, twist, mass = 1.0, 1.0, 1.0, self.density * self.area
+        for zone in self.zones:
+            if zone.start < s < zone.end:
+                bend1, bend2, twist, mass = bend1 * zone.bend1, bend2 * zone.bend2, twist * zone.twist, mass + zone.mass
+        e, shear = self.modulus, self.shear_factor * self.shear_modulus * self.area
+        first, second = self.second_moment
+        torsion = self.shear_modulus * self.torsion_constant * twist
+        return np.array([e * self.area, shear, shear, torsion, e * first * bend1, e * second * bend2]), mass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lump:
+    """A rigid body on a bar; `spring` [Hz] lets it move along `axis` only, on a spring of its own."""
+
+    bar: str
+    s: float
+    mass: float
+    offset: Vector = (0.0, 0.0, 0.0)
+    inertia: Vector = (0.0, 0.0, 0.0)
+    axis: int = 0
+    spring: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prop:
+    """A spring to the ground [N/m]."""
+
+    bar: str
+    s: float
+    axis: int
+    stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brace:
+    """A bar that carries tension and compression only, hinged to two points [N/m]."""
+
+    ends: tuple[tuple[str, float], tuple[str, float]]  #: bar and place along it [m]
+    stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """A column on a foot with a crossbeam on its top."""
+
+    bars: tuple[Bar, Bar]
+    middle: float  #: of the crossbeam, where the column meets it [m]
+    foot: Vector  #: stiffness about x y z [N m/rad]
+    joint: Vector
+    ground: Vector = (np.inf, np.inf, np.inf)  #: stiffness along x y z [N/m]
+    lumps: tuple[Lump, ...] = ()
+    props: tuple[Prop, ...] = ()
+    braces: tuple[Brace, ...] = ()
+
+    def bar(self, name: str) -> Bar:
+        """Bar of that name."""
+        return next(b for b in self.bars if b.name == name)
+
+    def with_bar(self, name: str, **changes: Any) -> "Frame":
+        """Return the frame with a bar altered."""
+        first, second = (replace(b, **changes) if b.name == name else b for b in self.bars)
+        return replace(self, bars=(first, second))
+
+    def solved(self, n_modes: int) -> "Solved":
+        """Return its lowest modes."""
+        return _Assembly(self).solved(n_modes)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Modes of a frame."""
+
+    frequency: FloatArray  #: (n_modes,) [Hz]
+    shape: FloatArray  #: (n_dofs, n_modes) mass-normalised
+    assembly: "_Assembly"
+
+    def motion(self, bar: str, s: float) -> FloatArray:
+        """Displacement and rotation (6, n_modes) about global axes at a point of a bar."""
+        return np.asarray(self.assembly.rows(bar, s) @ self.shape)
+
+
+class _Assembly:
+    """Matrices of a frame, and where each bar's nodes are in them."""
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame = frame
+        self.ends = {bar.name: bar.ends() for bar in frame.bars}
+        self.dofs: dict[str, IndexArray] = {}
+        count = 0
+        for bar in frame.bars:
+            n = 2 * len(self.ends[bar.name]) - 1
+            self.dofs[bar.name] = count + np.arange(6 * n).reshape(n, 6)
+            count += 6 * n
+        column, beam = (b.name for b in frame.bars)
+        shared = 2 * int(np.argmin(np.abs(self.ends[beam] - frame.middle)))
+        self.dofs[beam][shared, :3] = self.dofs[column][-1, :3]
+        self.joint = self.dofs[column][-1, 3:], self.dofs[beam][shared, 3:].copy()
+        self.n = count + sum(bool(lump.spring) for lump in frame.lumps)
+        self.free = np.setdiff1d(np.unique(np.concatenate([d.ravel() for d in self.dofs.values()])), self._held())
+        self.free = np.concatenate([self.free, np.arange(count, self.n)])
+
+    def _held(self) -> IndexArray:
+        foot = self.dofs[self.frame.bars[0].name][0, :3]
+        return np.asarray(foot[np.isinf(self.frame.ground)])
+
+    def rows(self, bar: str, s: float) -> FloatArray:
+        """Rows (6, n) that read displacement and rotation at a point."""
+        ends = self.ends[bar]
+        e = int(np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2))
+        weight, _ = _shape(2 * (s - ends[e]) / (ends[e + 1] - ends[e]) - 1)
+        found = np.zeros((6, self.n))
+        for node in range(3):
+            found[np.arange(6), self.dofs[bar][2 * e + node]] += weight[node]
+        return found
+
+    def _stretch(self, brace: Brace) -> FloatArray:
+        (one, s), (other, t) = brace.ends
+        along = np.subtract(self.frame.bar(one).point(s), self.frame.bar(other).point(t))
+        unit = along / np.linalg.norm(along)
+        return np.asarray(unit @ (self.rows(one, s) - self.rows(other, t))[:3])
+
+    def solved(self, n_modes: int) -> Solved:
+        stiffness, mass = (sparse.coo_array((v, (i, j)), (self.n, self.n)).tocsc() for v, i, j in self._beams())
+        extra_stiffness, extra_mass = self._attached()
+        free = np.ix_(self.free, self.free)
+        k, m = (stiffness + extra_stiffness)[free], (mass + extra_mass)[free]
+        value, vector = eigsh(k, n_modes, m, sigma=0.0, v0=np.ones(len(self.free)))
+        order = np.argsort(value)
+        shape = np.zeros((self.n, n_modes))
+        shape[self.free] = vector[:, order]
+        return Solved(np.sqrt(value[order]) / (2 * np.pi), shape, self)
+
+    def _beams(self) -> list[tuple[FloatArray, IndexArray, IndexArray]]:
+        found: list[list[Any]] = [[], []]
+        rows, columns = [], []
+        for bar in self.frame.bars:
+            ends = self.ends[bar.name]
+            for e, (a, b) in enumerate(pairwise(ends)):
+                nodes = self.dofs[bar.name][2 * e : 2 * e + 3]
+                axes = [*bar.order, *(3 + i for i in bar.order)]
+                dofs = nodes[:, axes].ravel()
+                for into, matrix in zip(found, _element(bar, a, b), strict=True):
+                    into.append(matrix.ravel())
+                rows.append(np.repeat(dofs, 18))
+                columns.append(np.tile(dofs, 18))
+        i, j = np.concatenate(rows), np.concatenate(columns)
+        return [(np.concatenate(v), i, j) for v in found]
+
+    def _attached(self) -> tuple[Any, Any]:
+        """Foot, joint, props and lumps."""
+        frame = self.frame
+        stiffness: list[tuple[float, FloatArray]] = []
+        foot, unit = self.dofs[frame.bars[0].name][0], np.eye(self.n)
+        stiffness += [(k, unit[d]) for k, d in zip(frame.ground, foot[:3], strict=True) if np.isfinite(k)]
+        stiffness += [(k, unit[d]) for k, d in zip(frame.foot, foot[3:], strict=True)]
+        stiffness += [(k, unit[a] - unit[b]) for k, a, b in zip(frame.joint, *self.joint, strict=True)]
+        stiffness += [(p.stiffness, self.rows(p.bar, p.s)[p.axis]) for p in frame.props]
+        stiffness += [(b.stiffness, self._stretch(b)) for b in frame.braces]
+        mass, own = [], self.n - sum(bool(lump.spring) for lump in frame.lumps)
+        for lump in frame.lumps:
+            rows = self.rows(lump.bar, lump.s)
+            if lump.spring:
+                mass.append((lump.mass, unit[own]))
+                k = lump.mass * (2 * np.pi * lump.spring) ** 2
+                stiffness.append((k, unit[own] - rows[lump.axis]))
+                mass += [(lump.mass, rows[i]) for i in range(3) if i != lump.axis]
+                own += 1
+            else:
+                mass += _rigid(lump, rows)
+        return _outer(stiffness, self.n), _outer(mass, self.n)
+
+
+def _rigid(lump: Lump, rows: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Return the body's centre's motion, u + theta x offset, and its turning."""
+    x, y, z = lump.offset
+    turn = rows[3:]
+    centre = rows[:3] + np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]]) @ turn
+    return [(lump.mass, r) for r in centre] + [(i, r) for i, r in zip(lump.inertia, turn, strict=True) if i]
+
+
+def _outer(parts: Sequence[tuple[float, FloatArray]], n: int) -> Any:
+    if not parts:
+        return sparse.csc_array((n, n))
+    rows = sparse.csc_array(np.array([r for _, r in parts]))
+    return (rows.T @ sparse.diags_array([k for k, _ in parts]) @ rows).tocsc()
+
+
+def _shape(xi: float) -> tuple[FloatArray, FloatArray]:
+    """Quadratic shape functions and their derivatives by xi."""
+    return np.array([xi * (xi - 1) / 2, 1 - xi**2, xi * (xi + 1) / 2]), np.array([xi - 0.5, -2 * xi, xi + 0.5])
+
+
+def _element(bar: Bar, a: float, b: float) -> tuple[FloatArray, FloatArray]:
+    """Stiffness and mass (18, 18): three nodes of (u_t, u_1, u_2, theta_t, theta_1, theta_2)."""
+    stiffness, mass, half = np.zeros((18, 18)), np.zeros((18, 18)), (b - a) / 2
+    section, line = bar.at((a + b) / 2)
+    for xi, weight in zip(*_G2, strict=True):
+        n, d = _shape(xi)
+        strain = np.zeros((6, 3, 6))
+        for row, component in enumerate((0, 1, 2, 3, 4, 5)):
+            strain[row, :, component] = d / half
+        strain[1, :, 5] = -n  # gamma_1 = u_1' - theta_2
+        strain[2, :, 4] = n  # gamma_2 = u_2' + theta_1
+        flat = strain.reshape(6, 18)
+        tension = bar.preload * (flat[1:3] * (np.arange(18) % 6 < 3)).T @ (flat[1:3] * (np.arange(18) % 6 < 3))
+        stiffness += weight * half * (flat.T * section @ flat + tension)
+    first, second = (bar.density * i for i in bar.second_moment)
+    inertia = np.array([line, line, line, first + second, first, second])
+    for xi, weight in zip(*_G3, strict=True):
+        n, _ = _shape(xi)
+        spread = np.einsum("a,ij->iaj", n, np.eye(6)).reshape(6, 18)
+        mass += weight * half * (spread.T * inertia) @ spread
+    return stiffness, mass

@@ -1,0 +1,230 @@
+"""A specimen with all its small errors at once, and what its channels truly do: drawn from a seed."""
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from sealed_frame import Bar, Frame, Lump, Vector, Zone
+
+from daq import FloatArray, IndexArray
+
+Random = np.random.Generator
+REFERENCE_TEMPERATURE = 20.0  #: [degC]
+SOFTENING = -3.6e-4  #: of steel's modulus [1/K]
+_SPAN = 1.48  # of the column [m]
+_HALF = 0.40  # of the crossbeam
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor:
+    """One channel: where it really is and which way it really points."""
+
+    channel: str
+    device: str
+    bar: str
+    s: float  #: along the bar [m]
+    direction: Vector  #: unit
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Modes of a specimen as they are, read wherever it is wanted."""
+
+    frequency: FloatArray  #: (n_modes,) [Hz]
+    at_sensors: FloatArray  #: (n_modes, n_channels) mass-normalised
+    at_forces: FloatArray  #: (n_modes, n_forces)
+
+
+class Body(Protocol):
+    """Anything that vibrates."""
+
+    def motion(self, sensors: tuple[Sensor, ...], forces: tuple[Sensor, ...], n_modes: int) -> Motion:
+        """Modes at sensors and at forces."""
+        ...
+
+
+@dataclass(frozen=True)
+class FrameBody:
+    """The frame at a temperature."""
+
+    frame: Frame
+    temperature: float = REFERENCE_TEMPERATURE
+
+    def motion(self, sensors: tuple[Sensor, ...], forces: tuple[Sensor, ...], n_modes: int) -> Motion:
+        softer = 1 + SOFTENING * (self.temperature - REFERENCE_TEMPERATURE)
+        frame = self.frame
+        for bar in frame.bars:
+            moduli = {"modulus": bar.modulus * softer, "shear_modulus": bar.shear_modulus * softer}
+            frame = frame.with_bar(bar.name, **moduli)
+        solved = frame.solved(n_modes)
+        seen, pushed = (
+            np.array([np.array(s.direction) @ solved.motion(s.bar, s.s)[:3] for s in which]).T
+            for which in (sensors, forces)
+        )
+        return Motion(solved.frequency, seen, pushed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class State:
+    """A body with its measuring chain, at one time."""
+
+    body: Body
+    sensors: tuple[Sensor, ...]
+    forces: tuple[Sensor, ...]
+    damping: FloatArray  #: (n_modes,) of critical
+    gain: FloatArray  #: (n_channels,) what a channel says over what is true
+    delay: FloatArray  #: (n_channels,) [s]
+    order: IndexArray  #: (n_channels,) sensor that each channel really is
+    dead: tuple[str, ...] = ()
+    clock: float = 1.0  #: samples a second over what is claimed
+    temperature: float = REFERENCE_TEMPERATURE  #: what devices report
+    loudness: float = 1.0  #: of the forces
+    solved: dict[int, Motion] = field(default_factory=dict)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(s.channel for s in self.sensors)
+
+    def motion(self, n_modes: int) -> Motion:
+        """Modes at the sensors' places, solved once."""
+        if n_modes not in self.solved:
+            self.solved[n_modes] = self.body.motion(self.sensors, self.forces, n_modes)
+        return self.solved[n_modes]
+
+    def claimed_frequency(self, n_modes: int) -> FloatArray:
+        """Return what a perfect analysis would say [Hz], the clock's error included."""
+        return self.motion(n_modes).frequency / self.clock
+
+    def claimed_shape(self, n_modes: int) -> FloatArray:
+        """Shapes (n_modes, n_channels) as the channels say them, real, without delays, not normalised."""
+        found = self.motion(n_modes).at_sensors[:, self.order] * self.gain
+        found[:, [self.channels.index(c) for c in self.dead]] = 0.0
+        return np.asarray(found)
+
+    def of_body(self, body: Body, **changes: object) -> "State":
+        """Return the state with another body."""
+        return replace(self, body=body, solved={}, **changes)  # type: ignore[arg-type]
+
+    @property
+    def frame(self) -> Frame:
+        """The frame, of a body that is one."""
+        assert isinstance(self.body, FrameBody)
+        return self.body.frame
+
+    def of_frame(self, frame: Frame) -> "State":
+        """Return the state with another frame."""
+        assert isinstance(self.body, FrameBody)
+        return self.of_body(replace(self.body, frame=frame))
+
+
+_PLACES = (
+    *(("column", z, f"col_{round(100 * z):03d}", "xy") for z in (0.37, 0.74, 1.11)),
+    ("crossbeam", _HALF, "beam_mid", "xy"),
+    ("crossbeam", 0.0, "beam_left", "yz"),
+    ("crossbeam", 2 * _HALF, "beam_right", "yz"),
+)
+
+
+def draw_state(seed: int, *, n_modes: int = 30) -> State:
+    """Draw a T-frame: E, density, sections, weld, foot, joint, cables, sensors' masses, places, gains and damping."""
+    random = np.random.default_rng((seed, 1))
+    return State(
+        body=FrameBody(_frame(random)),
+        sensors=_sensors(random),
+        forces=_forces(random),
+        damping=random.uniform(0.002, 0.006, n_modes),
+        gain=1 + 0.005 * random.standard_normal(12),
+        delay=np.repeat(2e-5 * random.standard_normal(6), 2),
+        order=np.arange(12),
+    )
+
+
+def _frame(random: Random) -> Frame:
+    e, rho = 1 + 0.01 * random.standard_normal(), 1 + 0.007 * random.standard_normal()
+    weld = random.uniform(0.0, 1.0)  # how much of it there is
+    bars = []
+    for name, start, axis, length, breaks in (
+        ("column", (0.0, 0.0, 0.0), 2, _SPAN, ()),
+        ("crossbeam", (-_HALF, 0.0, _SPAN), 0, 2 * _HALF, (_HALF,)),
+    ):
+        wall = 1 + 0.005 * random.standard_normal()  # thickness of the tube's wall
+        bars.append(
+            Bar(
+                name=name,
+                start=start,
+                axis=axis,
+                length=length,
+                size=0.03,
+                modulus=210e9 * e,
+                shear_modulus=80.8e9 * e,
+                density=7850.0 * rho,
+                area=4.1934e-4 * wall,
+                second_moment=(9.3e-8 * wall, 9.3e-8 * wall),
+                torsion_constant=1.58e-7 * wall,
+                shear_factor=0.44,
+                breaks=breaks,
+                zones=_weld(name, weld),
+            )
+        )
+    unit = 210e9 * 9.3e-8 / _SPAN
+    foot, joint = (unit / random.uniform(0.001, 0.01, 3) for _ in range(2))
+    return Frame(bars=(bars[0], bars[1]), middle=_HALF, foot=_three(foot), joint=_three(joint), lumps=_carried(random))
+
+
+def _weld(name: str, much: float) -> tuple[Zone, ...]:
+    """The weld thickens the section towards the joint, and the cable runs down the column."""
+    steps = [(0.030, 0.1), (0.020, 0.2), (0.010, 0.4)]
+    if name == "column":
+        cable = (Zone(start=0.0, end=1.11, mass=0.015),)
+        return cable + tuple(
+            Zone(start=_SPAN - d, end=_SPAN, bend1=1 + much * k, bend2=1 + much * k, mass=0.3 * much) for d, k in steps
+        )
+    return tuple(
+        Zone(start=_HALF - d, end=_HALF + d, bend1=1 + much * k, bend2=1 + much * k, twist=1 + much * k)
+        for d, k in steps
+    )
+
+
+def _carried(random: Random) -> tuple[Lump, ...]:
+    """The accelerometers themselves."""
+    return tuple(
+        Lump(bar=bar, s=s, mass=random.uniform(0.008, 0.015), offset=_three(0.01 * random.standard_normal(3)))
+        for bar, s, _, _ in _PLACES
+    )
+
+
+def _sensors(random: Random) -> tuple[Sensor, ...]:
+    """Every device is off its place by 2 mm and turned by one degree."""
+    found = []
+    for bar, s, device, axes in _PLACES:
+        off = s + 2e-3 * random.standard_normal()
+        length = _SPAN if bar == "column" else 2 * _HALF
+        turn = np.radians(1.0) * random.standard_normal(3)
+        for axis in axes:
+            unit = np.eye(3)["xyz".index(axis)]
+            direction = unit + np.cross(turn, unit)
+            found.append(
+                Sensor(
+                    channel=f"{device}_{axis}",
+                    device=device,
+                    bar=bar,
+                    s=float(np.clip(off, 0.0, length)),
+                    direction=_three(direction / np.linalg.norm(direction)),
+                )
+            )
+    return tuple(found)
+
+
+def _forces(random: Random) -> tuple[Sensor, ...]:
+    """Where the wind pushes, across each bar."""
+    found = []
+    for bar, length, axes in (("column", _SPAN, (0, 1)), ("crossbeam", 2 * _HALF, (1, 2))):
+        for s in random.uniform(0.1, 1.0, 4) * length:
+            found += [Sensor(channel="", device="", bar=bar, s=s, direction=_three(np.eye(3)[a])) for a in axes]
+    return tuple(found)
+
+
+def _three(values: FloatArray) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
