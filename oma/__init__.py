@@ -7,6 +7,7 @@ from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChann
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.fdd import FDD
 from oma.following import Followed, Follower
+from oma.frequency_response import Resonance, fit_resonance
 from oma.fsdd import FSDD
 from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
 from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
@@ -42,6 +43,7 @@ __all__ = [
     "NoCommonModes",
     "OmaError",
     "Place",
+    "Resonance",
     "Selection",
     "Stabilization",
     "TooFewChannels",
@@ -54,6 +56,7 @@ __all__ = [
     "channel_faults",
     "comac",
     "device_delays",
+    "fit_resonance",
     "identify",
     "identify_all",
     "mac",

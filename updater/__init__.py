@@ -25,11 +25,13 @@ from updater.increments import Expansion, expand_changes, expand_shapes
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
+from updater.modal_mass import ModalMass, mass_of_modes
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference, learn_reference
 from updater.section import Section
+from updater.sensitivity import Prior, SensitivityFit, fit_parameters
 from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
 from updater.several import MassChanges, locate_masses
 from updater.statistics import (
@@ -87,6 +89,7 @@ __all__ = [
     "MechanismError",
     "Member",
     "ModalDataError",
+    "ModalMass",
     "ModalMean",
     "ModeFit",
     "Model",
@@ -97,12 +100,14 @@ __all__ = [
     "Pair",
     "PairingError",
     "Parameter",
+    "Prior",
     "Quantity",
     "Record",
     "Reference",
     "Rejected",
     "Scatter",
     "Section",
+    "SensitivityFit",
     "Sensor",
     "Sharpening",
     "StiffnessUpdate",
@@ -129,6 +134,7 @@ __all__ = [
     "ever_fewer",
     "expand_changes",
     "expand_shapes",
+    "fit_parameters",
     "force_balance",
     "foresee",
     "hinges_of",
@@ -139,6 +145,7 @@ __all__ = [
     "locate_and_sharpen",
     "locate_mass",
     "locate_masses",
+    "mass_of_modes",
     "match_modes",
     "matched",
     "mean_modes",
