@@ -138,6 +138,16 @@ class Joint(Entry):
     stiffness: dict[Literal["rx", "ry", "rz"], Positive]  #: about the global axes [N m/rad]
 
 
+class Segment(Entry):
+    """A stretch of a member that is softer, stiffer or heavier than the rest of it; several may overlap."""
+
+    member: str
+    at: Vector  #: its middle [m]
+    extent: Positive  #: its length [m]
+    stiffness: Positive = 1.0  #: factor on Young's and the shear modulus [-]
+    mass: Number = 0.0  #: more over its length, spread as the member's own is [kg]
+
+
 class Body(Entry):
     """A rigid body fixed to a member."""
 
@@ -200,6 +210,7 @@ class Structure(Entry):
     member: Annotated[tuple[Member, ...], Field(min_length=1)]
     support: tuple[Support, ...] = ()
     joint: tuple[Joint, ...] = ()
+    segment: tuple[Segment, ...] = ()
     body: tuple[Body, ...] = ()
     sensor: tuple[Sensor, ...] = ()
     recorder: Recorder | None = None
@@ -235,6 +246,25 @@ class Structure(Entry):
     def member_named(self, name: str) -> Member:
         """Return the member of that name."""
         return next(member for member in self.member if member.name == name)
+
+    def segments_of(self, member: Member) -> list[tuple[float, float, Segment]]:
+        """Return a member's segments, each with its start and end along the member [m]."""
+        axis = np.subtract(member.end, member.start) / member.length
+        own = [(float(np.subtract(s.at, member.start) @ axis), s) for s in self.segment if s.member == member.name]
+        return [(max(x - s.extent / 2, 0.0), min(x + s.extent / 2, member.length), s) for x, s in own]
+
+    def material_at(self, member: Member, distance: float) -> Material:
+        """Return a member's material at a distance from its start [m], as its segments make it."""
+        material, area = self.material[member.material], self.section[member.section].area
+        here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]
+        if not here:
+            return material
+        factor = float(np.prod([s.stiffness for s in here]))
+        return Material.model_construct(
+            youngs_modulus=material.youngs_modulus * factor,
+            shear_modulus=material.shear_modulus * factor,
+            density=material.density + sum(s.mass / s.extent for s in here) / area,
+        )
 
     def with_mesh(self, element_length: float) -> "Structure":
         """Return the same structure with elements no longer than `element_length` [m]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +13,10 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from daq import FloatArray
-    from updater.structure import Joint, Structure
+    from updater.structure import Joint, Member, Structure
 
 ON_MEMBER = 1e-4  # m
+_SHORTEST = 1e-3  # of its member's length, extent of a segment
 
 
 def check_names(structure: Structure) -> None:
@@ -31,6 +33,8 @@ def check_names(structure: Structure) -> None:
         _known("member", member.name, "material", member.material, structure.material)
         _known("member", member.name, "section", member.section, structure.section)
     names = [member.name for member in structure.member]
+    for segment in structure.segment:
+        _known("segment at", str(list(segment.at)), "member", segment.member, names)
     for joint in structure.joint:
         _known("joint at", str(list(joint.at)), "member", joint.member, names)
     joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in structure.joint]
@@ -60,6 +64,8 @@ def check_places(structure: Structure) -> None:
     if structure.external is not None:  # the matrices' nodes decide
         if structure.joint:
             raise ValueError("joint: matrices from elsewhere have their joints in them")
+        if structure.segment:
+            raise ValueError("segment: matrices from elsewhere have their members' stiffness and mass in them")
         return
     places = [(f"sensor {sensor.channel}", sensor.at) for sensor in structure.sensor]
     places += [("support", s.at) for s in structure.support] + [("body", b.at) for b in structure.body]
@@ -70,6 +76,39 @@ def check_places(structure: Structure) -> None:
             raise ValueError(f"{what}: {list(at)} lies on no member")
     for joint in structure.joint:
         _check_joint(joint, structure, _distance(np.asarray(joint.at), start, along) < ON_MEMBER)
+    _check_segments(structure)
+
+
+def _check_segments(structure: Structure) -> None:
+    for segment in structure.segment:
+        member = structure.member_named(segment.member)
+        axis = np.subtract(member.end, member.start) / member.length
+        middle = float(np.subtract(segment.at, member.start) @ axis)
+        off = float(np.linalg.norm(member.point(middle) - segment.at))
+        beyond = max(segment.extent / 2 - middle, middle + segment.extent / 2 - member.length)
+        if max(off, beyond) >= ON_MEMBER:
+            raise ValueError(
+                f"segment of {segment.member}: {segment.extent:g} m about {list(segment.at)} are not all on it"
+            )
+        if segment.extent < _SHORTEST * member.length:
+            raise ValueError(
+                f"segment of {segment.member}: expected an extent of {_SHORTEST * member.length:.3g} m or more, "
+                f"found {segment.extent:g} m"
+            )
+    for member in structure.member:
+        _check_weight(structure, member)
+
+
+def _check_weight(structure: Structure, member: Member) -> None:
+    """Refuse segments that take off all the mass that a stretch has."""
+    ends = sorted({end for start, stop, _ in structure.segments_of(member) for end in (start, stop)})
+    for start, stop in pairwise(ends):
+        left = structure.material_at(member, (start + stop) / 2).density
+        if left <= 0:
+            raise ValueError(
+                f"segment of {member.name}: no mass is left from {start:.4g} to {stop:.4g} m of it, its density "
+                f"would be {left:.4g} kg/m3"
+            )
 
 
 def _distance(point: FloatArray, start: FloatArray, along: FloatArray) -> FloatArray:

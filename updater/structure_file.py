@@ -10,7 +10,19 @@ from pydantic import BaseModel, ValidationError
 
 from updater.errors import StructureError
 from updater.section import Section
-from updater.structure import Body, External, Joint, Material, Member, Mesh, Recorder, Sensor, Structure, Support
+from updater.structure import (
+    Body,
+    External,
+    Joint,
+    Material,
+    Member,
+    Mesh,
+    Recorder,
+    Segment,
+    Sensor,
+    Structure,
+    Support,
+)
 from updater.structure_rewrite import rewrite
 
 _ENTRIES: dict[str, type[BaseModel]] = {
@@ -21,6 +33,7 @@ _ENTRIES: dict[str, type[BaseModel]] = {
     "member": Member,
     "support": Support,
     "joint": Joint,
+    "segment": Segment,
     "body": Body,
     "sensor": Sensor,
     "recorder": Recorder,
@@ -121,7 +134,7 @@ def dump_structure(structure: Structure, onto: str | None = None, *, note: str =
     ----------
     structure : what to write
     onto : text of a structure file; only what differs from it is changed, and its comments stay
-    note : comment in each support, joint, body, member or sensor that the text does not have
+    note : comment in each support, joint, segment, body, member or sensor that the text does not have
 
     Raises
     ------

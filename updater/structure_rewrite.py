@@ -22,6 +22,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "sensor": ("channel",),
     "support": ("at",),
     "joint": ("member", "at"),
+    "segment": ("member", "at", "extent"),
     "body": ("at",),
 }
 

@@ -6,6 +6,7 @@ from updater.causes.added_mass import propose_added_mass
 from updater.causes.base import Cause, Propose
 from updater.causes.global_density import propose_global_density
 from updater.causes.global_stiffness import propose_global_stiffness
+from updater.causes.local_stiffness import propose_local_stiffness
 from updater.causes.plugins import Catalogue
 from updater.causes.sampling_clock import propose_sampling_clock
 from updater.causes.sensors import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
@@ -18,6 +19,7 @@ _OWN: dict[str, Propose[Cause]] = {
     "global_density": propose_global_density,
     "temperature": propose_temperature,
     "sampling_clock": propose_sampling_clock,
+    "local_stiffness": propose_local_stiffness,
     "support_stiffness": propose_support_stiffness,
     "joint_stiffness": propose_joint_stiffness,
     "sensor_gain": propose_sensor_gain,

@@ -12,7 +12,7 @@ from updater.fe.element import Element
 from updater.fe.external import external_model
 from updater.fe.mesh import Mesh
 from updater.fe.model import Model
-from updater.structure import AXES, Body, Member, Structure
+from updater.structure import AXES, Body, Material, Member, Structure
 
 MassKind = Literal["lumped", "consistent"]
 
@@ -94,15 +94,18 @@ class _Kinds:
         self.stiffness: list[FloatArray] = []  # of each kind (12, 12), global axes
         self.mass: list[FloatArray] = []
         along = mesh.nodes[self.last] - mesh.nodes[self.first]
-        known: dict[tuple[str, float], int] = {}
+        known: dict[tuple[str, float, float, float], int] = {}
         self.which = np.empty(len(along), np.intp)  # kind of each span
-        for i, ((_, _, member), length) in enumerate(zip(mesh.spans, np.linalg.norm(along, axis=1), strict=True)):
-            key = member.name, round(float(length), 12)
+        for i, ((first, last, member), length) in enumerate(
+            zip(mesh.spans, np.linalg.norm(along, axis=1), strict=True)
+        ):
+            material = _material(mesh, member, (mesh.nodes[first] + mesh.nodes[last]) / 2)
+            key = member.name, round(float(length), 12), material.youngs_modulus, material.density
             if key not in known:
                 known[key] = len(self.element)
-                self._add(
-                    _element(mesh.structure, member, float(length), shear_flexible=shear_flexible), along[i], mass
-                )
+                section = mesh.structure.section[member.section]
+                element = Element(float(length), material, section, shear_flexible, member.preload, member.local_y)
+                self._add(element, along[i], mass)
             self.which[i] = known[key]
 
     def _add(self, element: Element, direction: FloatArray, mass: MassKind) -> None:
@@ -113,9 +116,11 @@ class _Kinds:
         self.mass.append(turn.T @ local @ turn)
 
 
-def _element(structure: Structure, member: Member, length: float, *, shear_flexible: bool) -> Element:
-    material, section = structure.material[member.material], structure.section[member.section]
-    return Element(length, material, section, shear_flexible, member.preload, member.local_y)
+def _material(mesh: Mesh, member: Member, point: FloatArray) -> Material:
+    """Return the material of a member at a point on it (3,) [m]."""
+    if not mesh.structure.segment:
+        return mesh.structure.material[member.material]
+    return mesh.structure.material_at(member, float(np.linalg.norm(point - member.start)))
 
 
 def _add_springs(stiffness: _Matrix, mesh: Mesh, dofs: IntArray) -> None:

@@ -13,6 +13,7 @@ from updater.structure import AXES, Joint, Member, Structure
 COINCIDENT = 1e-6  # m: points nearer than this are the same node
 _MISS = 1e-3  # m: points nearer to a member than this were meant to be on it
 _SHORT = 0.01  # of a member's length, likewise
+_SLIVER = 1e-4  # of a member's length: a segment that ends nearer to a node ends there
 _CELL = 4 * COINCIDENT  # of the hash: a point's neighbours lie in at most eight cells, nearly always in one
 
 Cell = tuple[int, ...]
@@ -59,7 +60,7 @@ class Mesh:
         self.spans += [(a, b, member) for a, b in itertools.pairwise(line)]
 
     def _stations(self, member: Member) -> FloatArray:
-        """Nodes of one member, with one wherever another member ends on it or a joint, support stands."""
+        """Nodes of one member, also wherever another member ends on it, a joint or support stands, a segment ends."""
         even = np.linspace(0, member.length, member.elements + 1)
         axis = np.subtract(member.end, member.start) / member.length
         near = self._tree.query_ball_point(member.point(member.length / 2), member.length / 2 + 2 * _MISS)
@@ -69,6 +70,9 @@ class Mesh:
         _refuse_miss(member, marks, off)
         for s in along[off < COINCIDENT]:
             if np.abs(even - s).min() > COINCIDENT:
+                even = np.sort(np.append(even, s))
+        for s in (end for start, stop, _ in self.structure.segments_of(member) for end in (start, stop)):
+            if np.abs(even - s).min() > _SLIVER * member.length:
                 even = np.sort(np.append(even, s))
         return member.point(even)
 

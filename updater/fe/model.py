@@ -221,7 +221,8 @@ class Model:
         if self.structure.external is not None:
             return self._moved_mass
         members = sum(_member_mass(self.structure, m) for m in self.structure.member)
-        return members + sum(body.mass for body in self.structure.body)
+        segments = sum(segment.mass for segment in self.structure.segment)
+        return members + segments + sum(body.mass for body in self.structure.body)
 
     @cached_property
     def _moved_mass(self) -> float:

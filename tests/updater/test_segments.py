@@ -1,0 +1,86 @@
+"""A segment is a member cut in three, without the cuts."""
+
+import itertools
+
+import numpy as np
+import pytest
+from updater_helpers import t_frame
+
+from updater import Material, Member, Segment, Structure, StructureError, build_model, dump_structure, parse_structure
+
+STEEL = t_frame().material["steel"]
+
+
+def with_segments(*segments: Segment) -> Structure:
+    return Structure.model_validate(
+        t_frame().model_dump(by_alias=True) | {"segment": [s.model_dump() for s in segments]}
+    )
+
+
+def cut_in_three(start: float, end: float, middle: Material) -> Structure:
+    """The column as three members, the middle one of its own material."""
+    frame = t_frame()
+    column, crossbeam = frame.member
+    ends = [0.0, start, end, 1.48]
+    parts = [
+        Member.model_validate(
+            column.model_dump(by_alias=True)
+            | {"name": f"part {i}", "from": (0, 0, a), "to": (0, 0, b), "elements": 20}
+            | ({"material": "other"} if i == 1 else {})
+        )
+        for i, (a, b) in enumerate(itertools.pairwise(ends))
+    ]
+    material = {"steel": STEEL, "other": middle}
+    return frame.model_copy(update={"member": (*parts, crossbeam), "material": material})
+
+
+@pytest.mark.parametrize("mass", ["consistent", "lumped"])
+def test_segment_is_a_member_of_another_material(mass: str) -> None:
+    """Both have the same nodes, every 20 mm."""
+    other = STEEL.model_copy(
+        update={
+            "youngs_modulus": 0.5 * STEEL.youngs_modulus,
+            "shear_modulus": 0.5 * STEEL.shear_modulus,
+            "density": 2 * STEEL.density,
+        }
+    )
+    weight = STEEL.density * t_frame().section["tube_40x40x3"].area * 0.2
+    segment = Segment(member="column", at=(0, 0, 0.6), extent=0.2, stiffness=0.5, mass=weight)
+    one, three = with_segments(segment).with_mesh(0.02), cut_in_three(0.5, 0.7, other).with_mesh(0.02)
+    models = [build_model(s, shear_flexible=True, mass=mass) for s in (one, three)]  # type: ignore[arg-type]
+    found, expected = (m.modes(12).frequency for m in models)
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+    assert models[0].total_mass() == pytest.approx(models[1].total_mass(), rel=1e-12)
+
+
+def test_segments_that_overlap_add_up() -> None:
+    """Two halves over the same stretch are a quarter; ends need no node of the mesh."""
+    half = Segment(member="column", at=(0, 0, 0.613), extent=0.111, stiffness=0.5, mass=0.1)
+    quarter = half.model_copy(update={"stiffness": 0.25, "mass": 0.2})
+    twice, once = (build_model(with_segments(*s)).modes(8).frequency for s in ((half, half), (quarter,)))
+    np.testing.assert_allclose(twice, once, rtol=1e-9)
+
+
+def test_segment_is_written_and_read_back() -> None:
+    text = dump_structure(t_frame())
+    frame = with_segments(Segment(member="crossbeam", at=(0.1, 0, 1.48), extent=0.05, stiffness=0.7))
+    written = dump_structure(frame, text, note="found")
+    assert parse_structure(written) == frame
+    assert "# found" in written
+    assert parse_structure(dump_structure(t_frame(), written)) == t_frame()
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ('member = "mast"\nat = [0, 0, 0.5]\nextent = 0.1', "member 'mast' is not defined"),
+        ('member = "column"\nat = [0, 0, 0.02]\nextent = 0.1', r"0.1 m about \[0.0, 0.0, 0.02\] are not all on it"),
+        ('member = "column"\nat = [0, 0.01, 0.5]\nextent = 0.1', "not all on it"),
+        ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.001', "expected an extent of 0.00148 m or more, found 0.001"),
+        ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nmass = -0.4', "no mass is left from 0.45 to 0.55 m"),
+        ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nstiffness = 0', "greater than 0, found 0"),
+    ],
+)
+def test_what_is_wrong_with_a_segment_is_said(entry: str, said: str) -> None:
+    with pytest.raises(StructureError, match=said):
+        parse_structure(f"{dump_structure(t_frame())}\n[[segment]]\n{entry}\n")

@@ -1,0 +1,125 @@
+"""A stretch of a member that has lost stiffness, or gained some: a crack, a loosened splice, a patch.
+
+One factor 1 - loss on what it bears bending, twist, shear and axial force with adds modal flexibility
+dF = loss / (1 - loss) int A^T A dx / (omega_r^2 omega_s^2), A the modes' weighed internal actions: the unit-load
+method, exact in all modes and nearly so in thirty.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.magnitude import log_uniform
+from updater.causes.stretches import Cells, Lengths, Stretches, cut, everywhere, summed, vector
+from updater.comparison import Comparison
+from updater.internal_actions import weighted_actions
+from updater.reanalysis import Effect, no_effect
+from updater.reference import Reference
+from updater.structure import Segment, Structure
+from updater.verdict import Quantity
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+_STD = 1.0  # of ln of the factor on stiffness, while it is fitted
+_LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two
+_STIFFEST = -1.0  # what a stretch may gain, as a logarithm
+_SOFTEST = 7.0  # beyond which a hinge is a hinge
+_RATIO = 1.2  # about, from one length to the next
+#: from 1/75 of the longest member to half of it; near each other they act alike
+_LENGTHS = Lengths(
+    step={8: 8, 30: 10, 90: 24},
+    about={8: (4, 6, 8, 10, 12, 14), 30: (18, 22, 26, 30, 36, 44, 52), 90: (62, 74, 88, 106, 126, 150)},
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LocalStiffness(Stretches):
+    """Stretches of all members; the parameter is -ln of the factor on stiffness."""
+
+    name: str = "local_stiffness"
+    advice: str = "Look for a crack or a loosened splice along the stretch that is named."
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Of the logarithm."""
+        return np.array([_STD])
+
+    @property
+    def lower(self) -> FloatArray:
+        """A stretch gains less than it may lose."""
+        return np.full((len(self.member), 1), _STIFFEST)
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return flexibility changes."""
+        more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))
+        return replace(no_effect(len(rows), self.comparison), flexibility=more[:, None, None] * self.matrix(rows))
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a loss of any order makes of the evidence."""
+        std = np.sqrt(covariance[:, 0, 0])
+        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+
+    def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
+        """Return the logarithm that adds as much flexibility in all."""
+        return np.maximum(np.log1p(np.maximum(np.expm1(theta) / ratio[:, None], -0.6)), _STIFFEST)
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the share of stiffness that is lost and the length over which: as much less as that is longer."""
+        left = np.exp(-fit.theta[:, 0])
+        between = np.log(_RATIO) / np.sqrt(12)
+        std = np.hypot(left * np.sqrt(fit.covariance[:, 0, 0]), between * left * (1 - left))
+        loss = self.averaged(fit, 1 - left, std)
+        extent = self.averaged(fit, self.extent, between * self.extent)
+        return {
+            "loss": Quantity(value=loss[0], std=loss[1], unit="-"),
+            "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
+        }
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add a segment of the stretch's stiffness."""
+        member = self.reference.calibration.structure.member[self.member[row]]
+        segment = Segment(
+            member=member.name,
+            at=vector(member.point(self.middle[row])),
+            extent=float(self.extent[row]),
+            stiffness=float(np.exp(-min(theta[0], _SOFTEST))),
+        )
+        return structure.model_copy(update={"segment": (*structure.segment, segment)})
+
+
+def propose_local_stiffness(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
+    """Return stretches of a few lengths every few centimetres; none of matrices from elsewhere."""
+    if reference.calibration.structure.external is not None:
+        return None
+    cells = _flexibility(reference)
+    grid = everywhere(cells, _LENGTHS)
+    start = np.zeros((len(grid["member"]), 1))
+    found = LocalStiffness(
+        reference=reference, comparison=comparison, cells=cells, lengths=_LENGTHS, start=start, **grid
+    )
+    return replace(found, start=_first_order(found))
+
+
+def _first_order(cause: LocalStiffness) -> FloatArray:
+    """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the whitened log frequencies."""
+    comparison = cause.comparison
+    paired, whitener = comparison.paired, comparison.drifting.matrix
+    gained = np.diagonal(cause.matrix(np.arange(len(cause.member))), axis1=1, axis2=2)[:, paired]
+    effect = -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2 @ whitener.T
+    more = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
+    return np.asarray(np.log1p(np.clip(more, -0.5, np.e**2)))[:, None]
+
+
+@lru_cache(maxsize=4)
+def _flexibility(reference: Reference) -> Cells:
+    """Return the modal flexibility of all stretches, that of the calibrated model's actions in the updated modes."""
+    model, modes = reference.calibration.model, reference.calibration.modes
+    members = model.structure.member
+    turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    actions = weighted_actions(model, modes, cut(members)[1])
+    return summed(members, {m: action @ turned for m, action in actions.items()})
