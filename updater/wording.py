@@ -10,14 +10,17 @@ from daq import FloatArray
 from updater.causes.composite import Beside, Chosen
 from updater.comparison import Comparison, Prediction, residual
 from updater.reanalysis import picked, predict, reanalyse
+from updater.reference import Reference
+from updater.statistics import ModalMean
 from updater.verdict import Cause, FrequencyFit, Gain, ModeFit, Pair, Rejected
 
 if TYPE_CHECKING:
-    from updater.diagnosis import Candidate
+    from updater.candidates import Candidate
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
-_LEAST_P = 1e-3  # under which a fit is none
+LEAST_P = 1e-3  #: of chi-square, under which a fit is none
 _WORTH_NAMING = 0.05  # of the best one's posterior
+_WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
 
 
 def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
@@ -32,22 +35,27 @@ def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
 
 
 def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tuple[tuple[Cause, ...], bool]:
-    """Return the causes that hold the posterior's share `sure`, and whether it is one that stands alone."""
-    log = np.array([c.log_evidence for c in found])
-    probability = np.exp(log - logsumexp(log))
-    left = [i for i in range(len(found)) if probability[i] >= _WORTH_NAMING * probability[0]]
-    named: list[Cause] = []
-    held, alone = 0.0, probability[0] >= sure
-    while left and held < sure:
-        first = found[left[0]]
-        alike = [i for i in left if _alike(data, first, found[i])] if not alone else left[:1]
-        share = float(probability[alike].sum())
-        others = tuple(name for i in alike[1:] for name in found[i].names if name not in first.names)
-        named += _causes(first, share, others)
-        held += share
+    """Return the causes that hold the posterior's share `sure`, and whether it is one that stands alone.
+
+    Candidates that the data cannot separate are one set: its best member stands for it with the probability of all.
+    """
+    probability = shares(found)
+    left = [i for i in range(len(found)) if probability[i] >= _WORTH_AN_ALIAS * probability[0]]
+    sets: list[tuple[float, list[int]]] = []
+    while left:
+        alike = [i for i in left if i == left[0] or _alike(data, found[left[0]], found[i])]
+        sets.append((float(probability[alike].sum()), alike))
         left = [i for i in left if i not in alike]
-    unmistakable = not any(c.cause.cannot_be_told_from for c in found[0].chosen)
-    return tuple(named), bool(alone and unmistakable)
+    sets.sort(key=lambda one: -one[0])
+    named: list[Cause] = []
+    held = 0.0
+    for share, alike in sets:
+        if held >= sure or share < _WORTH_NAMING * sets[0][0]:
+            break
+        named += _causes([found[i] for i in alike], share)
+        held += share
+    alone = sets[0][0] >= sure and not any(c.cannot_be_told_from for c in named)
+    return tuple(named), alone
 
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
@@ -56,17 +64,31 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     return bool(((first - second) ** 2).sum() < _SEPARATE)
 
 
-def _causes(candidate: "Candidate", probability: float, others: tuple[str, ...]) -> list[Cause]:
+def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
+    """Return the causes of the first candidate, each with those that stand in its place in the others."""
+    first, *others = alike
     return [
         Cause(
             cause=chosen.cause.name,
             probability=probability,
             where=part.hypotheses.where(part),
             parameters=part.hypotheses.parameters(part),
-            cannot_be_told_from=(*chosen.cause.cannot_be_told_from, *others),
+            cannot_be_told_from=tuple(
+                dict.fromkeys((*chosen.cause.cannot_be_told_from, *_in_its_place(chosen.cause.name, first, others)))
+            ),
         )
-        for chosen, part in zip(candidate.chosen, candidate.parts, strict=True)
+        for chosen, part in zip(first.chosen, first.parts, strict=True)
     ]
+
+
+def _in_its_place(name: str, first: "Candidate", others: "list[Candidate]") -> list[str]:
+    return [n for other in others if name not in other.names for n in other.names if n not in first.names]
+
+
+def shares(found: "Sequence[Candidate]") -> FloatArray:
+    """Return the posterior probabilities (n,) of candidates among themselves."""
+    log = np.array([c.log_evidence for c in found])
+    return np.asarray(np.exp(log - logsumexp(log)))
 
 
 def rejected_causes(singles: "list[Candidate]", accepted: Collection[str], best: float) -> tuple[Rejected, ...]:
@@ -80,8 +102,10 @@ def rejected_causes(singles: "list[Candidate]", accepted: Collection[str], best:
 
 def _why(candidate: "Candidate", evidence: float) -> str:
     p = candidate.p_value
-    if p < _LEAST_P:
+    if p < LEAST_P:
         return f"does not fit: p {p:.0e}" if p > 0 else "does not fit: p under 1e-300"
+    if not candidate.effective:
+        return "adds nothing to a drift common to all frequencies"
     if evidence >= 0:
         return "fits, but so does nothing at all"
     return f"fits, but the odds against it are {_odds(-evidence)} to 1"
@@ -91,13 +115,25 @@ def _odds(log_odds: float) -> str:
     return f"{np.exp(log_odds):.2g}" if log_odds < np.log(1e4) else f"1e{log_odds / np.log(10):.0f}"
 
 
-def modes_of(data: Comparison, chosen: Sequence[Chosen] | None) -> tuple[ModeFit, ...]:
-    """Return each mode without and with the causes."""
+def modes_of(
+    reference: Reference, event: ModalMean, data: Comparison, chosen: Sequence[Chosen] | None
+) -> tuple[ModeFit, ...]:
+    """Return each mode without and with the causes, lowest first; those without a partner have a null."""
+    return tuple(
+        sorted((*_paired(data, chosen), *_missing(reference, event), *_extra(data.circumstances.extra)), key=_place_of)
+    )
+
+
+def _place_of(mode: ModeFit) -> float:
+    return mode.frequency.measured or mode.frequency.before or 0.0
+
+
+def _paired(data: Comparison, chosen: Sequence[Chosen] | None) -> list[ModeFit]:
     base = np.log(data.frequency[data.paired])
     measured = np.exp(base + data.log_ratio)
     before, after = prediction(data, None), prediction(data, chosen)
     macs = [_said(_mac(data, predicted.shape[0])) for predicted in (before, after)]
-    return tuple(
+    return [
         ModeFit(
             frequency=FrequencyFit(
                 measured=float(measured[i]),
@@ -108,7 +144,33 @@ def modes_of(data: Comparison, chosen: Sequence[Chosen] | None) -> tuple[ModeFit
             mac=Pair(before=macs[0][i], after=macs[1][i] if chosen else None),
         )
         for i in range(len(base))
-    )
+    ]
+
+
+def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
+    """Return the modes that were there before and were not measured since."""
+    gone = np.flatnonzero(~np.isfinite(event.log_frequency))
+    return [
+        ModeFit(
+            frequency=FrequencyFit(measured=None, std=None, before=float(reference.frequency[m]), after=None),
+            mac=Pair(before=None, after=None),
+        )
+        for m in reference.paired[gone]
+    ]
+
+
+def _extra(modes: ModalMean | None) -> list[ModeFit]:
+    """Return the modes that were not there before."""
+    if modes is None:
+        return []
+    frequency = np.exp(modes.log_frequency)
+    return [
+        ModeFit(
+            frequency=FrequencyFit(measured=float(f), std=float(f * std), before=None, after=None),
+            mac=Pair(before=None, after=None),
+        )
+        for f, std in zip(frequency, modes.log_frequency_std, strict=True)
+    ]
 
 
 def _mac(data: Comparison, shape: FloatArray) -> FloatArray:
