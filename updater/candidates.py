@@ -93,7 +93,7 @@ class Weighing:
             effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
             evidence = whole.log_evidence + self.log_prior
             found.append(Candidate((best,), (whole,), evidence, whole.p_value, effective))
-        return sorted(found, key=lambda c: -c.log_evidence)
+        return sorted(found, key=lambda c: -round(c.log_evidence, 2))  # equals stay in the catalogue's order
 
     def further(self, seeds: Sequence[Candidate]) -> list[Candidate]:
         """Fit every cause beside each of the seeds, the best of them more closely; two of one kind are two."""

@@ -26,7 +26,7 @@ PAIR = {"before", "after"}
 
 @cache
 def answer(verdict: str) -> dict[str, Any]:
-    """What is written for a verdict of a kind; the event lacks the baseline's fourth mode, and has one more at 200 Hz."""
+    """What is written for a verdict of a kind; the event lacks the baseline's fourth mode and has one more."""
     seed, change = KINDS[verdict]
     reference, _, event = learnt(seed)
     current = event(change)
