@@ -45,7 +45,19 @@ from updater.statistics import (
     stack_tracks,
 )
 from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
-from updater.structure import Body, External, Joint, Material, Member, Segment, Sensor, Structure, Support
+from updater.structure import (
+    Body,
+    External,
+    Joint,
+    Material,
+    Member,
+    Oscillator,
+    Recorder,
+    Segment,
+    Sensor,
+    Structure,
+    Support,
+)
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
 from updater.virtual_sensing import VirtualSensing, virtual_sensing
@@ -96,6 +108,7 @@ __all__ = [
     "ModelError",
     "Modes",
     "NodalMasses",
+    "Oscillator",
     "Outlook",
     "Pair",
     "PairingError",
@@ -103,6 +116,7 @@ __all__ = [
     "Prior",
     "Quantity",
     "Record",
+    "Recorder",
     "Reference",
     "Rejected",
     "Scatter",

@@ -165,6 +165,24 @@ class Body(Entry):
         return self
 
 
+class Oscillator(Entry):
+    """A body on a spring of its own, which lets it move along one direction; along the others it moves as the member.
+
+    An appendage, a loose part, a tuned damper.
+    """
+
+    at: Vector  #: the point of the member it hangs on [m]
+    direction: Vector
+    mass: Positive  #: [kg]
+    frequency: Positive  #: of it alone, its foot held [Hz]
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> Self:
+        if not any(self.direction):
+            raise ValueError(f"oscillator at {list(self.at)}: the direction is zero")
+        return self
+
+
 class Sensor(Entry):
     """A single-axis accelerometer channel."""
 
@@ -212,6 +230,7 @@ class Structure(Entry):
     joint: tuple[Joint, ...] = ()
     segment: tuple[Segment, ...] = ()
     body: tuple[Body, ...] = ()
+    oscillator: tuple[Oscillator, ...] = ()
     sensor: tuple[Sensor, ...] = ()
     recorder: Recorder | None = None
 

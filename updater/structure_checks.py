@@ -69,6 +69,7 @@ def check_places(structure: Structure) -> None:
         return
     places = [(f"sensor {sensor.channel}", sensor.at) for sensor in structure.sensor]
     places += [("support", s.at) for s in structure.support] + [("body", b.at) for b in structure.body]
+    places += [("oscillator", o.at) for o in structure.oscillator]
     start = np.array([m.start for m in structure.member])
     along = np.array([m.end for m in structure.member]) - start
     for what, at in places:

@@ -17,6 +17,7 @@ from updater.structure import (
     Material,
     Member,
     Mesh,
+    Oscillator,
     Recorder,
     Segment,
     Sensor,
@@ -35,6 +36,7 @@ _ENTRIES: dict[str, type[BaseModel]] = {
     "joint": Joint,
     "segment": Segment,
     "body": Body,
+    "oscillator": Oscillator,
     "sensor": Sensor,
     "recorder": Recorder,
 }
@@ -134,7 +136,7 @@ def dump_structure(structure: Structure, onto: str | None = None, *, note: str =
     ----------
     structure : what to write
     onto : text of a structure file; only what differs from it is changed, and its comments stay
-    note : comment in each support, joint, segment, body, member or sensor that the text does not have
+    note : comment in each support, joint, segment, body, oscillator, member or sensor that the text does not have
 
     Raises
     ------

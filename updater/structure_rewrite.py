@@ -24,6 +24,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "joint": ("member", "at"),
     "segment": ("member", "at", "extent"),
     "body": ("at",),
+    "oscillator": ("at", "direction"),
 }
 
 

@@ -65,10 +65,11 @@ def stiffened(structure: Structure, factor: float) -> Structure:
         )
         for kind, parts in (("support", structure.support), ("joint", structure.joint))
     }
+    own = tuple(o.model_copy(update={"frequency": o.frequency * factor**0.5}) for o in structure.oscillator)
     external = structure.external
     if external is not None:
         external = external.model_copy(update={"factor": external.factor * factor})
-    return structure.model_copy(update={"external": external, "material": material, **springs})
+    return structure.model_copy(update={"external": external, "material": material, "oscillator": own, **springs})
 
 
 def standard_score() -> dict[str, Any]:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.calibration import best_model
 from updater.causes.common_factor import CommonFactor, standard_score, stiffened
 from updater.comparison import Comparison
-from updater.fe.assembly import body_mass
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
@@ -52,10 +52,10 @@ class GlobalDensity(CommonFactor):
 
 def propose_global_density(reference: Reference, comparison: Comparison) -> GlobalDensity:
     """Return the one alternative."""
-    structure, model = reference.calibration.structure, reference.calibration.model
+    structure = reference.calibration.structure
     own = np.eye(len(comparison.frequency))
-    if structure.body and structure.external is None:
-        rows = model.reader(np.array([body.at for body in structure.body])) @ reference.shape
-        for body, moved in zip(structure.body, rows.reshape(-1, 6, rows.shape[1]), strict=True):
-            own -= moved.T @ body_mass(body) @ moved
+    if (structure.body or structure.oscillator) and structure.external is None:
+        bare = best_model(structure.model_copy(update={"body": (), "oscillator": ()})).mass
+        shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
+        own = shape.T @ (bare @ shape)
     return GlobalDensity(**standard_score(), comparison=comparison, own=own)

@@ -56,6 +56,7 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
     else:
         bare = _frame(structure, shear_flexible=shear_flexible, mass=mass)
     whole = _with_bodies(bare) if structure.body else bare
+    whole = _with_oscillators(whole) if structure.oscillator else whole
     if structure.recorder is None or structure.recorder.clock == 1:
         return whole
     # stiffness is mass over squared time, and this is the recorder's
@@ -147,3 +148,22 @@ def _with_bodies(model: Model) -> Model:
     rows = model.reader(np.array([body.at for body in bodies]))
     own = sparse.csr_array(scipy.linalg.block_diag(*(body_mass(body) for body in bodies)))
     return replace(model, mass=sparse.csc_array(model.mass + rows.T @ own @ rows))
+
+
+def _with_oscillators(model: Model) -> Model:
+    """Append a DOF to the model for each: its displacement along its direction."""
+    parts = model.structure.oscillator
+    at = model.reader(np.array([part.at for part in parts]))
+    way = np.array([part.direction for part in parts])
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    along = scipy.linalg.block_diag(*(np.append(d, np.zeros(3)) for d in way)) @ at  # (n, n_dofs) of their feet
+    mass = np.array([part.mass for part in parts])
+    spring = mass * (2 * np.pi * np.array([part.frequency for part in parts])) ** 2
+    ways = [np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) - np.pad(np.outer(d, d), (0, 3)) for d in way]
+    riding = sparse.csr_array(scipy.linalg.block_diag(*(m * across for m, across in zip(mass, ways, strict=True))))
+    pulled = sparse.csr_array(spring[:, None] * along)
+    stiffness = sparse.block_array(
+        [[model.stiffness + sparse.csr_array(along).T @ pulled, -pulled.T], [-pulled, sparse.diags_array(spring)]]
+    )
+    whole = sparse.block_diag([model.mass + at.T @ riding @ at, sparse.diags_array(mass)])
+    return replace(model, stiffness=sparse.csc_array(stiffness), mass=sparse.csc_array(whole))

@@ -221,8 +221,8 @@ class Model:
         if self.structure.external is not None:
             return self._moved_mass
         members = sum(_member_mass(self.structure, m) for m in self.structure.member)
-        segments = sum(segment.mass for segment in self.structure.segment)
-        return members + segments + sum(body.mass for body in self.structure.body)
+        parts = (self.structure.segment, self.structure.body, self.structure.oscillator)
+        return members + float(sum(part.mass for kind in parts for part in kind))
 
     @cached_property
     def _moved_mass(self) -> float:
