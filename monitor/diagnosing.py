@@ -171,15 +171,14 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
     event = reference.mean_of(now.modes)
     channels = tuple(c for c in reference.baseline.channels if c in event.channels)
     found = match_modes(reference.baseline.at(channels), event.at(channels))
-    excess = float(now.rms.mean() - before.rms.mean()) if before else 0.0
-    trend = trend_of(now.modes.tracks(found), now.rms, excess)
+    earlier = (reference.windows, before.rms) if before else None
     extra = np.setdiff1d(np.arange(len(event.log_frequency)), found)
     return Circumstances(
         warmer=_mean(now.temperature) - _mean(before.temperature) if before else float("nan"),
         warmer_std=_THERMOMETER_STD * 2**0.5,
         tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
         extra=event.only(extra) if len(extra) else None,
-        trend=trend,
+        trend=trend_of(now.modes.tracks(found), now.rms, earlier),
     )
 
 

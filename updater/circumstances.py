@@ -13,16 +13,20 @@ from updater.statistics import ModalMean, TrackedModes
 _SAME_TONE = 0.05  # of ln f: tones farther apart are different ones
 _LEAST_LEVELS = 4  # windows that a slope over amplitude needs
 _LEAST_SPREAD = 0.1  # of the windows' rms over its mean, under which there is no trend to see
+_LEAST_DAMPING = 1e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trend:
-    """How a tracked mode's log frequency goes with the vibration's rms from window to window."""
+    """How a tracked mode's frequency and damping go with the vibration's rms from window to window."""
 
     slope: FloatArray  #: (n_tracks,) d ln f / d rms [s2/m], NaN where it is not known
     slope_std: FloatArray  #: (n_tracks,) [s2/m]
+    usual: FloatArray  #: (n_tracks,) the same in the baseline, 0 where that does not say [s2/m]
+    usual_std: FloatArray  #: (n_tracks,) [s2/m]
     damping_slope: FloatArray  #: (n_tracks,) d ln damping / d rms [s2/m]
     damping_slope_std: FloatArray  #: (n_tracks,) [s2/m]
+    spread: float  #: standard deviation of the windows' rms [m/s2]
     excess: float  #: mean rms of the event less the baseline's [m/s2], 0 where that is not known
 
 
@@ -54,27 +58,41 @@ def tone_ratios(before: FloatArray, now: FloatArray) -> FloatArray:
     return np.asarray(nearest[np.abs(nearest) < _SAME_TONE])
 
 
-def trend_of(windows: TrackedModes, rms: FloatArray, excess: float = 0.0) -> Trend | None:
+def trend_of(
+    windows: TrackedModes, rms: FloatArray, before: tuple[TrackedModes, FloatArray] | None = None
+) -> Trend | None:
     """Return the trends of modes over amplitude, by weighted least squares; None where the amplitude hardly varies.
 
     Parameters
     ----------
     windows : (n_windows, n_tracks) of the event
     rms : (n_windows,) of the vibration [m/s2]
-    excess : mean rms of the event less the baseline's [m/s2]
+    before : windows of the baseline and their rms, in which a trend may have been there already
     """
-    if len(rms) < _LEAST_LEVELS or not np.std(rms) > _LEAST_SPREAD * np.mean(rms):
+    if not _varies(rms):
         return None
     slope, slope_std = _slopes(windows.log_frequency, windows.log_frequency_std, rms)
-    log_damping = np.log(np.maximum(windows.damping, 1e-6))
+    usual, usual_std = np.zeros(len(slope)), np.zeros(len(slope))
+    if before is not None and _varies(before[1]):
+        earlier, std = _slopes(before[0].log_frequency, before[0].log_frequency_std, before[1])
+        known = np.isfinite(earlier)
+        usual, usual_std = np.where(known, earlier, 0.0), np.where(known, std, 0.0)
+    log_damping = np.log(np.maximum(windows.damping, _LEAST_DAMPING))
     damping_slope, damping_slope_std = _slopes(log_damping, np.ones(log_damping.shape), rms)
     return Trend(
         slope=slope,
         slope_std=slope_std,
+        usual=usual,
+        usual_std=usual_std,
         damping_slope=damping_slope,
         damping_slope_std=damping_slope_std,
-        excess=excess,
+        spread=float(np.std(rms)),
+        excess=float(rms.mean() - before[1].mean()) if before is not None else 0.0,
     )
+
+
+def _varies(rms: FloatArray) -> bool:
+    return len(rms) >= _LEAST_LEVELS and bool(np.std(rms) > _LEAST_SPREAD * np.mean(rms))
 
 
 def _slopes(value: FloatArray, std: FloatArray, rms: FloatArray) -> tuple[FloatArray, FloatArray]:

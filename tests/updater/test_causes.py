@@ -7,7 +7,17 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
-from updater import Reference, build_model, channel_rows, dump_structure, learn_reference, parse_structure, stack_tracks
+from updater import (
+    Circumstances,
+    Reference,
+    Trend,
+    build_model,
+    channel_rows,
+    dump_structure,
+    learn_reference,
+    parse_structure,
+    stack_tracks,
+)
 from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import Chosen
@@ -27,7 +37,18 @@ def compared() -> tuple[Reference, Comparison]:
     modes = learnt.calibration.modes
     reference = Reference(**(vars(learnt) | {"frequency": modes.frequency, "shape": modes.shape}))
     event = stack_tracks([measure(bare, random, np.ones(12)) for _ in range(3)], [TRACK] * 3)
-    data = compare(reference, reference.mean_of(event))
+    everything = np.ones(len(TRACK))
+    trend = Trend(
+        slope=-0.01 * everything,
+        slope_std=1e-4 * everything,
+        usual=0 * everything,
+        usual_std=1e-4 * everything,
+        damping_slope=everything,
+        damping_slope_std=everything,
+        spread=0.1,
+        excess=0.1,
+    )
+    data = compare(reference, reference.mean_of(event), circumstances=Circumstances(trend=trend))
     return reference, Comparison(**(vars(data) | {"base": data.model_base}))
 
 

@@ -53,9 +53,8 @@ def test_across_its_direction_it_is_a_body() -> None:
     """As if of infinite stiffness: the frame's modes that it does not move along are those with a body."""
     structure = t_frame()
     at = (0.0, 0.0, 1.48)
-    hung = structure.model_copy(
-        update={"oscillator": (Oscillator(at=at, direction=(0, 0, 1), mass=0.3, frequency=5.0),)}
-    )
+    slow = Oscillator(at=at, direction=(0, 0, 1), mass=0.3, frequency=5.0)
+    hung = structure.model_copy(update={"oscillator": (slow,)})
     model = build_model(hung, shear_flexible=True, mass="consistent")
     fast = structure.model_copy(update={"oscillator": (slow.model_copy(update={"frequency": 1e4}),)})
     stiff = build_model(fast, shear_flexible=True, mass="consistent")
@@ -74,11 +73,8 @@ def test_across_its_direction_it_is_a_body() -> None:
 def test_it_is_written_and_read_back() -> None:
     structure = parse_structure(ROD)
     assert parse_structure(dump_structure(structure)) == structure
-    more = structure.model_copy(
-        update={
-            "oscillator": (*structure.oscillator, Oscillator(at=(0.5, 0, 0), direction=(0, 1, 0), mass=1, frequency=2))
-        }
-    )
+    other = Oscillator(at=(0.5, 0, 0), direction=(0, 1, 0), mass=1, frequency=2)
+    more = structure.model_copy(update={"oscillator": (*structure.oscillator, other)})
     text = dump_structure(more, ROD, note="found")
     assert parse_structure(text) == more
     assert text.startswith(ROD.rstrip())

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 
 from updater.causes.added_mass import propose_added_mass
+from updater.causes.amplitude_softening import propose_amplitude_softening
 from updater.causes.base import Cause, Propose
+from updater.causes.damping_change import propose_damping_change
 from updater.causes.global_density import propose_global_density
 from updater.causes.global_stiffness import propose_global_stiffness
 from updater.causes.local_stiffness import propose_local_stiffness
@@ -20,6 +22,8 @@ _OWN: dict[str, Propose[Cause]] = {
     "temperature": propose_temperature,
     "sampling_clock": propose_sampling_clock,
     "local_stiffness": propose_local_stiffness,
+    "damping_change": propose_damping_change,
+    "amplitude_softening": propose_amplitude_softening,
     "support_stiffness": propose_support_stiffness,
     "joint_stiffness": propose_joint_stiffness,
     "sensor_gain": propose_sensor_gain,

@@ -54,8 +54,10 @@ def propose_global_density(reference: Reference, comparison: Comparison) -> Glob
     """Return the one alternative."""
     structure = reference.calibration.structure
     own = np.eye(len(comparison.frequency))
-    if (structure.body or structure.oscillator) and structure.external is None:
-        bare = best_model(structure.model_copy(update={"body": (), "oscillator": ()})).mass
+    if (structure.body or structure.oscillator or structure.segment) and structure.external is None:
+        segments = tuple(s.model_copy(update={"mass": 0.0}) for s in structure.segment)
+        alone = structure.model_copy(update={"body": (), "oscillator": (), "segment": segments})
+        bare = best_model(alone).mass
         shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
         own = shape.T @ (bare @ shape)
     return GlobalDensity(**standard_score(), comparison=comparison, own=own)
