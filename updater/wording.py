@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from daq import FloatArray
+from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Beside, Chosen
 from updater.comparison import Comparison, Prediction, residual
 from updater.reanalysis import picked, predict, reanalyse
@@ -44,6 +45,8 @@ def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tup
     sets: list[tuple[float, list[int]]] = []
     while left:
         alike = [i for i in left if i == left[0] or _alike(data, found[left[0]], found[i])]
+        if probability[left[0]] >= sure * probability[alike].sum() and any(_informed(found[i]) for i in alike):
+            alike = alike[:1]  # told apart by what is known beside the modes
         sets.append((float(probability[alike].sum()), alike))
         left = [i for i in left if i not in alike]
     sets.sort(key=lambda one: -one[0])
@@ -62,6 +65,11 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Tell whether the data cannot separate two causes' best predictions."""
     first, second = (residual(data, prediction(data, c.chosen), data.plain) for c in (one, other))
     return bool(((first - second) ** 2).sum() < _SEPARATE)
+
+
+def _informed(candidate: "Candidate") -> bool:
+    """Tell whether a thermometer or a tone speaks for or against a cause."""
+    return any(isinstance(c.cause, CommonFactor) and c.cause.informed for c in candidate.chosen)
 
 
 def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:

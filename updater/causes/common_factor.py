@@ -32,6 +32,11 @@ class CommonFactor(Discrete):
     spread: float = COMMON_FACTOR_STD  #: its prior standard deviation
     place_free: bool = True
 
+    @property
+    def informed(self) -> bool:
+        """Whether something beside the modes says what the factor is."""
+        return self.spread < COMMON_FACTOR_STD
+
     def log_factor(self, theta: FloatArray) -> FloatArray:
         """Return ln of the factor on frequencies (...) of parameters (..., 1)."""
         return np.asarray(self.centre + self.spread * theta[..., 0])
