@@ -31,7 +31,7 @@ Task = tuple[str, int, str]  #: cell, seed, noise
 
 def known(cell: str) -> bool:
     """Say whether the catalogue has what the cell does; what stands in none belongs to every matrix."""
-    return set(cell.split(" + ")) & set(CAUSES) <= {*CATALOGUE, *ALIASES}
+    return set(cell.removeprefix("solid: ").split(" + ")) & set(CAUSES) <= {*CATALOGUE, *ALIASES}
 
 
 def judged(task: Task) -> Result:

@@ -11,7 +11,8 @@ from scipy.stats import chi2, ncx2
 from sealed_draws import Do, Done
 from sealed_frame import Zone
 from sealed_outside import OUTSIDE
-from sealed_signals import WINDOW, modal_std
+from sealed_signals import N_MODES, WINDOW, modal_std
+from sealed_solid_draws import SOLID, draw_bar
 from sealed_specimen import Random, State, draw_state
 
 from daq import FloatArray
@@ -50,7 +51,8 @@ PAIRS = (
     "support_stiffness + sensor_swap",
     "local_stiffness + added_mass",
 )
-CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE)
+SOLIDS = tuple(f"solid: {name}" for name in SOLID)
+CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _BAND = 290.0  # Hz
 _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
@@ -70,7 +72,8 @@ class Case:
 
 
 def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
-    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b" or an outsider.
+    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b", an outsider, or
+    "solid: " and what is done to the bar.
 
     Raises
     ------
@@ -78,6 +81,11 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
         If a hundred draws bring none of the size that the cell wants.
     """
     random = np.random.default_rng((seed, 5))
+    if cell.startswith("solid: "):
+        name, bar = cell.removeprefix("solid: "), draw_bar(seed)
+        if name == "nothing":
+            return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(bar, random))
+        return Case(cell=cell, kind="detectable", seed=seed, done=_large(SOLID[name], bar, random, noise))
     state = draw_state(seed)
     if cell == "nothing":
         return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))
@@ -161,7 +169,7 @@ def detection_power(done: Done, noise: str = "law") -> float:
     Frequencies, complex shapes and damping of the modes in the band, with the noise of 8 windows before and 5 after.
     Of a change that has a place, what is common to all frequencies counts only beyond 0.3 %.
     """
-    n_modes = 24
+    n_modes = N_MODES
     before, after = done.before, done.after
     f, g = before.claimed_frequency(n_modes), after.claimed_frequency(n_modes)
     u, v = _heard(before, n_modes), _heard(after, n_modes)
@@ -197,5 +205,5 @@ def _heard(state: State, n_modes: int) -> FloatArray:
 
 
 def _damping_std(state: State, mode: np.ndarray) -> FloatArray:
-    frequency = state.motion(24).frequency
+    frequency = state.motion(N_MODES).frequency
     return np.array([uncertainty_law(frequency[i], state.damping[i], WINDOW)[1] / state.damping[i] for i in mode])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from sealed_cases import N_AFTER, N_BEFORE, Case
 from sealed_signals import estimated
+from sealed_solid import STRUCTURE as SOLID_STRUCTURE
 from sealed_specimen import State
 
 from monitor.diagnosing import Observation, explain_change, follow
@@ -13,7 +14,7 @@ from monitor.fusion import Windows
 from oma import ModalEstimate, WindowQuality
 from updater import parse_structure, t_structure_toml
 
-STRUCTURE = parse_structure(t_structure_toml())
+FRAME, BAR = parse_structure(t_structure_toml()), parse_structure(SOLID_STRUCTURE)
 
 
 def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
@@ -24,7 +25,7 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
         observation(case.done.after, [one for w in range(N_AFTER) for one in _window(case, w, random, noise)])
         for _ in range(2)
     )
-    found = explain_change(STRUCTURE, before, after, heldout)
+    found = explain_change(BAR if case.cell.startswith("solid") else FRAME, before, after, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 
