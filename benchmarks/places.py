@@ -152,18 +152,21 @@ def judge(found: MassChange, placed: Placed, limit: Limit, frequency_std: FloatA
 
 def row(said: str, judged: list[Judged]) -> str:
     """Return a line of the table."""
-    off, least_off = np.median([j.off for j in judged]), _TO_MEDIAN * np.median([j.least_off for j in judged])
-    error = np.median([abs(j.mass_error) for j in judged])
-    least = _TO_MEDIAN * np.median([j.least_mass for j in judged])
-    far = np.percentile([j.off for j in judged], 90)
+    off = np.array([j.off for j in judged])
+    error = np.array([abs(j.mass_error) for j in judged])
     cells = [
-        f"{1000 * off:.1f} ({off / least_off:.2f})",
-        f"{1000 * far:.0f}",
-        f"{100 * error:.1f} ({error / least:.2f})",
+        f"{1000 * np.median(off):.1f} ({over_least(off, [j.least_off for j in judged]):.2f})",
+        f"{1000 * np.percentile(off, 90):.0f}",
+        f"{100 * np.median(error):.1f} ({over_least(error, [j.least_mass for j in judged]):.2f})",
         share([j.in_region for j in judged]),
         share([j.in_interval for j in judged]),
     ]
     return " | ".join([f"| {said}", str(len(judged)), *cells]) + " |"
+
+
+def over_least(error: FloatArray, least: list[float]) -> float:
+    """Return the median error, each in its own least deviation, over that of a standard normal variable."""
+    return float(np.median(error / np.array(least)) / _TO_MEDIAN)
 
 
 HEAD = (

@@ -47,7 +47,7 @@ CELL = np.array([1.0, 1.1, 0.9])  # m: no two directions alike, so that no two m
 N_MODES = 20
 MEASURED = 12
 SENSORS = 32
-MASS = 0.002  # of the structure's: its inertia bends the tube it sits on by a hundredth of what moves
+MASS = 0.0002  # of the structure's: ten times the mass of the tube it sits on
 T = TypeVar("T")
 
 

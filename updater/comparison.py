@@ -25,7 +25,7 @@ BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
 _LEAST_GAP = 1e-6  # of squared frequencies
-_SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
+_SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 

@@ -14,7 +14,7 @@ from updater.reanalysis import Changed, Effect, derivative, picked, predict, rea
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 1e-3  # of chi-square: a step that gains less is an alternative's last
-_REACH = (1000.0, 1000.0, 100.0, 100.0, 100.0, 100.0)  # of chi-square over the best: what a step still follows
+_REACH = (1000.0, 1000.0, 100.0, 100.0, 100.0, 100.0)  # of chi-square over the best: promised by a step that is taken
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 
 
@@ -152,13 +152,12 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
     slope = _slope(comparison, hypotheses, point, everything)
     moving = np.full(len(everything), bool(len(hypotheses.prior_std)))
     for reach in _REACH:
-        alive = np.flatnonzero(moving & (point.cost < point.cost.min() + reach))
+        step, promised = _newton(slope, point.residual)
+        alive = np.flatnonzero(moving & (point.cost - promised < point.cost.min() + reach))
         if not len(alive):
             break
-        gradient = np.einsum("pij,pi->pj", slope[alive], point.residual[alive])
-        step = np.linalg.solve(_normal(slope[alive]), gradient[..., None])[..., 0]
         before = point.cost[alive]
-        _descend(comparison, hypotheses, point, step, alive)
+        _descend(comparison, hypotheses, point, step[alive], alive)
         gained = before - point.cost[alive]
         moving[alive] = gained > _ENOUGH
         slope[alive] = _slope(comparison, hypotheses, point, alive)
@@ -173,6 +172,13 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
         log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
         freedom=max(comparison.freedom - len(hypotheses.prior_std), 1.0),
     )
+
+
+def _newton(slope: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the step of each alternative (n_alternatives, n_parameters), and what of chi-square it promises."""
+    gradient = np.einsum("pij,pi->pj", slope, residual)
+    step = np.linalg.solve(_normal(slope), gradient[..., None])[..., 0]
+    return step, np.asarray((gradient * step).sum(1))
 
 
 def _normal(slope: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from updater.delays import split_shape
 from updater.modal_checks import check_windows
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
-_WORTH_WINDOWS = 12  # that this knowledge is worth
+_WORTH_WINDOWS = 4  # that this knowledge is worth: eight windows of eight modes tell it to a third
 _LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K)
 

@@ -31,7 +31,7 @@ DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body onl
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
-_KEPT = 300  # of those
+_KEPT = 100  # nodes, each of which may be on several members
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _MOST_FINE = 120  # fine positions on one member
 _MOST_FINE_IN_ALL = 480
@@ -119,13 +119,7 @@ class AddedMass:
             spacing = max(FINE, 2 * self.gap * near[here].sum() / most)
             grids[m] = _closer(self.position[here], near[here], self.gap, spacing)
             starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
-        return along(self.reference, self.comparison, grids, np.concatenate(starts, axis=1).T, self.gap)
-
-    def only(self, rows: IndexArray) -> "AddedMass":
-        """Return some of the positions."""
-        fields = ("member", "position", "translation", "rotation", "start")
-        chosen = {name: getattr(self, name)[rows] for name in fields}
-        return replace(self, by_offset=self.by_offset[:, rows], **chosen)
+        return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)
 
     def _member(self, row: int) -> Member:
         return self._member_of(int(self.member[row]))
@@ -191,42 +185,48 @@ class AddedMass:
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float = _COARSE) -> AddedMass:
     """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes."""
     members = reference.calibration.structure.member
-    grids = {
-        i: np.linspace(0, member.length, max(4, round(member.length / spacing)) + 1) for i, member in enumerate(members)
-    }
-    many = sum(len(grid) for grid in grids.values()) > _MOST
-    if many:
-        grids = _of_nodes(reference)
-    everywhere = along(reference, comparison, grids, None, max(float(np.diff(grid).max()) for grid in grids.values()))
-    if not many:
-        return everywhere
-    return everywhere.only(most_likely(comparison, everywhere.translation, everywhere.prior_std[0], _KEPT))
+    steps = [max(4, round(member.length / spacing)) for member in members]
+    if sum(steps) > _MOST:
+        return along(reference, comparison, *_likely_nodes(reference, comparison))
+    grids = {i: np.linspace(0, member.length, n + 1) for i, (member, n) in enumerate(zip(members, steps, strict=True))}
+    return along(reference, comparison, grids, max(float(np.diff(grid).max()) for grid in grids.values()))
 
 
-def _of_nodes(reference: Reference) -> dict[int, FloatArray]:
-    """Return the distances of the model's nodes from the starts of the members."""
+def _likely_nodes(reference: Reference, comparison: Comparison) -> tuple[dict[int, FloatArray], float]:
+    """Return distances of the most likely nodes from the starts of the members they are on, and how far nodes are."""
     model, members = reference.calibration.model, reference.calibration.structure.member
-    ends = np.array(model.spans)
-    owner = {member.name: i for i, member in enumerate(members)}
-    of_span = np.array([owner[name] for name in model.member_names])
-    node, member = ends.ravel(), np.repeat(of_span, 2)
-    start = np.array([m.start for m in members])[member]
-    distance = np.round(np.linalg.norm(model.nodes[node] - start, axis=1), 6)
-    order = np.lexsort((distance, member))
-    first = np.searchsorted(member[order], np.arange(len(members) + 1))
-    return {i: np.unique(distance[order][first[i] : first[i + 1]]) for i in range(len(members))}
+    spans = np.array(model.spans)
+    nodes = np.unique(spans)
+    moved = np.vstack([reference.shape, np.zeros(reference.shape.shape[1])])[model.dofs[nodes, :3]]  # -1 is held
+    nodes = nodes[most_likely(comparison, moved, MASS_STD * model.total_mass(), _KEPT)]
+    number = {member.name: i for i, member in enumerate(members)}
+    kept = np.isin(spans, nodes)
+    found: dict[int, list[int]] = {}
+    for span in np.flatnonzero(kept.any(1)).tolist():
+        found.setdefault(number[model.member_names[span]], []).extend(spans[span][kept[span]].tolist())
+    apart = np.linalg.norm(np.diff(model.nodes[spans], axis=1), axis=2).max()
+    return {m: _distances(members[m], model.nodes[n]) for m, n in sorted(found.items())}, float(apart)
+
+
+def _distances(member: Member, points: FloatArray) -> FloatArray:
+    """Return the distances (n,), ascending, of points (n, 3) on a member from its start [m]."""
+    return np.unique(np.round(np.linalg.norm(points - member.start, axis=1), 6))
 
 
 def along(
-    reference: Reference, comparison: Comparison, grids: dict[int, FloatArray], start: FloatArray | None, gap: float
+    reference: Reference,
+    comparison: Comparison,
+    grids: dict[int, FloatArray],
+    gap: float,
+    start: FloatArray | None = None,
 ) -> AddedMass:
     """Return a mass at given distances from the starts of some members, by their numbers.
 
     Parameters
     ----------
     grids : member -> distances (n,), ascending [m]
-    start : (n_positions, 4) where the fit begins, members in the order of `grids`; None: to first order
     gap : between positions where they are not finer [m]
+    start : (n_positions, 4) where the fit begins, members in the order of `grids`; None: to first order
     """
     structure, model = reference.calibration.structure, reference.calibration.model
     points = np.concatenate([structure.member[i].point(grid) for i, grid in grids.items()])

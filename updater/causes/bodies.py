@@ -90,7 +90,7 @@ class Bodies:
         for m in np.unique(self.member).tolist():
             length = self.grid.reference.calibration.structure.member[m].length
             position = np.linspace(0, length, int(np.clip(round(length / _SPACING), *_INTERVALS)) + 1)
-            here = along(self.grid.reference, self.grid.comparison, {m: position}, None, float(position[1]))
+            here = along(self.grid.reference, self.grid.comparison, {m: position}, float(position[1]))
             values = np.concatenate([here.translation, here.rotation, *here.by_offset], axis=1)
             found[m] = CubicSpline(position, values), length
         return found
