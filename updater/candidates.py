@@ -15,11 +15,12 @@ from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import Beside, Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
-from updater.fit import Fit, fit
+from updater.fit import Fit, fit, foreseen
 from updater.reference import Reference
 
 PRIOR_NOTHING = 0.5
-_CLOSER = 5  # compositions that are looked at more closely
+_CLOSER = 4  # compositions that are fitted, of all that are foreseen to first order
+_HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
 _LEAST_GAIN = 10.0  # of chi-square over a common drift alone: a localized cause that gains less does nothing itself
 
 
@@ -36,12 +37,21 @@ class Candidate:
     parts: tuple[Fit[Cause], ...]  #: the fit of each, the others' uncertainty included
     log_evidence: float  #: with the prior of the causes
     p_value: float
+    chi_square: float  #: of the best alternatives, priors included
     effective: bool = True  #: whether it does more than a drift common to all frequencies would
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the causes."""
         return tuple(c.cause.name for c in self.chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """Several causes together, of which the last has not been fitted yet."""
+
+    chosen: tuple[Chosen, ...]
+    log_evidence: float  #: foreseen to first order, what its parameters cost left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,36 +102,50 @@ class Weighing:
             best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
             effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
             evidence = whole.log_evidence + self.log_prior
-            found.append(Candidate((best,), (whole,), evidence, whole.p_value, effective))
+            found.append(
+                Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)
+            )
         return sorted(found, key=lambda c: -round(c.log_evidence, 2))  # equals stay in the catalogue's order
 
-    def further(self, seeds: Sequence[Candidate]) -> list[Candidate]:
-        """Fit every cause beside each of the seeds, the best of them more closely; two of one kind are two."""
-        forth = [(seed, self._beside(seed, name, cause)) for seed in seeds for name, cause in self.causes.items()]
-        forth.sort(key=lambda pair: -pair[1].log_evidence)
+    def promising(self, seeds: Sequence[Candidate]) -> list[Promise]:
+        """Foresee to first order what each cause would gain beside each of the seeds, the best first."""
+        found = [self._promise(seed, name, cause) for seed in seeds for name, cause in self.causes.items()]
+        return sorted(found, key=lambda p: -p.log_evidence)
+
+    def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
+        self.on_cause(" and ".join((*seed.names, name)))
+        n_own = len(cause.prior_std)
+        theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
+        beside: Beside[Cause] = Beside(cause, seed.chosen)
+        cost = -foreseen(self.data, beside, theta, n_own)
+        gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
+        row = int(np.argmax(gain))
+        evidence = seed.log_evidence + float(gain[row]) + self.log_prior
+        return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence)
+
+    def together(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Fit the best of what was foreseen; two causes of one kind are two."""
         found: dict[tuple[str, ...], Candidate] = {}
-        for _, beside in forth[:_CLOSER]:
-            together = self._settled(beside.hypotheses.best(beside))
-            key = tuple(sorted(together.names))
-            if key not in found or found[key].log_evidence < together.log_evidence:
-                found[key] = together
+        for promise in promises[: _CLOSER // (len(promises[0].chosen) - 1)]:
+            if promise.log_evidence < promises[0].log_evidence - _HOPELESS:
+                break
+            fitted = self._settled(promise.chosen)
+            key = tuple(sorted(fitted.names))
+            if key not in found or found[key].log_evidence < fitted.log_evidence:
+                found[key] = fitted
         best, *others = sorted(found.values(), key=lambda c: -c.log_evidence)
         again = self._settled(best.chosen)
         return [again if again.log_evidence > best.log_evidence else best, *others]
-
-    def _beside(self, seed: Candidate, name: str, cause: Cause) -> Fit[Beside[Cause]]:
-        self.on_cause(" and ".join((*seed.names, name)))
-        return fit(self.data, Beside(cause, seed.chosen), refine=False)
 
     def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
         """Fit all alternatives of each cause beside the best of the others, the last one first."""
         parts: list[Fit[Cause]] = []
         for _ in chosen:
             *others, last = chosen
-            found = fit(self.data, Beside(self.causes[last.cause.name], tuple(others)))
+            found = fit(self.data, Beside(self.causes[last.cause.name], tuple(others), fresh=True))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
         open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
         evidence = found.log_evidence - open_ones + len(chosen) * self.log_prior
-        return Candidate(chosen, tuple(parts), evidence, found.p_value)
+        return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))

@@ -1,9 +1,9 @@
 """What has changed, or what the model gets wrong: every cause of the catalogue fitted to the same data and weighed.
 
 Laplace evidence with proper priors chooses (a cause that can be anywhere must earn its freedom); nothing at all is one
-of the hypotheses. A cause is named at a posterior of 0.8; where a single one fits badly (chi-square p under 0.01) more
-together are tried, up to three, as long as the evidence grows; and if the best of them does not fit (p under 1e-3) the
-diagnosis says so and names nothing.
+of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or
+one more promises much to first order, more together are tried, up to three, while the evidence grows. If the best of
+them does not fit (p under 1e-3) the diagnosis says so and names nothing.
 """
 
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from updater.wording import LEAST_P, gain_of, modes_of, named_causes, rejected_c
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
+_MUCH = 6.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 
@@ -79,12 +80,15 @@ def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
 
 
 def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
-    """Return single causes and, where the best fits badly, compositions of ever more while the evidence grows."""
+    """Return single causes and, where one more promises much, compositions of ever more while the evidence grows."""
     for size in range(1, _MOST):
         seeds = [c for c in found if len(c.chosen) == size][:_SEEDS]
-        if not seeds or found[0] is not seeds[0] or found[0].p_value >= _DOUBTFUL:
+        if not seeds or found[0] is not seeds[0]:
             break
-        found = sorted([*found, *weighing.further(seeds)], key=lambda c: -c.log_evidence)
+        promises = weighing.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
+        if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
+            break
+        found = sorted([*found, *weighing.together(promises)], key=lambda c: -c.log_evidence)
     return found
 
 

@@ -132,6 +132,33 @@ def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArr
     return point.residual[:, :n_data], _slope(comparison, hypotheses, point, everything)[:, :n_data]
 
 
+def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> FloatArray:
+    """Return minus the chi-square that each alternative would come to, to first order (n_alternatives,).
+
+    Parameters
+    ----------
+    theta : (n_parameters,) where the first `n_own` do nothing yet; the others give way with them
+    """
+    n = len(hypotheses.log_prior)
+    if not n_own:  # all or nothing: no slope tells
+        whole = _evaluate(comparison, hypotheses, np.tile(theta, (n, 1)), np.arange(n))
+        return -whole.cost
+    one = _evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
+    everywhere = np.zeros(n, np.intp)
+    point = _Point(
+        np.tile(theta, (n, 1)), one.effect.rows(everywhere), one.changed.rows(everywhere), one.residual[everywhere]
+    )
+    n_all = len(theta)
+    own = _slope(comparison, hypotheses, point, np.arange(n), range(n_own))
+    others = _slope(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
+    if n_all > n_own:
+        basis = np.linalg.qr(others)[0]
+        own = own - np.einsum("dk,pkj->pdj", basis, np.einsum("dk,pdj->pkj", basis, own))
+    score = own.transpose(0, 2, 1) @ one.residual[0]
+    gain = np.einsum("pj,pj->p", score, np.linalg.solve(_normal(own), score[..., None])[..., 0])
+    return np.asarray(gain - one.cost[0])
+
+
 @dataclass(eq=False)
 class _Point:
     """Where the fit of some alternatives stands."""
@@ -226,13 +253,16 @@ def _residual(
     return np.concatenate([of_data, theta / hypotheses.prior_std], axis=1)
 
 
-def _slope(comparison: Comparison, hypotheses: Hypotheses, point: _Point, rows: IndexArray) -> FloatArray:
-    """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters)."""
+def _slope(
+    comparison: Comparison, hypotheses: Hypotheses, point: _Point, rows: IndexArray, parameters: range | None = None
+) -> FloatArray:
+    """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
     changed, old = point.changed.rows(rows), point.effect.rows(rows)
     value, vector = picked(changed)
     columns = []
-    for k, h in enumerate(_STEP * hypotheses.prior_std):
-        theta = point.theta[rows]
+    steps = _STEP * hypotheses.prior_std
+    for k in range(len(steps)) if parameters is None else parameters:
+        h, theta = steps[k], point.theta[rows]
         theta[:, k] += h
         effect = hypotheses.effect(theta, rows)
         d_value, d_vector = derivative(changed, effect.mass - old.mass, effect.flexibility - old.flexibility)

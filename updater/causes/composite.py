@@ -28,6 +28,7 @@ class Beside(Generic[C]):
 
     free: C
     chosen: tuple[Chosen, ...]
+    fresh: bool = False  #: whether the free one starts from doing nothing, not from explaining all that was seen
 
     @property
     def prior_std(self) -> FloatArray:
@@ -42,7 +43,8 @@ class Beside(Generic[C]):
     @property
     def start(self) -> FloatArray:
         """Of all: the chosen ones begin where they were."""
-        return self._beside(self.free.start, [c.theta for c in self.chosen])
+        own = np.zeros(self.free.lower.shape) if self.fresh else self.free.start
+        return self._beside(own, [c.theta for c in self.chosen])
 
     def _beside(self, own: FloatArray, others: list[FloatArray]) -> FloatArray:
         return np.concatenate([own, *(np.tile(other, (len(own), 1)) for other in others)], axis=1)
@@ -80,7 +82,7 @@ class Beside(Generic[C]):
     def finer(self, log_density: FloatArray, theta: FloatArray) -> "Beside[C] | None":
         """Refine the free one."""
         closer = self.free.finer(log_density, theta[:, : len(self.free.prior_std)])
-        return None if closer is None else replace(self, free=closer)
+        return None if closer is None else replace(self, free=closer, fresh=False)
 
     def of_free(self, fit: "Fit[Beside[C]]") -> Fit[C]:
         """Return the fit of the free cause alone, the others' uncertainty included."""
