@@ -47,7 +47,7 @@ def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tup
         alike = [i for i in left if i == left[0] or _alike(data, found[left[0]], found[i])]
         if probability[left[0]] >= sure * probability[alike].sum() and any(_informed(found[i]) for i in alike):
             alike = alike[:1]  # told apart by what is known beside the modes
-        sets.append((float(probability[alike].sum()), alike))
+        sets.append((min(1.0, float(probability[alike].sum())), alike))
         left = [i for i in left if i not in alike]
     sets.sort(key=lambda one: -one[0])
     named: list[Cause] = []
