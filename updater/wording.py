@@ -62,8 +62,10 @@ def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tup
 
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
-    """Tell whether the data cannot separate two causes' best predictions."""
-    first, second = (residual(data, prediction(data, c.chosen), data.plain) for c in (one, other))
+    """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
+    both = all(any(part.cause.drifting for part in c.chosen) for c in (one, other))
+    whitener = data.drifting if both else data.plain
+    first, second = (residual(data, prediction(data, c.chosen), whitener) for c in (one, other))
     return bool(((first - second) ** 2).sum() < _SEPARATE)
 
 

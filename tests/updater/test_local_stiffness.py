@@ -67,3 +67,11 @@ def test_softened_stretch_is_found(seed: int, name: str, start: float, end: floa
     loss, extent = (cause.parameters[key] for key in ("loss", "extent"))
     assert abs(loss.value - (1 - left)) < 4 * loss.std
     assert abs(extent.value - (end - start)) < 4 * extent.std
+
+
+def test_crack_beside_the_foot_may_be_the_foot() -> None:
+    """A hinge 1 cm above the foot turns the column as a spring under it does: both are named."""
+    found = diagnose(*event(184, "column", 0.0, 0.02, 0.3)).diagnosis
+    assert found.verdict == "ambiguous"
+    named = {name for c in found.causes for name in (c.cause, *c.cannot_be_told_from)}
+    assert named == {"local_stiffness", "support_stiffness"}

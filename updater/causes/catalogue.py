@@ -4,8 +4,10 @@ from collections.abc import Mapping
 
 from updater.causes.added_mass import propose_added_mass
 from updater.causes.amplitude_softening import propose_amplitude_softening
+from updater.causes.axial_force import propose_axial_force
 from updater.causes.base import Cause, Propose
 from updater.causes.damping_change import propose_damping_change
+from updater.causes.distributed_mass import propose_distributed_mass
 from updater.causes.global_density import propose_global_density
 from updater.causes.global_stiffness import propose_global_stiffness
 from updater.causes.local_stiffness import propose_local_stiffness
@@ -13,6 +15,7 @@ from updater.causes.plugins import Catalogue
 from updater.causes.sampling_clock import propose_sampling_clock
 from updater.causes.sensors import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
 from updater.causes.springs import propose_joint_stiffness, propose_support_stiffness
+from updater.causes.support_spring import propose_support_spring
 from updater.causes.temperature import propose_temperature
 
 _OWN: dict[str, Propose[Cause]] = {
@@ -22,6 +25,9 @@ _OWN: dict[str, Propose[Cause]] = {
     "temperature": propose_temperature,
     "sampling_clock": propose_sampling_clock,
     "local_stiffness": propose_local_stiffness,
+    "distributed_mass": propose_distributed_mass,
+    "axial_force": propose_axial_force,
+    "support_spring": propose_support_spring,
     "damping_change": propose_damping_change,
     "amplitude_softening": propose_amplitude_softening,
     "support_stiffness": propose_support_stiffness,

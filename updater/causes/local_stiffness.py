@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import Cells, Lengths, Stretches, cut, everywhere, summed, vector
+from updater.causes.stretches import Kinds, Spread, everywhere, strength, vector
 from updater.comparison import Comparison
 from updater.internal_actions import weighted_actions
 from updater.reanalysis import Effect, no_effect
@@ -31,14 +32,15 @@ _STIFFEST = -1.0  # what a stretch may gain, as a logarithm
 _SOFTEST = 7.0  # beyond which a hinge is a hinge
 _RATIO = 1.2  # about, from one length to the next
 #: from 1/75 of the longest member to half of it; near each other they act alike
-_LENGTHS = Lengths(
+_LENGTHS = Kinds(
+    size={8: 8, 30: 30, 90: 90},
     step={8: 8, 30: 10, 90: 24},
     about={8: (4, 6, 8, 10, 12, 14), 30: (18, 22, 26, 30, 36, 44, 52), 90: (62, 74, 88, 106, 126, 150)},
 )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LocalStiffness(Stretches):
+class LocalStiffness(Spread):
     """Stretches of all members; the parameter is -ln of the factor on stiffness."""
 
     name: str = "local_stiffness"
@@ -96,30 +98,32 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
     """Return stretches of a few lengths every few centimetres; none of matrices from elsewhere."""
     if reference.calibration.structure.external is not None:
         return None
-    cells = _flexibility(reference)
-    grid = everywhere(cells, _LENGTHS)
-    start = np.zeros((len(grid["member"]), 1))
+    cells, summed = _flexibility(reference)
     found = LocalStiffness(
-        reference=reference, comparison=comparison, cells=cells, lengths=_LENGTHS, start=start, **grid
+        reference=reference,
+        comparison=comparison,
+        cells=cells,
+        kinds=_LENGTHS,
+        summed=summed,
+        **everywhere(cells, _LENGTHS),
     )
     return replace(found, start=_first_order(found))
 
 
 def _first_order(cause: LocalStiffness) -> FloatArray:
-    """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the whitened log frequencies."""
+    """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
     comparison = cause.comparison
-    paired, whitener = comparison.paired, comparison.drifting.matrix
+    paired = comparison.paired
     gained = np.diagonal(cause.matrix(np.arange(len(cause.member))), axis1=1, axis2=2)[:, paired]
-    effect = -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2 @ whitener.T
-    more = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
+    more = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
     return np.asarray(np.log1p(np.clip(more, -0.5, np.e**2)))[:, None]
 
 
 @lru_cache(maxsize=4)
-def _flexibility(reference: Reference) -> Cells:
+def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the modal flexibility of all stretches, that of the calibrated model's actions in the updated modes."""
     model, modes = reference.calibration.model, reference.calibration.modes
-    members = model.structure.member
+    cells = cut(model.structure.member)
     turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
-    actions = weighted_actions(model, modes, cut(members)[1])
-    return summed(members, {m: action @ turned for m, action in actions.items()})
+    actions = weighted_actions(model, modes, {m: cells.middles(m) for m in range(len(cells.members))})
+    return cells, cells.summed([actions[m] @ turned for m in range(len(cells.members))])

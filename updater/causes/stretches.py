@@ -1,8 +1,4 @@
-"""Stretches of members as alternatives: any middle, any of several lengths; common to what is spread over one.
-
-Members are cut into cells, over which a modal matrix is summed from the start: what a stretch does is the difference of
-two sums, whatever its length.
-"""
+"""Stretches of members as alternatives: any middle, any of several lengths; common to what is spread over one."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -10,69 +6,35 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.cells import Cells
 from updater.comparison import Comparison
 from updater.posterior import credible, places
 from updater.reference import Reference
-from updater.structure import Member
 from updater.verdict import Vector, Where
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.fit import Fit
 
-_CELLS = 300  # along the longest member
-_MOST_CELLS = 6000  # of all members together
 _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
 _OF_EACH = 2  # and of each length
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Cells:
-    """Members cut into equal pieces, and a modal matrix summed over them from each member's start."""
-
-    count: IndexArray  #: (n_members,) cells of each
-    length: FloatArray  #: (n_members,) of a cell of each [m]
-    summed: FloatArray  #: (sum of count + 1, n_modes, n_modes)
-
-    def over(self, member: IndexArray, start: IndexArray, stop: IndexArray) -> FloatArray:
-        """Return the matrices (n, n_modes, n_modes) of stretches from one cell's edge to another's."""
-        offset = np.concatenate([[0], np.cumsum(self.count + 1)])[member]
-        return np.asarray(self.summed[offset + stop] - self.summed[offset + start])
-
-
-def cut(members: tuple[Member, ...]) -> tuple[IndexArray, dict[int, FloatArray]]:
-    """Return the number of cells of each member (n_members,), and the middles of its cells [m]."""
-    length = np.array([member.length for member in members])
-    cell = max(length.max() / _CELLS, length.sum() / _MOST_CELLS)
-    count = np.maximum(2 * np.round(length / cell / 2).astype(np.intp), 2)
-    return count, {m: (np.arange(n) + 0.5) * length[m] / n for m, n in enumerate(count)}
-
-
-def summed(members: tuple[Member, ...], factors: dict[int, FloatArray]) -> Cells:
-    """Return sums of integrals of A^T A, by factors A (n_cells, k, n_modes) in the middles of each member's cells."""
-    count = np.array([len(factors[m]) for m in range(len(members))], np.intp)
-    length = np.array([member.length for member in members]) / count
-    sums = []
-    for m, factor in factors.items():
-        own = factor.transpose(0, 2, 1) @ factor * length[m]
-        sums += [np.zeros((1, *own.shape[1:])), np.cumsum(own, axis=0)]
-    return Cells(count=count, length=length, summed=np.concatenate(sums))
-
-
 @dataclass(frozen=True, kw_only=True)
-class Lengths:
-    """Lengths that are looked at [cells, even]: few at first, others about the likely ones; log-uniform in all."""
+class Kinds:
+    """Kinds of stretches: lengths that act alike, or directions; as probable as they have lengths."""
 
-    step: dict[int, int]  #: of the first lengths, cells between middles
-    about: dict[int, tuple[int, ...]]  #: lengths that each of the first stands for
+    size: dict[int, int]  #: of each kind, the length that is looked at first [cells, even]
+    step: dict[int, int]  #: then cells between middles
+    about: dict[int, tuple[int, ...]]  #: lengths that it stands for, looked at where the first is likely
 
     def within(self, count: int) -> dict[int, tuple[int, ...]]:
-        """Return the same of lengths that fit on `count` cells; all of them where none does."""
-        fitting = {first: tuple(s for s in about if s <= count) for first, about in self.about.items()}
-        found = {first: sizes for first, sizes in fitting.items() if sizes}
-        return found or {min(self.step): (count,)}
+        """Return the lengths of each kind that fit on `count` cells; all of them where none does."""
+        fitting = {kind: tuple(s for s in sizes if s <= count) for kind, sizes in self.about.items()}
+        found = {kind: sizes for kind, sizes in fitting.items() if sizes}
+        return found or {min(self.size): (count,)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,13 +44,13 @@ class Stretches:
     reference: Reference
     comparison: Comparison
     cells: Cells
-    lengths: Lengths
+    kinds: Kinds
     member: IndexArray  #: (n,) of the structure's members
     begin: IndexArray  #: (n,) first cell
     size: IndexArray  #: (n,) cells
-    first: IndexArray  #: (n,) of the first lengths, the one that each is or came from [cells]
+    kind: IndexArray  #: (n,)
     step: FloatArray  #: (n,) cells between middles
-    log_prior: FloatArray  #: (n,) every metre of the structure alike, and every length's logarithm
+    log_prior: FloatArray  #: (n,) every metre of the structure alike
     start: FloatArray  #: (n, n_parameters) where the fit begins
     drifting: bool = True
     place_free: bool = False
@@ -104,16 +66,6 @@ class Stretches:
         """Length of each stretch (n,) [m]."""
         return np.asarray(self.size * self.cells.length[self.member])
 
-    def matrix(self, rows: IndexArray) -> FloatArray:
-        """Return the modal matrices (n, n_modes, n_modes) of alternatives."""
-        begin = self.begin[rows]
-        return self.cells.over(self.member[rows], begin, begin + self.size[rows])
-
-    def only(self, rows: IndexArray) -> Self:
-        """Return some of the alternatives, as probable as they were."""
-        fields = ("member", "begin", "size", "first", "step", "log_prior", "start")
-        return replace(self, **{name: getattr(self, name)[rows] for name in fields})
-
     def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return parameters (n, n_parameters) that do about the same over stretches `ratio` (n,) times as long."""
         del ratio
@@ -122,7 +74,7 @@ class Stretches:
     def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
         """Return stretches about the likely ones: middles closer together, lengths between."""
         order = np.argsort(-log_density)
-        of_each = [order[self.first[order] == first][:_OF_EACH] for first in self.lengths.step]
+        of_each = [order[self.kind[order] == kind][:_OF_EACH] for kind in self.kinds.size]
         near = np.unique(np.concatenate([order[:_WORTH], *of_each]))
         near = near[log_density[near] > log_density.max() - _NEAR]
         for halvings in (3, 2, 1):
@@ -131,21 +83,21 @@ class Stretches:
                 break
         rows = np.array(sorted(found), float)
         source = np.array([found[key] for key in sorted(found)], np.intp)
-        start = self.carried(theta[source], rows[:, 2] / self.size[source])
-        return replace(self, **_fields(self.cells, self.lengths, rows, first=False), start=start)
+        start = self.carried(theta[source], np.maximum(rows[:, 2], 1) / np.maximum(self.size[source], 1))
+        return replace(self, **(_fields(self.cells, self.kinds, rows, first=False) | {"start": start}))
 
     def _about(self, near: IndexArray, halvings: int) -> dict[tuple[int, int, int, int, int], int]:
-        """Return finer alternatives (member, begin, size, first length, step), and which each one came from."""
+        """Return finer alternatives (member, begin, size, kind, step), and which each one came from."""
         found: dict[tuple[int, int, int, int, int], int] = {}
         for row in near.tolist():
-            member, first = int(self.member[row]), int(self.first[row])
-            reach, count = self.lengths.step[first], int(self.cells.count[member])
-            for size in self.lengths.within(count)[first]:
+            member, kind = int(self.member[row]), int(self.kind[row])
+            reach, count = self.kinds.step[kind], int(self.cells.count[member])
+            for size in self.kinds.within(count)[kind]:
                 step = max(1, reach // 2**halvings, size // 16)
                 middle = step * round((self.begin[row] + self.size[row] / 2) / step)
                 for off in range(-step * (reach // step), reach + 1, step):
                     begin = min(max(middle + off - size // 2, 0), count - size)
-                    found.setdefault((member, begin, size, first, step), row)
+                    found.setdefault((member, begin, size, kind, step), row)
         return found
 
     def where(self, fit: "Fit[Cause]") -> Where:
@@ -199,28 +151,48 @@ class Stretches:
         return member, position, probability / probability.sum(), cell_of
 
 
-def everywhere(cells: Cells, lengths: Lengths) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spread(Stretches):
+    """What is summed over a stretch."""
+
+    summed: FloatArray  #: (n_edges, n_modes, n_modes) from each member's start
+
+    def matrix(self, rows: IndexArray) -> FloatArray:
+        """Return the modal matrices (n, n_modes, n_modes) of alternatives."""
+        member, begin = self.member[rows], self.begin[rows]
+        end = self.cells.edge(member, begin + self.size[rows])
+        return np.asarray(self.summed[end] - self.summed[self.cells.edge(member, begin)])
+
+
+def strength(comparison: Comparison, effect: FloatArray) -> FloatArray:
+    """Return how strong (n,) changes of log frequencies (n, n_compared) are in the data, each by itself."""
+    whitener = comparison.drifting.matrix
+    white = effect @ whitener.T
+    return np.asarray(white @ (whitener @ comparison.log_ratio) / np.maximum((white**2).sum(1), 1e-12))
+
+
+def everywhere(cells: Cells, kinds: Kinds) -> dict[str, Any]:
     """Return the first grid's alternatives, as fields of `Stretches`."""
     rows = []
     for member, count in enumerate(cells.count.tolist()):
-        for first in lengths.within(count):
-            size = min(first, count)
-            n = -(-(count - size) // lengths.step[first]) + 1
+        for kind in kinds.within(count):
+            size = min(kinds.size[kind], count)
+            n = -(-(count - size) // kinds.step[kind]) + 1
             begins = np.linspace(0, count - size, n)
-            rows += [(member, int(begin), size, first, (count - size) / max(n - 1, 1)) for begin in begins]
-    return _fields(cells, lengths, np.array(rows, float), first=True)
+            rows += [(member, int(begin), size, kind, (count - size) / max(n - 1, 1)) for begin in begins]
+    return _fields(cells, kinds, np.array(rows, float), first=True)
 
 
-def _fields(cells: Cells, lengths: Lengths, rows: FloatArray, *, first: bool) -> dict[str, Any]:
+def _fields(cells: Cells, kinds: Kinds, rows: FloatArray, *, first: bool) -> dict[str, Any]:
     """Return alternatives as fields of `Stretches`.
 
     Parameters
     ----------
-    rows : (n, 5) member, first cell, cells, the first length it belongs to, cells between middles
-    first : whether each stands for all lengths about it
+    rows : (n, 5) member, first cell, cells, kind, cells between middles
+    first : whether each stands for all lengths of its kind
     """
     member, begin, size, kind = rows[:, :4].T.astype(np.intp)
-    within = [lengths.within(int(count)) for count in cells.count]
+    within = [kinds.within(int(count)) for count in cells.count]
     share = np.array([len(within[m][k]) if first else 1 for m, k in zip(member, kind, strict=True)])
     share = share / np.array([sum(len(sizes) for sizes in about.values()) for about in within])[member]
     length = cells.length * cells.count
@@ -230,9 +202,10 @@ def _fields(cells: Cells, lengths: Lengths, rows: FloatArray, *, first: bool) ->
         "member": member,
         "begin": begin,
         "size": size,
-        "first": kind,
+        "kind": kind,
         "step": step,
         "log_prior": np.log(weight),
+        "start": np.zeros((len(rows), 1)),
     }
 
 

@@ -1,0 +1,129 @@
+"""Mass spread over a stretch of a member, or gone from it: snow, water, a cable, ice.
+
+Modal mass I + m / e int (Phi^T Phi + r^2 Theta^T Theta) dx over the stretch of length e: Phi the modes' displacements,
+Theta their rotations in the member's axes, r the section's radii of gyration, as if its material were denser.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
+from updater.causes.cells import Cells, cut
+from updater.causes.magnitude import log_uniform
+from updater.causes.stretches import Kinds, Spread, everywhere, strength, vector
+from updater.comparison import Comparison
+from updater.fe.element import local_axes
+from updater.reanalysis import Effect, no_effect
+from updater.reference import Reference
+from updater.structure import Segment, Structure
+from updater.verdict import Quantity
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+_LEAST = 1e-4  # of the structure's mass
+_REMOVABLE = 0.9  # of a stretch's own mass
+_RATIO = 1.2  # about, from one length to the next
+#: from a fifth of the longest member to all of it: what is shorter is a body
+_LENGTHS = Kinds(
+    size={70: 70, 120: 120, 220: 220},
+    step={70: 16, 120: 24, 220: 40},
+    about={70: (60, 72, 86), 120: (104, 124, 150), 220: (180, 216, 260, 300)},
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DistributedMass(Spread):
+    """Stretches of all members; the parameter is the mass [kg]."""
+
+    own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
+    name: str = "distributed_mass"
+    advice: str = "Look along the stretch that is named for what lies or hangs on it."
+
+    @property
+    def _total(self) -> float:
+        return self.reference.calibration.model.total_mass()
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Of the mass [kg]."""
+        return np.array([MASS_STD * self._total])
+
+    @property
+    def lower(self) -> FloatArray:
+        """Only what is there can be taken off."""
+        there = _REMOVABLE * self.own[self.member] * self.extent
+        return -np.minimum(there, LARGEST_REMOVED * self._total)[:, None]
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return modal mass changes."""
+        along = theta[:, 0] / self.extent[rows]
+        return replace(no_effect(len(rows), self.comparison), mass=along[:, None, None] * self.matrix(rows))
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a mass of any order makes of the evidence."""
+        std, most = np.sqrt(covariance[:, 0, 0]), self._total
+        return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_LEAST * most, most=most).log_ratio
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the mass in all and the length over which it is spread."""
+        mass = self.averaged(fit, fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
+        extent = self.averaged(fit, self.extent, np.log(_RATIO) / np.sqrt(12) * self.extent)
+        return {
+            "mass": Quantity(value=mass[0], std=float(np.hypot(mass[1], DENSITY_STD * mass[0])), unit="kg"),
+            "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
+        }
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add a segment of the stretch's mass."""
+        member = self.cells.members[self.member[row]]
+        at, extent = vector(member.point(self.middle[row])), float(self.extent[row])
+        segment = Segment(member=member.name, at=at, extent=extent, mass=float(theta[0]))
+        return structure.model_copy(update={"segment": (*structure.segment, segment)})
+
+
+def propose_distributed_mass(reference: Reference, comparison: Comparison) -> DistributedMass | None:
+    """Return stretches of a few lengths every few centimetres; none of matrices from elsewhere."""
+    structure = reference.calibration.structure
+    if structure.external is not None:
+        return None
+    cells, summed = _mass(reference)
+    own = [structure.material[m.material].density * structure.section[m.section].area for m in structure.member]
+    found = DistributedMass(
+        reference=reference,
+        comparison=comparison,
+        cells=cells,
+        kinds=_LENGTHS,
+        summed=summed,
+        own=np.array(own),
+        **everywhere(cells, _LENGTHS),
+    )
+    return replace(found, start=_first_order(found))
+
+
+def _first_order(cause: DistributedMass) -> FloatArray:
+    """Return d ln f_i = -m/2 dM_ii, fitted to the log frequencies."""
+    comparison = cause.comparison
+    heavier = np.diagonal(cause.matrix(np.arange(len(cause.member))), axis1=1, axis2=2)[:, comparison.paired]
+    mass = strength(comparison, -0.5 * heavier / cause.extent[:, None])
+    return np.clip(mass[:, None], cause.lower / 2, cause.prior_std)
+
+
+@lru_cache(maxsize=4)
+def _mass(reference: Reference) -> tuple[Cells, FloatArray]:
+    """Return the modal mass of all stretches if they weighed a kilogram a metre."""
+    structure, model = reference.calibration.structure, reference.calibration.model
+    cells, factors = cut(structure.member), []
+    for m, member in enumerate(cells.members):
+        section = structure.section[member.section]
+        gyration = np.array([sum(section.second_moment), *section.second_moment]) / section.area
+        axes = local_axes(np.subtract(member.end, member.start), member.local_y)
+        moved = (model.reader(member.point(cells.middles(m))) @ reference.shape).reshape(cells.count[m], 6, -1)
+        turned = np.sqrt(gyration)[:, None] * (axes @ moved[:, 3:])
+        factors.append(np.concatenate([moved[:, :3], turned], axis=1))
+    return cells, cells.summed(factors)

@@ -1,0 +1,136 @@
+"""A spring to the ground where there was none: something leans on a member, or a prop has been set.
+
+Of stiffness k along an axis, F' = Lambda^-1 - k / (1 + k f) mu mu^T (Sherman and Morrison): mu the modes' displacements
+there over omega^2, f = p^T K^-1 p the static flexibility of the point, all of it and not only that of the modes kept.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.cells import Cells, cut
+from updater.causes.magnitude import log_uniform
+from updater.causes.stretches import Kinds, Stretches, everywhere, strength, vector
+from updater.comparison import Comparison
+from updater.hinges import flexibility
+from updater.reanalysis import Effect, no_effect
+from updater.reference import Reference
+from updater.structure import AXES, Structure, Support
+from updater.verdict import Quantity
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+_STD = 2.0  # of ln(1 + k f), while it is fitted
+_LEAST, _MOST = 0.003, 7.0  # of it: from what hardly shows to what stands still
+_LARGE = 5000  # DOFs, of which only the kept modes' flexibility is known
+_DIRECTIONS = Kinds(
+    size={0: 0, 1: 0, 2: 0}, step={0: 12, 1: 12, 2: 12}, about={0: (0,), 1: (0,), 2: (0,)}
+)  # a point, along x, y or z
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SupportSpring(Stretches):
+    """Points of all members, each along x, y and z; the parameter is ln(1 + k f)."""
+
+    moved: FloatArray  #: (n_edges, 3, n_modes) mu [s2 m/sqrt(kg)]
+    give: FloatArray  #: (n_edges, 3) static flexibility f [m/N]
+    name: str = "support_spring"
+    advice: str = "Look at the place that is named for what touches it or leans on it."
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Of the logarithm."""
+        return np.array([_STD])
+
+    @property
+    def lower(self) -> FloatArray:
+        """It can only hold."""
+        return np.zeros((len(self.member), 1))
+
+    def _at(self, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
+        """Return mu (n, n_modes) and f (n,) of alternatives."""
+        edge, axis = self.cells.edge(self.member[rows], self.begin[rows]), self.kind[rows]
+        return self.moved[edge, axis], self.give[edge, axis]
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return flexibility changes."""
+        moved, give = self._at(rows)
+        held = -np.expm1(-np.minimum(theta[:, 0], _MOST)) / give
+        change = -held[:, None, None] * moved[:, :, None] * moved[:, None, :]
+        return replace(no_effect(len(rows), self.comparison), flexibility=change)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a stiffness of any order makes of the evidence; half of that prior would pull."""
+        std = np.sqrt(covariance[:, 0, 0])
+        found = log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+        return np.asarray(found + np.log(2))
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the stiffness along the likeliest axis: its logarithm, averaged over positions."""
+        axis = self.kind[fit.best]
+        share = np.where(self.kind == axis, self.likely(fit), 0.0)
+        share = share / share.sum()
+        theta = np.clip(fit.theta[:, 0], _LEAST, _MOST)
+        log = np.log(np.expm1(theta) / self._at(np.arange(len(theta)))[1])
+        mean, std = float(share @ log), np.sqrt(fit.covariance[:, 0, 0]) / -np.expm1(-theta)
+        spread = float(np.sqrt(share @ (std**2 + (log - mean) ** 2)))
+        value = float(np.exp(mean))
+        return {f"stiffness_{AXES[axis]}": Quantity(value=value, std=value * spread, unit="N/m")}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add a support on the spring."""
+        at = vector(self.cells.members[self.member[row]].point(self.middle[row]))
+        give = float(self._at(np.array([row]))[1][0])
+        stiffness = {AXES[self.kind[row]]: float(np.expm1(min(theta[0], _MOST))) / give}
+        support = Support.model_validate({"at": at, "stiffness": stiffness})
+        return structure.model_copy(update={"support": (*structure.support, support)})
+
+
+def propose_support_spring(reference: Reference, comparison: Comparison) -> SupportSpring | None:
+    """Return points every few centimetres, each along x, y and z; none of matrices from elsewhere."""
+    if reference.calibration.structure.external is not None:
+        return None
+    cells, moved, give = _points(reference)
+    found = SupportSpring(
+        reference=reference,
+        comparison=comparison,
+        cells=cells,
+        kinds=_DIRECTIONS,
+        moved=moved,
+        give=give,
+        **everywhere(cells, _DIRECTIONS),
+    )
+    return replace(found, start=_first_order(found))
+
+
+def _first_order(cause: SupportSpring) -> FloatArray:
+    """Return d ln f_i = s/2 omega_i^2 mu_i^2 / f, s = k f / (1 + k f), fitted to the log frequencies."""
+    comparison = cause.comparison
+    moved, give = cause._at(np.arange(len(cause.member)))
+    omega = 2 * np.pi * comparison.frequency[comparison.paired]
+    held = strength(comparison, 0.5 * (omega * moved[:, comparison.paired]) ** 2 / give[:, None])
+    return -np.log1p(-np.clip(held, 0.0, 0.9))[:, None]
+
+
+@lru_cache(maxsize=4)
+def _points(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
+    """Return the modes' mu (n_edges, 3, n_modes) and the static flexibility (n_edges, 3) at all cells' edges.
+
+    What the updated modes give in place of the model's own, and what the model gives beyond the modes kept.
+    """
+    model, modes = reference.calibration.model, reference.calibration.modes
+    cells = cut(model.structure.member)
+    points = cells.edge_points()
+    reader = model.reader(points)[(6 * np.arange(len(points))[:, None] + np.arange(3)).ravel()]
+    own, updated = reader @ modes.shape, reader @ reference.shape
+    omega = 2 * np.pi * reference.frequency
+    give = ((updated / omega) ** 2).sum(1)
+    if model.n_dofs <= _LARGE:
+        give += np.maximum(flexibility(model, reader) - ((own / modes.omega) ** 2).sum(1), 0.0)
+    give = np.maximum(give, 1e-12 * give.max())
+    return cells, (updated / omega**2).reshape(len(points), 3, -1), give.reshape(-1, 3)
