@@ -34,6 +34,7 @@ CAUSES: dict[str, Do] = {
         draws.temperature,
         draws.sampling_clock,
         draws.damping_change,
+        draws.amplitude_softening,
         chain.sensor_gain,
         chain.sensor_polarity,
         chain.sensor_swap,

@@ -201,6 +201,23 @@ def damping_change(state: State, random: Random) -> Done:
     return Done(state, replace(state, damping=state.damping * factor), (Hidden(cause="damping_change"),))
 
 
+def amplitude_softening(state: State, random: Random) -> Done:
+    """Let foot and joint slip: their flexibility grows with the amplitude, which was one and is now one to three."""
+    slip = random.uniform(0.3, 1.0, 2)
+    tight = state.frame
+
+    def at(level: float) -> State:
+        foot, joint = (
+            _three(np.divide(k, 1 + c * level)) for k, c in zip((tight.foot, tight.joint), slip, strict=True)
+        )
+        damping = state.damping * (1 + 0.2 * slip.mean() * (level - 1))
+        loose = state.of_frame(replace(tight, foot=foot, joint=joint))
+        return replace(loose, damping=damping, loudness=level)
+
+    levels = [at(float(level)) for level in random.permutation(np.linspace(1.0, 3.0, 5))]
+    return Done(at(1.0), at(2.0), (Hidden(cause="amplitude_softening"),), tuple(levels))
+
+
 def _at(cause: str, position: Vector, *, reach: float = 0.0, **parameters: float) -> Hidden:
     return Hidden(cause=cause, position=position, reach=reach, parameters=parameters)
 

@@ -14,6 +14,7 @@ from monitor.fusion import Windows
 from oma import ModalEstimate, WindowQuality
 from updater import parse_structure, t_structure_toml
 
+_RMS = 0.01  # m/s2, at a loudness of one
 FRAME, BAR = parse_structure(t_structure_toml()), parse_structure(SOLID_STRUCTURE)
 
 
@@ -21,19 +22,18 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     """Return the diagnosis of modes with noise, as JSON would hold it; the gain is measured on windows of their own."""
     random = np.random.default_rng((case.seed, 6))
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
-    after, heldout = (
-        observation(case.done.after, [one for w in range(N_AFTER) for one in _window(case, w, random, noise)])
-        for _ in range(2)
-    )
+    after, heldout = (_after(case, random, noise) for _ in range(2))
     found = explain_change(BAR if case.cell.startswith("solid") else FRAME, before, after, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 
-def _window(case: Case, window: int, random: np.random.Generator, noise: str) -> list[ModalEstimate]:
-    return estimated(case.done.during(window), 1, random, noise=noise)
+def _after(case: Case, random: np.random.Generator, noise: str) -> Observation:
+    states = [case.done.during(window) for window in range(N_AFTER)]
+    windows = [estimated(state, 1, random, first=w, noise=noise)[0] for w, state in enumerate(states)]
+    return observation(case.done.after, windows, [state.loudness for state in states])
 
 
-def observation(state: State, estimates: Sequence[ModalEstimate]) -> Observation:
+def observation(state: State, estimates: Sequence[ModalEstimate], loudness: Sequence[float] = ()) -> Observation:
     """Track windows as if they had been identified from a log of the state's devices."""
     perfect = WindowQuality(complete=1.0, rms_variation=0.0, cycles=1000.0)
     return follow(
@@ -48,5 +48,8 @@ def observation(state: State, estimates: Sequence[ModalEstimate]) -> Observation
             rate=1000.0,
         ),
         {s.channel: s.device for s in state.sensors},
-        [(e.start, state.temperature, state.loudness) for e in estimates],
+        [
+            (e.start, state.temperature, _RMS * level)
+            for e, level in zip(estimates, loudness or [state.loudness] * len(estimates), strict=True)
+        ],
     )

@@ -33,7 +33,9 @@ def modal_std(state: State, n_modes: int, noise: str) -> tuple[FloatArray, float
     return np.array([uncertainty_law(f, z, WINDOW)[0] / f for f, z in pairs]), SHAPE_STD
 
 
-def estimated(state: State, n_windows: int, random: Random, *, band: float = 290.0, noise: str) -> list[ModalEstimate]:
+def estimated(
+    state: State, n_windows: int, random: Random, *, first: int = 0, band: float = 290.0, noise: str
+) -> list[ModalEstimate]:
     """Return what analysis would say of windows; modes above `band` [Hz] or that hardly move a sensor are not seen."""
     total = N_MODES
     frequency, shape = state.claimed_frequency(total), state.claimed_shape(total)
@@ -46,7 +48,7 @@ def estimated(state: State, n_windows: int, random: Random, *, band: float = 290
     damping_std = np.array([uncertainty_law(f, z, WINDOW)[1] for f, z in zip(frequency[seen], damping, strict=True)])
     n, m = exact.shape
     found = []
-    for window in range(n_windows):
+    for window in range(first, first + n_windows):
         blurred = exact + shape_std * (random.standard_normal((n, m)) + 1j * random.standard_normal((n, m)))
         found.append(
             ModalEstimate(
