@@ -49,13 +49,15 @@ def check_channels(structure: Structure, path: Path) -> ChannelCheck:
 
 def measured_only(structure: Structure, check: ChannelCheck) -> Structure:
     """Return the structure with only the sensors that something measures."""
-    kept = tuple(s for s in structure.sensor if s.channel not in check.without_channel)
-    return structure.model_copy(update={"sensor": kept})
+    both = zip(structure.sensor, structure.heard, strict=True)
+    kept = tuple(sensor for sensor, heard in both if heard.channel not in check.without_channel)
+    corrections = {s.channel: c for s in kept if (c := structure.sensors.get(s.channel))}
+    return structure.model_copy(update={"sensor": kept, "sensors": corrections})
 
 
 def twins(structure: Structure) -> list[tuple[str, str]]:
     """Return the pairs of sensors that measure the same motion, at one place along one line."""
-    pairs = itertools.combinations(structure.sensor, 2)
+    pairs = itertools.combinations(structure.heard, 2)
     return [(a.channel, b.channel) for a, b in pairs if _same(a, b)]
 
 

@@ -51,7 +51,7 @@ def _draw_parts(axes: Axes3D, sight: Sight) -> None:
         way = np.array([np.asarray(s.direction) / np.linalg.norm(s.direction) for s in structure.sensor])
         tip = at + 0.07 * extent * way
         axes.quiver(*at.T, *(tip - at).T, color=_SENSOR, linewidth=1.5, arrow_length_ratio=0.35, label="sensor")
-        for sensor, place in zip(structure.sensor[:_LABELS], at + 0.09 * extent * way, strict=False):
+        for sensor, place in zip(structure.heard[:_LABELS], at + 0.09 * extent * way, strict=False):
             axes.text(*place, sensor.channel, fontsize=7, color=_SENSOR)
     axes.legend(loc="upper left", fontsize=8)
 

@@ -32,6 +32,7 @@ from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference, learn_reference
 from updater.section import Section
 from updater.sensitivity import Prior, SensitivityFit, fit_parameters
+from updater.sensor import Correction, Sensor
 from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
 from updater.several import MassChanges, locate_masses
 from updater.statistics import (
@@ -54,7 +55,6 @@ from updater.structure import (
     Oscillator,
     Recorder,
     Segment,
-    Sensor,
     Structure,
     Support,
 )
@@ -76,6 +76,7 @@ __all__ = [
     "Choice",
     "Circumstances",
     "Comparison",
+    "Correction",
     "DeviceDelays",
     "Diagnosis",
     "Discrepancy",

@@ -3,6 +3,7 @@
 All of it compares now with before. It is optional: what nobody measured is NaN or empty, and then decides nothing.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,6 +40,8 @@ class Circumstances:
     tones: FloatArray = field(default_factory=lambda: np.empty(0))  #: (n_tones,) ln of each steady tone's f over before
     extra: ModalMean | None = None  #: modes that the baseline has not
     trend: Trend | None = None
+    devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
+    faults: Mapping[str, str] = field(default_factory=dict)  #: channel given up in most windows -> what is wrong
 
 
 NOTHING_KNOWN = Circumstances()

@@ -22,8 +22,9 @@ from updater.expected_reference import expected_reference, shape_covariance, tol
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.reference import Reference
+from updater.sensor import Sensor
 from updater.statistics import COMMON_STD
-from updater.structure import Sensor, Structure
+from updater.structure import Structure
 
 _N_MODES = 30
 _USUAL = 0.01  # m between places

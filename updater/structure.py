@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from daq import FloatArray
 from updater.entry import Entry, Number, Positive, Vector
 from updater.section import Section
+from updater.sensor import Correction, Sensor
 from updater.structure_checks import ON_MEMBER, check_names, check_places
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -183,38 +184,10 @@ class Oscillator(Entry):
         return self
 
 
-class Sensor(Entry):
-    """A single-axis accelerometer channel."""
-
-    channel: str
-    at: Vector  #: [m]
-    direction: Vector
-    gain: Number = 1.0  #: what the channel says over what is true [-]
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> Self:
-        if not any(self.direction):
-            raise ValueError(f"sensor {self.channel}: the direction is zero")
-        return self
-
-
 class Recorder(Entry):
     """What records the sensors."""
 
     clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
-
-
-def sensor_axes(direction: Vector) -> FloatArray:
-    """Return unit vectors (3, 3): along a sensor's direction, and two across it that complete a right-handed set.
-
-    The first across is the global axis that follows the one which the direction is nearest to (y for x, z for y, x for
-    z), made square to it: for a sensor along an axis, the other two in their cycle.
-    """
-    along = np.asarray(direction, float) / np.linalg.norm(direction)
-    first = np.eye(3)[(int(np.argmax(np.abs(along))) + 1) % 3]
-    first = first - (first @ along) * along
-    first /= np.linalg.norm(first)
-    return np.array([along, first, np.cross(along, first)])
 
 
 class Structure(Entry):
@@ -231,7 +204,8 @@ class Structure(Entry):
     segment: tuple[Segment, ...] = ()
     body: tuple[Body, ...] = ()
     oscillator: tuple[Oscillator, ...] = ()
-    sensor: tuple[Sensor, ...] = ()
+    sensor: tuple[Sensor, ...] = ()  #: as mounted
+    sensors: dict[str, Correction] = Field(default_factory=dict)  #: of their channels, by the sensor's own name
     recorder: Recorder | None = None
 
     @model_validator(mode="before")
@@ -259,8 +233,24 @@ class Structure(Entry):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the sensors' channels."""
-        return tuple(sensor.channel for sensor in self.sensor)
+        """Names of the sensors' channels, as logs have them."""
+        return tuple(sensor.channel for sensor in self.heard)
+
+    @property
+    def heard(self) -> tuple[Sensor, ...]:
+        """The sensors as logs have them: each under the channel that carries it, with all of its gain."""
+        return tuple(sensor.corrected(self.sensors.get(sensor.channel)) for sensor in self.sensor)
+
+    @property
+    def speaking(self) -> tuple[str, ...]:
+        """Names of the channels that say something: those whose gain is not 0."""
+        return tuple(sensor.channel for sensor in self.heard if sensor.gain)
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """How late each channel is known to be [s]."""
+        known = {s.channel: self.sensors.get(s.channel) for s in self.sensor}
+        return {h.channel: c.delay if c else 0.0 for h, c in zip(self.heard, known.values(), strict=True)}
 
     def member_named(self, name: str) -> Member:
         """Return the member of that name."""

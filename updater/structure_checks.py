@@ -38,7 +38,9 @@ def check_names(structure: Structure) -> None:
     for joint in structure.joint:
         _known("joint at", str(list(joint.at)), "member", joint.member, names)
     joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in structure.joint]
-    for known in (names, structure.channels, joints):
+    for name in structure.sensors:
+        _known("sensors", name, "sensor", name, [sensor.channel for sensor in structure.sensor])
+    for known in (names, [sensor.channel for sensor in structure.sensor], structure.channels, joints):
         repeated = [name for name, times in Counter(known).items() if times > 1]
         if repeated:
             raise ValueError(f"the name {repeated[0]!r} is given twice")

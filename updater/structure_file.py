@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from updater.errors import StructureError
 from updater.section import Section
+from updater.sensor import Correction, Sensor
 from updater.structure import (
     Body,
     External,
@@ -20,7 +21,6 @@ from updater.structure import (
     Oscillator,
     Recorder,
     Segment,
-    Sensor,
     Structure,
     Support,
 )
@@ -38,6 +38,7 @@ _ENTRIES: dict[str, type[BaseModel]] = {
     "body": Body,
     "oscillator": Oscillator,
     "sensor": Sensor,
+    "sensors": Correction,
     "recorder": Recorder,
 }
 _STAND_FOR_OTHERS = {"external": ["matrices"], "material": ["poisson_ratio"], "section": ["shape"]}

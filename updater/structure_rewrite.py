@@ -42,11 +42,31 @@ def rewrite(text: str, old: Content, new: Content, brief: Content, note: str) ->
     for key in (key for key in new if new[key] != old[key]):
         if key in _NAMES:
             _rewrite_list(document, key, old[key], new[key], brief.get(key, []), note)
+        elif key == "sensors":
+            _rewrite_corrections(document, old[key], new[key], brief.get(key, {}), note)
         elif isinstance(new[key], dict) and key in document:
             _merge(document[key], old[key], new[key])
         else:
             _set(document, key, new[key])
     return tomlkit.dumps(document)
+
+
+def _rewrite_corrections(document: tomlkit.TOMLDocument, old: Content, new: Content, brief: Content, note: str) -> None:
+    """Give each sensor that is corrected a table of its own, and take out those that no longer are."""
+    if "sensors" not in document:
+        document.append("sensors", tomlkit.table(is_super_table=True))
+    tables: Any = document["sensors"]
+    for name in [name for name in tables if name not in new]:
+        del tables[name]
+    for name in [name for name in new if new[name] != old.get(name)]:
+        if name in tables:
+            _merge(tables[name], old[name], new[name])
+        else:
+            table = _table(brief[name], note)
+            table.trivia.indent = "\n" if len(tables) else ""  # the first stands apart by itself
+            tables.append(name, table)
+    if not tables:
+        del document["sensors"]
 
 
 def _merge(table: Any, old: Content, new: Content) -> None:  # noqa: ANN401  tomlkit's tables have no common type

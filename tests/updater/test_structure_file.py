@@ -1,5 +1,6 @@
 """The structure file: what it may not say, and its round trip."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from updater import (
     StructureError,
     Support,
     build_model,
+    dump_structure,
     load_structure,
     parse_structure,
     t_structure_toml,
@@ -248,3 +250,34 @@ def test_joint_order_does_not_matter() -> None:
         for first, second in (("b", "c"), ("c", "b"))
     )
     np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+def test_corrections_of_sensors_stand_beside_them() -> None:
+    """A file without them reads as before; with them, channels, gains and delays are those that logs have."""
+    plain = t_frame()
+    wrong = t_structure_toml() + (
+        "\n[sensors.col_037_x]\ngain = 0.8\nsign = -1\ndelay = 5e-4\nchannel = 'col_037_y'\n"
+        "[sensors.col_037_y]\nchannel = 'col_037_x'\n[sensors.beam_mid_y]\ngain = 0.0\n"
+    )
+    found = parse_structure(wrong)
+    first, second = (plain.channels.index(name) for name in ("col_037_x", "col_037_y"))
+    assert (found.channels[first], found.channels[second]) == ("col_037_y", "col_037_x")
+    assert found.heard[first].gain == pytest.approx(-0.8 * plain.sensor[first].gain)
+    assert found.delays["col_037_y"] == 5e-4
+    assert set(plain.channels) - set(found.speaking) == {"beam_mid_y"}
+    rows, expected = build_model(found).sensor_rows, build_model(plain).sensor_rows
+    np.testing.assert_allclose(rows[first], -0.8 * expected[first])
+    assert parse_structure(dump_structure(found)) == found
+
+
+@pytest.mark.parametrize(
+    ("entry", "what"),
+    [
+        ("[sensors.nowhere]\ngain = 1.1\n", "sensors nowhere: sensor 'nowhere' is not defined"),
+        ("[sensors.col_037_x]\nchannel = 'beam_mid_y'\n", "the name 'beam_mid_y' is given twice"),
+        ("[sensors.col_037_x]\nsign = 0\n", "sensors.col_037_x.sign"),
+    ],
+)
+def test_corrections_that_cannot_be_are_named(entry: str, what: str) -> None:
+    with pytest.raises(StructureError, match=re.escape(what)):
+        parse_structure(t_structure_toml() + "\n" + entry)

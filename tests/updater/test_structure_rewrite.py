@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from updater import (
     Body,
+    Correction,
     Joint,
     Section,
     Sensor,
@@ -121,6 +122,18 @@ def test_bodies_are_added_with_a_note_and_comments_stay() -> None:
     assert dump_structure(old, written).strip() == ODD.strip()  # and they go without a trace
 
 
+def test_corrections_stand_at_the_end_each_in_its_table() -> None:
+    old = parse_structure(t_structure_toml())
+    new = _with(old, sensors={"beam_left_z": Correction(gain=0.8), "beam_mid_y": Correction(sign=-1, delay=5e-4)})
+    written = dump_structure(new, t_structure_toml(), note="found in May")
+    assert _changed_lines(t_structure_toml(), written) == [
+        "+ [sensors.beam_left_z]", "+ # found in May", "+ gain = 0.8",
+        "+ [sensors.beam_mid_y]", "+ # found in May", "+ sign = -1", "+ delay = 0.0005",
+    ]  # fmt: skip
+    assert parse_structure(written) == new
+    assert dump_structure(old, written).strip() == t_structure_toml().strip()
+
+
 def test_new_entry_stands_with_its_kind_and_headings_stay_where_they_head() -> None:
     old = parse_structure(ODD)
     prop = Support(at=(0.5, 0, 1.0), stiffness={"z": 2e4})
@@ -188,6 +201,11 @@ def edited(draw: st.DrawFn, structure: Structure) -> Structure:
     if draw(st.booleans()):
         sensor.insert(draw(st.integers(0, len(sensor))), Sensor(channel="new", at=at, direction=(1, 0, 0)))
     bodies = draw(st.lists(st.builds(Body, at=st.just(at), mass=numbers | numbers.map(lambda m: -m)), max_size=2))
+    wrong = st.builds(Correction, gain=numbers, sign=st.sampled_from([1, -1]), delay=st.sampled_from([0.0, 1e-5, 5e-4]))
+    known = {s.channel: draw(wrong) for s in sensor if draw(st.booleans())}
+    if len(sensor) > 1 and draw(st.booleans()):  # two that have taken each other's place
+        first, second = sensor[0].channel, sensor[1].channel
+        known |= {first: Correction(channel=second), second: Correction(channel=first, delay=1e-3)}
     material = {
         name: m.model_copy(update={"density": draw(numbers)}) if draw(st.booleans()) else m
         for name, m in structure.material.items()
@@ -204,6 +222,7 @@ def edited(draw: st.DrawFn, structure: Structure) -> Structure:
         joint=draw(st.sampled_from([(), (joint,)])),
         body=tuple(bodies),
         sensor=tuple(sensor),
+        sensors={name: correction for name, correction in known.items() if correction != Correction()},
     )
 
 

@@ -13,6 +13,9 @@ from updater.causes.global_stiffness import propose_global_stiffness
 from updater.causes.local_stiffness import propose_local_stiffness
 from updater.causes.plugins import Catalogue
 from updater.causes.sampling_clock import propose_sampling_clock
+from updater.causes.sensor_dead import propose_sensor_dead
+from updater.causes.sensor_delay import propose_sensor_delay
+from updater.causes.sensor_orientation import propose_sensor_orientation
 from updater.causes.sensors import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
 from updater.causes.springs import propose_joint_stiffness, propose_support_stiffness
 from updater.causes.support_spring import propose_support_spring
@@ -35,6 +38,9 @@ _OWN: dict[str, Propose[Cause]] = {
     "sensor_gain": propose_sensor_gain,
     "sensor_polarity": propose_sensor_polarity,
     "sensor_swap": propose_sensor_swap,
+    "sensor_orientation": propose_sensor_orientation,
+    "sensor_delay": propose_sensor_delay,
+    "sensor_dead": propose_sensor_dead,
 }
 
 CATALOGUE: Mapping[str, Propose[Cause]] = Catalogue(_OWN)

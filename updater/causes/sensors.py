@@ -1,4 +1,4 @@
-"""Faults of the measuring chain: shapes change, frequencies do not."""
+"""Gain, polarity and exchanged channels: faults of single channels, which shapes show and frequencies do not."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
+from updater.causes.chain import Chain, corrected, exchanged
 from updater.comparison import Comparison
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity, Where
+from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -22,25 +22,7 @@ _GAIN_STD = 0.3  # of a gain's logarithm
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Chain(Discrete):
-    """Alternatives that are channels, or pairs of them."""
-
-    comparison: Comparison
-    channels: tuple[tuple[str, ...], ...]  #: of each alternative
-    place_free: bool = False
-
-    def where(self, fit: "Fit[Cause]") -> Where:
-        """Return the channels."""
-        return Where(channels=self.channels[fit.best])
-
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """There are none."""
-        del fit
-        return {}
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SensorGain(_Chain):
+class SensorGain(Chain):
     """A channel whose gain has changed; the parameter is its logarithm."""
 
     name: str = "sensor_gain"
@@ -59,11 +41,11 @@ class SensorGain(_Chain):
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the gain at the sensor."""
-        return _with_gain(structure, self.channels[row][0], float(np.exp(theta[0])))
+        return corrected(structure, self.channels[row], gain=float(np.exp(theta[0])))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SensorPolarity(_Chain):
+class SensorPolarity(Chain):
     """A channel with its sign turned; it has no parameter."""
 
     name: str = "sensor_polarity"
@@ -76,13 +58,13 @@ class SensorPolarity(_Chain):
         return none
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Turn the sensor's gain."""
+        """Turn the sensor's sign."""
         del theta
-        return _with_gain(structure, self.channels[row][0], -1.0)
+        return corrected(structure, self.channels[row], sign=-1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SensorSwap(_Chain):
+class SensorSwap(Chain):
     """Two channels that have taken each other's place; it has no parameter."""
 
     order: IndexArray  #: (n, n_channels) which channel each one really is
@@ -96,19 +78,10 @@ class SensorSwap(_Chain):
         return replace(no_effect(len(rows), self.comparison), chain=np.eye(n, 3 * n)[self.order[rows]])
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Exchange the channels' names."""
+        """Exchange the channels that carry the two sensors."""
         del theta
         first, second = self.channels[row]
-        other = {first: second, second: first}
-        sensors = tuple(s.model_copy(update={"channel": other.get(s.channel, s.channel)}) for s in structure.sensor)
-        return structure.model_copy(update={"sensor": sensors})
-
-
-def _with_gain(structure: Structure, channel: str, factor: float) -> Structure:
-    sensors = tuple(
-        s.model_copy(update={"gain": s.gain * factor}) if s.channel == channel else s for s in structure.sensor
-    )
-    return structure.model_copy(update={"sensor": sensors})
+        return exchanged(structure, first, second)
 
 
 def propose_sensor_gain(reference: Reference, comparison: Comparison) -> SensorGain:

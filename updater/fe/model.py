@@ -13,7 +13,8 @@ from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT
 from updater.fe.modes import Modes, lowest_modes
 from updater.fe.spans import SpanIndex
-from updater.structure import Joint, Member, Structure, sensor_axes
+from updater.sensor import sensor_axes
+from updater.structure import Joint, Member, Structure
 
 
 class Interpolation(Protocol):
@@ -177,7 +178,7 @@ class Model:
 
     def _read_along(self, way: FloatArray) -> FloatArray:
         """Return rows (n_sensors, n_dofs) that read the sensors' places along unit vectors (n_sensors, 3)."""
-        sensors = self.structure.sensor
+        sensors = self.structure.heard
         way = way.reshape(-1, 3) * np.array([s.gain for s in sensors])[:, None]
         try:
             at = self.reader(np.array([s.at for s in sensors], float))
