@@ -1,13 +1,13 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
 from monitor.fusion import Windows, choose_tracks, identify_windows
-from oma import IdentificationError, ModalEstimate
+from oma import IdentificationError, ModalEstimate, aligned, device_delays
 from updater import (
     Circumstances,
     Explained,
@@ -44,6 +44,7 @@ class Observation:
     tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
     temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
+    sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept
 
     @property
     def modes(self) -> TrackedModes:
@@ -86,16 +87,23 @@ def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], No
     """
     devices: dict[str, str] = {}
     seen: list[tuple[int, float, float]] = []
+    last: list[Recording] = []
 
     def note(recording: Recording) -> None:
         devices.update({channel.name: channel.device for channel in recording.channels})
         seen.append((recording.start, recording.temperature, _rms(recording)))
+        last[:] = [recording]
         on_window(recording)
 
-    return follow(identify_windows(recordings, on_window=note), devices, seen)
+    return follow(identify_windows(recordings, on_window=note), devices, seen, last[-1] if last else None)
 
 
-def follow(windows: Windows, devices: dict[str, str], seen: Sequence[tuple[int, float, float]]) -> Observation:
+def follow(
+    windows: Windows,
+    devices: dict[str, str],
+    seen: Sequence[tuple[int, float, float]],
+    sample: Recording | None = None,
+) -> Observation:
     """Track the modes of windows, the devices' constant delays taken out; errors as for `observe`.
 
     Parameters
@@ -103,19 +111,35 @@ def follow(windows: Windows, devices: dict[str, str], seen: Sequence[tuple[int, 
     windows : what identification made of them
     devices : of each channel
     seen : start [ns UTC], temperature [degC] and rms [m/s2] of every window, those that gave no modes included
+    sample : signals of the last window, to be kept
     """
     if len(windows.estimates) < _LEAST_WINDOWS:
         why = f": {windows.problems[0]}" if windows.problems else ""
         raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")
     delays = learn_delays(windows.estimates, devices)
-    estimates = [remove_delays(e, devices, estimate_delays(e, devices, delays)) for e in windows.estimates]
+    late = [estimate_delays(e, devices, delays) for e in windows.estimates]
+    estimates = [remove_delays(e, devices, tau) for e, tau in zip(windows.estimates, late, strict=True)]
     _, kept, tracks = choose_tracks(estimates)
     if not len(kept):
         raise IdentificationError("no mode is seen in most of the windows")
     temperature, rms = _at_windows(seen, estimates)
     return Observation(
-        windows=windows, estimates=tuple(estimates), tracks=tuple(tracks), temperature=temperature, rms=rms
+        windows=windows,
+        estimates=tuple(estimates),
+        tracks=tuple(tracks),
+        temperature=temperature,
+        rms=rms,
+        sample=_in_time(sample, late[-1]) if sample else None,
     )
+
+
+def _in_time(recording: Recording, late: Mapping[str, float]) -> Recording:
+    """Return a recording without the delays [s] that phases of its spectra and then those of its modes show."""
+    try:
+        coarse = device_delays(recording)
+    except IdentificationError:
+        return recording  # it gave no modes either
+    return aligned(recording, {device: tau + late.get(device, 0.0) for device, tau in coarse.items()})
 
 
 def _rms(recording: Recording) -> float:
@@ -136,34 +160,43 @@ def _at_windows(
     return np.array([t for _, t, _ in chosen]), np.array([rms for _, _, rms in chosen])
 
 
-def explain_change(
-    structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
-) -> Explained:
-    """Explain what has changed since the reference logs.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explanation:
+    """A diagnosis with what it rests on."""
+
+    explained: Explained
+    reference: Reference  #: of the structure as it was, or of the nominal model
+    measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
+
+
+def explain(
+    structure: Structure, before: Observation | None, now: Observation, heldout: Observation | None = None
+) -> Explanation:
+    """Explain what has changed since reference logs; without them, what the structure file gets wrong about logs.
 
     Raises
     ------
     PairingError, ValueError
         If fewer than three modes can be compared.
     """
-    reference = learn_reference(structure, before.estimates, before.tracks)
-    return diagnose(
+    if before:
+        reference = learn_reference(structure, before.estimates, before.tracks)
+    else:
+        reference = nominal_reference(structure, now.modes)
+    explained = diagnose(
         reference,
-        _event(reference, after),
+        _event(reference, now),
         heldout=_event(reference, heldout) if heldout else None,
-        circumstances=circumstances_of(reference, before, after),
+        circumstances=circumstances_of(reference, before, now),
     )
+    return Explanation(explained=explained, reference=reference, measured=reference.mean_of(now.modes))
 
 
-def explain_model(structure: Structure, measured: Observation, heldout: Observation | None = None) -> Explained:
-    """Explain what the structure file gets wrong about logs; errors as for `explain_change`."""
-    reference = nominal_reference(structure, measured.modes)
-    return diagnose(
-        reference,
-        _event(reference, measured),
-        heldout=_event(reference, heldout) if heldout else None,
-        circumstances=circumstances_of(reference, None, measured),
-    )
+def explain_change(
+    structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
+) -> Explained:
+    """Explain what has changed since the reference logs; errors as for `explain`."""
+    return explain(structure, before, after, heldout).explained
 
 
 def circumstances_of(reference: Reference, before: Observation | None, now: Observation) -> Circumstances:

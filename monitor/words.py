@@ -79,6 +79,11 @@ def cause_text(cause: Cause) -> str:
     )
 
 
+def verdict_text(diagnosis: Diagnosis) -> str:
+    """Return the verdict as a sentence that the causes follow, if there are any."""
+    return f"{VERDICTS[diagnosis.verdict]}:" if diagnosis.causes else VERDICTS[diagnosis.verdict]
+
+
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the diagnosis in one sentence."""
     if not diagnosis.causes:

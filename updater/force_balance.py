@@ -8,7 +8,8 @@ r is linear in the data, so that it has a deviation.
 
 What is left over can be read as stiffness that is missing, K d = r, or as mass that is, omega^2 M a = r: along the
 structure the strain of d is set against the mode's own, the motion a against the mode's. Each reading alone explains
-one mode; which of them explains all is for a diagnosis to weigh.
+one mode; over all modes, stiffness couples them as omega_i omega_k and mass as omega_i^2, so that the evidence for
+the two priors tells which reading is the better one. What else it may be is for a diagnosis to weigh.
 
 References
 ----------
@@ -51,6 +52,7 @@ class ForceBalance:
     loss_std: FloatArray  #: (n_nodes,)
     added: FloatArray  #: (n_nodes,) mass that the model lacks there, over its own [-]
     added_std: FloatArray  #: (n_nodes,)
+    log_odds: float  #: log evidence of errors of mass over that of errors of stiffness [-]
 
 
 def force_balance(reference: Reference, event: ModalMean) -> ForceBalance:
@@ -69,9 +71,10 @@ def force_balance(reference: Reference, event: ModalMean) -> ForceBalance:
     data = compare(reference, event)
     model, shape = reference.calibration.model, reference.shape
     omega2 = (2 * np.pi * reference.frequency) ** 2
-    loss = _along(_strains(model, shape), _left_over(reference, data, event, "stiffness"), omega2)
-    added = _along(_motions(model, shape), _left_over(reference, data, event, "mass"), None)
-    return ForceBalance(loss=loss[0], loss_std=loss[1], added=added[0], added_std=added[1])
+    by_stiffness, less = _left_over(reference, data, event, "stiffness")
+    by_mass, more = _left_over(reference, data, event, "mass")
+    loss, added = _along(_strains(model, shape), by_stiffness, omega2), _along(_motions(model, shape), by_mass, None)
+    return ForceBalance(loss=loss[0], loss_std=loss[1], added=added[0], added_std=added[1], log_odds=more - less)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +87,10 @@ class _LeftOver:
     noise: FloatArray  #: (n_modes, n_sources) a factor of rho's covariance
 
 
-def _left_over(reference: Reference, data: Comparison, event: ModalMean, reading: Reading) -> list[_LeftOver]:
-    """Return the residual forces of every compared mode; how large the model's error is they choose together."""
+def _left_over(
+    reference: Reference, data: Comparison, event: ModalMean, reading: Reading
+) -> tuple[list[_LeftOver], float]:
+    """Return the residual forces of every compared mode, and the log evidence for the error's size that they choose."""
     before = reference.baseline.at(data.channels).only(data.tracks)
     now = event.at(data.channels).only(data.tracks)
     variance = np.nan_to_num(now.shape_std) ** 2 + before.shape_std**2
@@ -108,7 +113,8 @@ def _left_over(reference: Reference, data: Comparison, event: ModalMean, reading
         for n, paired in enumerate(data.paired)
     ]
     evidence = [sum(mode.log_evidence(size) for mode in modes) for size in _SIZES.tolist()]
-    return [mode.left_over(float(_SIZES[int(np.argmax(evidence))])) for mode in modes]
+    best = int(np.argmax(evidence))
+    return [mode.left_over(float(_SIZES[best])) for mode in modes], evidence[best]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -29,7 +29,7 @@ ComplexArray = npt.NDArray[np.complex128]
 _MOST = 1 << 16  # samples that are looked at
 _BELL = 1.5  # half-power bandwidths each way of a resonance that are looked at: farther off other modes speak
 _LINES = 2  # a channel, each way of a resonance at least: from fewer no spectral matrix is known
-_SHOWN = 60  # lines of the spectra about a resonance
+_SHOWN = 40  # lines of the spectra about a resonance
 _DAMPING = 0.005  # of a mode whose damping was not measured
 
 

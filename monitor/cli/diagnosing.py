@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from daq import LogError, Recording, load_recordings
+from monitor.beside import discrepancy_result
+from monitor.cli.diagnosis_shown import say
+from monitor.cli.drawing import draw, written
 from monitor.cli.files import write_json
-from monitor.diagnosing import Observation, explain_change, explain_model, observe, window_seconds
+from monitor.diagnosing import Observation, explain, observe, window_seconds
 from monitor.errors import ArgumentError
 from monitor.recordings import log_channels, log_duration
-from monitor.report import diagnosis_report
-from monitor.words import diagnosis_text, plain
+from monitor.trends_beside import trends_beside
 from oma import IdentificationError
 from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
 
@@ -45,14 +45,22 @@ def diagnose_command(
         assert after is not None  # there is at least one log
         status.update("weighing the causes ...")
         try:
-            if before:
-                found = explain_change(structure, before, after, heldout)
-            else:
-                found = explain_model(structure, after, heldout)
+            found = explain(structure, before, after, heldout)
         except ValueError as error:
             raise LogError(_named(logs.current), str(error)) from error
-    diagnosis = _write(found, structure_path, out, json_path, title=structure.name)
-    _say(diagnosis, logs)
+        status.update("setting measured beside simulated ...")
+        sample = (heldout or after).sample if out else None
+        beside = discrepancy_result(
+            found.reference, found.measured, found.explained.extended, sample, trends_beside(after)
+        )
+        diagnosis = _write(found.explained, structure_path, out, json_path)
+        if out:
+            draw(out, diagnosis, beside, found.reference.calibration.structure)
+    say(console, diagnosis, beside)
+    if out:
+        console.print(
+            "written: " + ", ".join(str(path) for path in written(out, diagnosis)), soft_wrap=True, markup=False
+        )
     return 0 if diagnosis.verdict in {"explained", "nothing_to_explain"} else 1
 
 
@@ -82,9 +90,7 @@ def _recordings(structure: Structure, paths: Sequence[Path], seconds: float) -> 
         yield from load_recordings(path, window_seconds=seconds, channels=channels)
 
 
-def _write(
-    found: Explained, structure_path: Path, out: Path | None, json_path: Path | None, *, title: str
-) -> Diagnosis:
+def _write(found: Explained, structure_path: Path, out: Path | None, json_path: Path | None) -> Diagnosis:
     """Write what is asked for; return the diagnosis with the path of the extended model in it."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
     try:
@@ -100,46 +106,4 @@ def _write(
         raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror}") from error
     for path in filter(None, (json_path, out and out / "diagnosis.json")):
         write_json(path, diagnosis.model_dump(mode="json"))
-    if out:
-        diagnosis_report(diagnosis, out / "report.html", title=title)
     return diagnosis
-
-
-def _say(diagnosis: Diagnosis, logs: Logs) -> None:
-    """Print verdict, evidence and gain."""
-    style = {"explained": "bold red", "nothing_to_explain": "bold green"}.get(diagnosis.verdict, "bold yellow")
-    console.print(f"[{style}]{escape(diagnosis_text(diagnosis))}[/]")
-    for cause in diagnosis.causes:
-        line = f"{plain(cause.cause)}: probability {cause.probability:.3f}"
-        if cause.cannot_be_told_from:
-            line += f"; cannot be told from {', '.join(map(plain, cause.cannot_be_told_from))}"
-        console.print(f"  {line}")
-    console.print(_modes(diagnosis))
-    if diagnosis.gain:
-        gain, where = diagnosis.gain, "held-out logs" if diagnosis.gain.heldout else "the same logs"
-        error, assurance = gain.frequency_error_percent, gain.one_minus_mac
-        console.print(
-            f"on {where}: frequency error {error.before:.3f} -> {error.after:.3f} %, "
-            f"1 - MAC {assurance.before:.2g} -> {assurance.after:.2g}"
-        )
-    for rejected in diagnosis.rejected:
-        console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
-    console.print(f"next: {diagnosis.next_measurement}")
-    if diagnosis.extended_model:
-        console.print(f"extended model: {diagnosis.extended_model}", soft_wrap=True)
-
-
-def _modes(diagnosis: Diagnosis) -> Table:
-    table = Table()
-    for name in ("mode", "measured [Hz]", "before [Hz]", "after [Hz]", "MAC before", "after"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for i, mode in enumerate(diagnosis.modes):
-        f, mac = mode.frequency, mode.mac
-        measured = f"{f.measured:.3f} ± {f.std:.3f}" if f.measured is not None else "-"
-        cells = (_cell(f.before, 3), _cell(f.after, 3), _cell(mac.before, 4), _cell(mac.after, 4))
-        table.add_row(str(i + 1), measured, *cells)
-    return table
-
-
-def _cell(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"

@@ -7,6 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from pydantic import ValidationError
 
 from monitor.describe import bare_reference
+from monitor.discrepancy import DiscrepancyResult
 from monitor.errors import ResultsError
 from monitor.logged import Run
 from monitor.report.content import diagnosis_content, run_content, versions
@@ -34,7 +35,14 @@ def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None
         _write(path, "run.html", run_content(run, diagnosis))
 
 
-def diagnosis_report(diagnosis: Diagnosis, path: Path, *, title: str, structure: Structure | None = None) -> None:
+def diagnosis_report(
+    diagnosis: Diagnosis,
+    path: Path,
+    *,
+    title: str,
+    structure: Structure | None = None,
+    found: DiscrepancyResult | None = None,
+) -> None:
     """Write the report of a diagnosis that stands alone; errors as for `run_report`.
 
     Parameters
@@ -43,9 +51,10 @@ def diagnosis_report(diagnosis: Diagnosis, path: Path, *, title: str, structure:
     path : of the page
     title : what was diagnosed: the structure's name
     structure : to draw the causes on
+    found : measured beside simulated, of the same structure
     """
     with styled():
-        content = diagnosis_content(diagnosis, bare_reference(structure) if structure else None)
+        content = diagnosis_content(diagnosis, bare_reference(structure) if structure else None, found)
         state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
         values = {"title": title, "state": state, "headline": content["text"], "diagnosis": content}
         _write(path, "diagnosis.html", values | {"versions": versions()})

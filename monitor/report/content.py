@@ -1,16 +1,17 @@
 """What the report says, section by section: plain values for the template, pictures among them."""
 
 import platform
-from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from monitor.discrepancy import DiscrepancyResult
 from monitor.logged import Run
 from monitor.report import fits, places, trends
-from monitor.report.svg import data_uri
+from monitor.report.evidence import evidence_figure
+from monitor.report.measured import measured_content
+from monitor.report.picture import Picture, optional, picture
 from monitor.results import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
 from monitor.words import (
@@ -30,19 +31,6 @@ from oma import mac_matrix
 from updater import Diagnosis, ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A figure of the page."""
-
-    address: str  #: inlined
-    text: str  #: what it shows, for who cannot see it
-
-
-def picture(figure: Figure | None, text: str) -> Picture | None:
-    """Return a figure as a picture of the page, None for none."""
-    return None if figure is None else Picture(data_uri(figure), text)
 
 
 def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
@@ -200,12 +188,16 @@ def _quality(run: Run) -> dict[str, Any]:
     }
 
 
-def diagnosis_content(diagnosis: Diagnosis, reference: ReferenceResult | None) -> dict[str, Any]:
+def diagnosis_content(
+    diagnosis: Diagnosis, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
+) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
     placed = fits.causes_figure(reference, diagnosis.causes) if reference else None
     return {
         "places": picture(placed, "The structure with the causes where they are"),
         "fits": picture(fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"),
+        "evidence": picture(evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
+        "measured": measured_content(found, reference) if found else None,
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),
         "causes": [
@@ -233,10 +225,10 @@ def _fit(number: int, mode: ModeFit) -> dict[str, str]:
     return {
         "number": str(number),
         "measured": measured or "not seen",
-        "before": _optional(frequency.before, ".3f"),
-        "after": _optional(frequency.after, ".3f"),
-        "mac_before": _optional(mac_pair.before, ".4f"),
-        "mac_after": _optional(mac_pair.after, ".4f"),
+        "before": optional(frequency.before, ".3f"),
+        "after": optional(frequency.after, ".3f"),
+        "mac_before": optional(mac_pair.before, ".4f"),
+        "mac_after": optional(mac_pair.after, ".4f"),
     }
 
 
@@ -251,9 +243,5 @@ def _gain(diagnosis: Diagnosis) -> dict[str, Any] | None:
     )
     return {
         "heldout": gain.heldout,
-        "rows": [(name, _optional(pair.before, form), _optional(pair.after, form)) for name, pair, form in rows],
+        "rows": [(name, optional(pair.before, form), optional(pair.after, form)) for name, pair, form in rows],
     }
-
-
-def _optional(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)

@@ -1,11 +1,14 @@
 """The structure on paper: a parallel projection of its members, and what is drawn over it."""
 
+from itertools import pairwise
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 
 from daq import FloatArray
+from monitor.discrepancy import PlaceDensity
 from monitor.geometry import Geometry, screen
 from monitor.report.svg import ADDED, INK, REGION, REMOVED, SENSOR, SOFT, WARN, bare
 from monitor.results import Interval, MassAnswer, MassIncrements, ReferenceResult, Vector
@@ -14,6 +17,7 @@ from monitor.unrolled import sigmas
 _SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye
 _AMPLITUDE = 0.16  # of the structure's size: the largest increment
 _HEAT = LinearSegmentedColormap.from_list("heat", ["#cc3340", "#f08a3c", "#f2c35c", "#c9d0d8"])
+_SIGNED = LinearSegmentedColormap.from_list("signed", [REMOVED, "#d5dae0", ADDED])
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 _LEADER = {"arrowstyle": "-", "color": INK, "linewidth": 0.7, "shrinkB": 4}
 _FAR = 6.0  # sigmas: from here on a place is drawn as cold
@@ -86,6 +90,52 @@ class Frame:
             ends = self.flat(np.array([stretch.start, stretch.end]))
             label = "95 % region" if number == 0 else None
             axes.plot(*ends.T, color=REGION, linewidth=9, alpha=0.8, zorder=2.5, label=label)
+
+    def draw_values(self, axes: Axes, values: FloatArray, what: str) -> None:
+        """Draw values (n_nodes,) along the members: red positive, blue negative, nothing where there is none.
+
+        Parameters
+        ----------
+        values : at each node
+        what : they are, for the scale
+        """
+        self.draw(axes)
+        largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
+        pairs = [pair for nodes in self.geometry.lines.values() for pair in pairwise(nodes.tolist())]
+        level = np.array([np.mean(values[list(pair)]) for pair in pairs])
+        known = np.flatnonzero(np.isfinite(level))
+        segments = [self.flat(self.geometry.nodes[list(pairs[i])]) for i in known]
+        heat = LineCollection(segments, cmap=_SIGNED, linewidths=7, zorder=3, capstyle="round")
+        heat.set_array(level[known])
+        heat.set_clim(-largest, largest)
+        axes.add_collection(heat)
+        bar = axes.figure.colorbar(heat, ax=axes, shrink=0.6, pad=0.02, aspect=22)
+        bar.set_label(what, fontsize=8)
+        bar.outline.set_visible(False)
+
+    def draw_density(self, axes: Axes, places: PlaceDensity) -> None:
+        """Draw a posterior along the members, each place's sigmas worse than the best."""
+        density = np.array(places.density)
+        share = np.maximum(density / density.max(), 1e-300)
+        far = np.minimum(np.sqrt(-2 * np.log(share)), _FAR)
+        at = self.flat(np.array(places.position))
+        pairs = [i for i in range(len(far) - 1) if places.member[i] == places.member[i + 1]]
+        heat = LineCollection([at[[i, i + 1]] for i in pairs], cmap=_HEAT, linewidths=7, zorder=3, capstyle="round")
+        heat.set_array(np.array([min(far[i], far[i + 1]) for i in pairs], float))
+        heat.set_clim(0.0, _FAR)
+        axes.add_collection(heat)
+        bar = axes.figure.colorbar(heat, ax=axes, shrink=0.6, pad=0.02, aspect=22)
+        bar.set_label("worse than the best place by [σ]", fontsize=7)
+        bar.ax.invert_yaxis()
+        bar.outline.set_visible(False)
+
+    def draw_note(self, axes: Axes, position: Vector, text: str) -> None:
+        """Mark a place with words beside it."""
+        x, y = self.flat(np.array(position))
+        axes.plot(x, y, "o", markersize=10, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.3, zorder=6)
+        axes.annotate(
+            text, (x, y), (22, -34), textcoords="offset points", fontsize=9, zorder=7, bbox=_PAPER, arrowprops=_LEADER
+        )
 
     def draw_increments(self, axes: Axes, values: FloatArray, scale: float) -> None:
         """Draw one direction's increments (n_nodes,) as a curve beside each member, red added, blue removed.

@@ -71,6 +71,7 @@ def test_a_softened_stretch_shows_where_it_is(seed: int) -> None:
     peak = int(np.nanargmax(found.loss))
     assert np.linalg.norm(nodes[peak] - (0, 0, start + 0.05)) < RESOLVED
     assert found.loss[peak] > 5 * found.loss_std[peak]
+    assert found.log_odds < -5  # 15 to 70 in a dozen of such
     assert found.loss[peak] < SOFTER  # an average over what can be resolved
 
 
@@ -82,6 +83,7 @@ def test_a_mass_shows_where_it_is(seed: int, x: float) -> None:
     peak = int(np.nanargmax(found.added))
     assert np.linalg.norm(nodes[peak] - (x, 0, 1.48)) < RESOLVED
     assert found.added[peak] > 5 * found.added_std[peak]
+    assert found.log_odds > 5  # 24 to 54 in a dozen of such
 
 
 def test_nothing_leaves_nothing_and_its_deviation_is_the_scatter() -> None:

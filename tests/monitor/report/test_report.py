@@ -74,7 +74,7 @@ def test_page_of_the_recorded_log_says_what_its_last_window_says(tmp_path: Path)
     first = next(w for w in run.story.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
     clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
     assert f"and {clock} UTC." in headline(page)
-    assert len(page.pictures) == 8
+    assert len(page.pictures) == 9
     assert all(device in page.words for device in ("col_037", "beam_right"))
 
 
@@ -84,7 +84,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 def test_page_needs_no_network_and_its_pictures_are_whole(page: Page) -> None:
-    assert len(page.pictures) == 8
+    assert len(page.pictures) == 9
     assert page.links
     for source in page.links:
         assert source.startswith(_SVG)
@@ -219,7 +219,7 @@ def test_diagnosis_stands_alone(tmp_path: Path) -> None:
     page = Page(tmp_path / "page.html")
     assert headline(page).startswith("Explained: 302 ± 5 g added on the crossbeam")
     assert "T <frame>" in page.words
-    assert len(page.pictures) == 2  # places and errors
+    assert len(page.pictures) == 3  # places, errors and evidence
     nothing = answers.diagnosis().model_copy(update={"verdict": "unexplained", "causes": (), "gain": None, "modes": ()})
     diagnosis_report(nothing, tmp_path / "page.html", title="T")
     assert headline(Page(tmp_path / "page.html")) == "Something has changed that no cause known here explains."

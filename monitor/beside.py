@@ -1,0 +1,213 @@
+"""Measured set beside simulated, before and after the causes are written into the model."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import resample
+
+from daq import FloatArray, Recording
+from monitor.discrepancy import BalanceResult, DiscrepancyResult, ModeBeside, SensorBeside, SignalBeside, TrendBeside
+from updater import (
+    Discrepancy,
+    ForceBalance,
+    ModalMean,
+    Reference,
+    Structure,
+    VirtualSensing,
+    as_before,
+    as_extended,
+    force_balance,
+    matched,
+    set_beside,
+    virtual_sensing,
+)
+
+_WORST = 3  # sensors whose signals are drawn
+_PERIODS = 12  # of a sensor's strongest frequency that are drawn
+_POINTS = 16  # a period
+_ALL = 1e9  # Hz
+
+
+def discrepancy_result(
+    reference: Reference,
+    measured: ModalMean,
+    extended: Structure | None,
+    recording: Recording | None = None,
+    trends: tuple[TrendBeside, ...] = (),
+) -> DiscrepancyResult:
+    """Return what is measured beside what is simulated.
+
+    Parameters
+    ----------
+    reference : that was diagnosed
+    measured : (n_modes,) all measured modes, in any order
+    extended : the reference's structure with the causes written in; None where nothing is explained
+    recording : signals to predict from each other, without the devices' delays; None to leave that out
+    trends : of the windows
+
+    Raises
+    ------
+    ModalDataError
+        If fewer than three modes or two channels can be compared.
+    """
+    expected = as_before(reference, float(np.exp(np.nanmax(measured.log_frequency))))
+    before = set_beside(expected, measured)
+    after = set_beside(as_extended(reference, extended, expected), measured) if extended else None
+    heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
+    return DiscrepancyResult(
+        modes=_modes(before, after),
+        rows=_plain(before.simulated),
+        columns=_plain(before.measured),
+        mac=tuple(_said(row) for row in before.mac),
+        sensors=_sensors(before, after, heard),
+        balance=_balance(force_balance(reference, matched(reference.baseline, measured))),
+        signals=_signals(*heard) if heard else (),
+        trends=trends,
+        note=note,
+    )
+
+
+Heard = tuple[VirtualSensing, VirtualSensing | None]
+
+
+def _heard(
+    reference: Reference, measured: ModalMean, extended: Structure | None, recording: Recording
+) -> tuple[Heard | None, str]:
+    """Return signals predicted without and with the causes, or why they cannot be."""
+    expected = as_before(reference, _ALL)
+    try:
+        first = virtual_sensing(recording, expected, measured)
+        if extended is None:
+            return (first, None), ""
+        return (first, virtual_sensing(recording, as_extended(reference, extended, expected), measured)), ""
+    except ValueError as error:
+        return None, f"sensors are not predicted from each other: {error}"
+
+
+def _plain(values: FloatArray) -> tuple[float, ...]:
+    return tuple(float(v) for v in values)
+
+
+def _said(values: FloatArray) -> tuple[float | None, ...]:
+    return tuple(_number(v) for v in values)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _modes(before: Discrepancy, after: Discrepancy | None) -> tuple[ModeBeside, ...]:
+    pairs = [_mode(before, after, i) for i in range(len(before.simulated))]
+    extra = before.extra if after is None else np.array([k for k in before.extra if k in after.extra], np.intp)
+    explained = [] if after is None else [_fresh(after, before, int(k)) for k in before.extra if k not in after.extra]
+    lone = [
+        ModeBeside(simulated=None, measured=float(before.measured[k]), off_percent=None, std_percent=None, mac=None)
+        for k in extra
+    ]
+    return (*pairs, *explained, *lone)
+
+
+def _mode(before: Discrepancy, after: Discrepancy | None, row: int) -> ModeBeside:
+    """Return a simulated mode with its partner, and how the partner fits the extended model."""
+    column = int(before.partner[row])
+    if column < 0:
+        return ModeBeside(
+            simulated=float(before.simulated[row]), measured=None, off_percent=None, std_percent=None, mac=None
+        )
+    off, mac = _fit(after, column) if after else (None, None)
+    return ModeBeside(
+        simulated=float(before.simulated[row]),
+        measured=float(before.measured[column]),
+        off_percent=100 * float(before.off[row]),
+        std_percent=100 * float(before.off_std[row]),
+        mac=_number(before.mac[row, column]),
+        off_percent_after=off,
+        mac_after=mac,
+    )
+
+
+def _fresh(after: Discrepancy, before: Discrepancy, column: int) -> ModeBeside:
+    """Return a measured mode that only the extended model has."""
+    off, mac = _fit(after, column)
+    frequency = float(before.measured[column])
+    return ModeBeside(
+        simulated=None, measured=frequency, off_percent=None, std_percent=None, mac=None,
+        off_percent_after=off, mac_after=mac,
+    )  # fmt: skip
+
+
+def _fit(after: Discrepancy, column: int) -> tuple[float | None, float | None]:
+    row = np.flatnonzero(after.partner == column)
+    if not len(row):
+        return None, None
+    return 100 * float(after.off[row[0]]), _number(after.mac[row[0], column])
+
+
+def _sensors(before: Discrepancy, after: Discrepancy | None, heard: Heard | None) -> tuple[SensorBeside, ...]:
+    missed: Mapping[str, dict[str, float]] = _missed(heard) if heard else {}
+    return tuple(
+        SensorBeside(
+            channel=channel,
+            comac=float(before.comac[i]),
+            residual=float(before.residual[i]),
+            noise=float(before.residual_std[i]),
+            comac_after=float(after.comac[i]) if after else None,
+            residual_after=float(after.residual[i]) if after else None,
+            **missed.get(channel, {}),
+        )
+        for i, channel in enumerate(before.channels)
+    )
+
+
+def _missed(heard: Heard) -> dict[str, dict[str, float]]:
+    before, after = heard
+    found = {
+        channel: {"missed": float(before.error[i]), "missed_least": float(before.expected[i])}
+        for i, channel in enumerate(before.channels)
+    }
+    if after:
+        for channel, error in zip(after.channels, after.error, strict=True):
+            found[channel]["missed_after"] = float(error)
+    return found
+
+
+def _balance(found: ForceBalance) -> BalanceResult:
+    return BalanceResult(
+        loss=_said(found.loss),
+        loss_std=_said(found.loss_std),
+        added=_said(found.added),
+        added_std=_said(found.added_std),
+        log_odds=found.log_odds,
+    )
+
+
+def _signals(before: VirtualSensing, after: VirtualSensing | None) -> tuple[SignalBeside, ...]:
+    """Return the sensors that are missed most beyond what must be missed."""
+    excess = np.sqrt(np.maximum(before.error**2 - before.expected**2, 0))
+    return tuple(_signal(before, after or before, int(c)) for c in np.argsort(-excess, kind="stable")[:_WORST])
+
+
+def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> SignalBeside:
+    """Return a few periods in the middle, drawn finely (they are limited to the band), and the spectra."""
+    strongest = float(before.frequency[np.nanargmax(before.spectrum[:, channel])])
+    n = min(max(16, round(_PERIODS / strongest * before.rate)), len(before.measured))
+    first = (len(before.measured) - n) // 2
+    over = max(1, round(_POINTS * strongest / before.rate))
+    whole = slice(max(0, first - n), min(len(before.measured), first + 2 * n))  # beyond its ends a part is not periodic
+    drawn = slice((first - whole.start) * over, (first - whole.start + n) * over)
+
+    def fine(values: FloatArray) -> tuple[float, ...]:
+        part = values[whole, channel]
+        return _plain(np.asarray(resample(part, over * len(part)))[drawn])
+
+    return SignalBeside(
+        channel=before.channels[channel],
+        start=first / before.rate,
+        step=1 / (before.rate * over),
+        measured=fine(before.measured),
+        predicted=fine(after.predicted),
+        frequency=_said(before.frequency),
+        spectrum=_said(before.spectrum[:, channel]),
+        missed=_said(before.missed[:, channel]),
+        missed_after=_said(after.missed[:, channel]),
+    )

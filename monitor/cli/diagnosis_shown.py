@@ -1,0 +1,96 @@
+"""A diagnosis in the terminal: the verdict first, then what it rests on."""
+
+from rich import box
+from rich.console import Console, RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from monitor.discrepancy import DiscrepancyResult, ModeBeside
+from monitor.words import cause_text, plain, share_text, verdict_text
+from updater import Cause, Diagnosis
+
+_STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
+_FAR = 3.0  # standard deviations from which a frequency is off
+_STANDS_OUT = 3.0  # times what noise leaves, from which a sensor is named
+_MOST = 6  # refused causes that are told one by one
+
+
+def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> None:
+    """Print verdict, causes, modes, what the explanation gains, and what to do next."""
+    console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
+    for cause in diagnosis.causes:
+        console.print(_cause(cause))
+    if diagnosis.next_measurement:
+        console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
+    console.print(_modes(found))
+    for line in (_sensor(found), _gain(diagnosis)):
+        if line:
+            console.print(escape(line))
+    _refused(console, diagnosis)
+    if diagnosis.extended_model:
+        console.print(f"extended model: {diagnosis.extended_model}", soft_wrap=True, markup=False)
+
+
+def _cause(cause: Cause) -> str:
+    line = f"  [bold]{escape(cause_text(cause))}[/] (probability {share_text(cause.probability)})"
+    if cause.cannot_be_told_from:
+        line += f"\n    cannot be told from {', '.join(map(plain, cause.cannot_be_told_from))}"
+    return line
+
+
+def _modes(found: DiscrepancyResult) -> RenderableType:
+    """Return the table of modes; frequencies off by more than three standard deviations stand out."""
+    after = any(m.off_percent_after is not None for m in found.modes)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with causes %", "MAC"] * after:
+        table.add_column(name, justify="right", no_wrap=True)
+    for mode in found.modes:
+        cells = [_or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not seen"), *_off(mode)]
+        cells += [_or(mode.off_percent_after, "+.3f"), _or(mode.mac_after, ".4f")] * after
+        table.add_row(*cells)
+    return table
+
+
+def _off(mode: ModeBeside) -> list[str]:
+    if mode.off_percent is None or not mode.std_percent:
+        return ["-", "-", "-"]
+    sigmas = mode.off_percent / mode.std_percent
+    style = ("[red]", "[/]") if abs(sigmas) > _FAR else ("", "")
+    return [f"{mode.off_percent:+.3f}", f"{style[0]}{sigmas:+.1f}{style[1]}", _or(mode.mac, ".4f")]
+
+
+def _or(value: float | None, form: str, missing: str = "-") -> str:
+    return missing if value is None else format(value, form)
+
+
+def _sensor(found: DiscrepancyResult) -> str:
+    """Name the sensor that lies farthest from the simulated shapes, if it stands out of the noise."""
+    worst = max(found.sensors, key=lambda s: s.residual / max(s.noise, 1e-12), default=None)
+    if worst is None or worst.residual < _STANDS_OUT * worst.noise:
+        return ""
+    after = "" if worst.residual_after is None else f", {100 * worst.residual_after:.1f} % with the causes"
+    return (
+        f"sensor farthest from the simulated shapes: {worst.channel}, {100 * worst.residual:.1f} % of a typical "
+        f"component{after} (noise leaves {100 * worst.noise:.1f} %)"
+    )
+
+
+def _gain(diagnosis: Diagnosis) -> str:
+    gain = diagnosis.gain
+    if gain is None:
+        return ""
+    error, assurance = gain.frequency_error_percent, gain.one_minus_mac
+    where = "held-out logs" if gain.heldout else "the same logs"
+    text = f"on {where}: frequency error {_or(error.before, '.3f')} -> {_or(error.after, '.3f')} %"
+    if assurance.before is None or assurance.after is None:
+        return text
+    return f"{text}, 1 - MAC {assurance.before:.2g} -> {assurance.after:.2g}"
+
+
+def _refused(console: Console, diagnosis: Diagnosis) -> None:
+    """Print the causes that were refused, the nearest first; the hopeless ones only by name."""
+    nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
+    for rejected in nearest[:_MOST]:
+        console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
+    if len(nearest) > _MOST:
+        console.print(f"  nor {', '.join(plain(r.cause) for r in nearest[_MOST:])}", style="dim")

@@ -1,0 +1,86 @@
+"""What the report says of measured beside simulated: plain values for the template, pictures among them."""
+
+from typing import Any
+
+from monitor.discrepancy import DiscrepancyResult, ModeBeside, SensorBeside
+from monitor.report import beside
+from monitor.report.evidence import density_figure
+from monitor.report.picture import optional, picture
+from monitor.results import ReferenceResult
+from monitor.words import number_text, plain
+
+_CLEAR = 5.0  # log evidence from which only one reading of the forces left over is shown
+
+
+def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:
+    """Return the template's values; what is drawn on the structure needs one."""
+    return {
+        "modes": [_mode(m) for m in found.modes],
+        "after": any(m.off_percent_after is not None for m in found.modes),
+        "offsets": picture(beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"),
+        "mac": picture(beside.mac_figure(found), "MAC of simulated with measured modes"),
+        "sensors": picture(beside.sensors_figure(found), "Residual, missed signal and COMAC of each sensor"),
+        "worst": _worst(found.sensors),
+        "balance": _balance(found, reference),
+        "signals": [
+            tuple(
+                picture(figure, f"{signal.channel}: {what}")
+                for figure, what in zip(beside.signal_figures(signal), ("signal in time", "spectrum"), strict=True)
+            )
+            for signal in found.signals
+        ],
+        "trends": [
+            picture(beside.trends_figure(found.trends, over), f"Frequencies over {over}")
+            for over in dict.fromkeys(t.over for t in found.trends)
+        ],
+        "places": [
+            picture(density_figure(reference, p), f"Where along the structure {plain(p.cause)} may be")
+            for p in found.places
+            if reference
+        ],
+        "note": found.note,
+    }
+
+
+def _mode(mode: ModeBeside) -> dict[str, str]:
+    row = {"simulated": optional(mode.simulated, ".3f"), "measured": optional(mode.measured, ".3f")}
+    row |= {"off": "", "sigmas": "", "mac": optional(mode.mac, ".4f"), "mac_after": optional(mode.mac_after, ".4f")}
+    row["off_after"] = optional(mode.off_percent_after, "+.3f")
+    if mode.off_percent is not None and mode.std_percent is not None:
+        row["off"] = number_text(mode.off_percent, mode.std_percent)
+        row["sigmas"] = f"{mode.off_percent / mode.std_percent:+.1f}"
+    if mode.measured is None:
+        row["measured"] = "not seen"
+    elif mode.simulated is None:
+        row["simulated"] = "none"
+    return row
+
+
+def _worst(sensors: tuple[SensorBeside, ...]) -> str:
+    """Say which sensor stands out, if one does: the residual that noise explains least."""
+    if not sensors:
+        return ""
+    worst = max(sensors, key=lambda s: s.residual / max(s.noise, 1e-12))
+    ratio = worst.residual / max(worst.noise, 1e-12)
+    if ratio < 3:
+        return "No sensor lies farther from the simulated shapes than three times what noise leaves."
+    text = (
+        f"{worst.channel} lies farthest from the simulated shapes: {100 * worst.residual:.1f} % of a typical component"
+    )
+    return f"{text}, {ratio:.1f} times what noise leaves."
+
+
+def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> list[dict[str, Any]]:
+    if found.balance is None or reference is None or len(found.balance.loss) != len(reference.nodes):
+        return []
+    readings = {"added": "as mass that is on top", "loss": "as stiffness that is lacking"}
+    if abs(found.balance.log_odds) > _CLEAR:  # one reading explains all modes together far better
+        readings.pop("loss" if found.balance.log_odds > 0 else "added")
+    parts = []
+    for reading, name in readings.items():
+        figure, text = beside.balance_figure(reference, found.balance, reading)
+        if figure is not None:
+            odds = f" (log evidence {abs(found.balance.log_odds):.0f} over the other reading)" * (len(readings) == 1)
+            title = f"Forces left over, read {name}{odds}: {text}"
+            parts.append({"picture": picture(figure, title), "text": title + "."})
+    return parts

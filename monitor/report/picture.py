@@ -1,0 +1,25 @@
+"""What every part of the report's content is made of: pictures, and numbers that may be missing."""
+
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from monitor.report.svg import data_uri
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure of the page."""
+
+    address: str  #: inlined
+    text: str  #: what it shows, for who cannot see it
+
+
+def picture(figure: Figure | None, text: str) -> Picture | None:
+    """Return a figure as a picture of the page, None for none."""
+    return None if figure is None else Picture(data_uri(figure), text)
+
+
+def optional(value: float | None, form: str) -> str:
+    """Return a number as text, a dash for none."""
+    return "–" if value is None else format(value, form)
