@@ -18,7 +18,6 @@ from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.fe.simulate import Ambient, AmbientResponse
 from updater.fit import Fit
-from updater.force_balance import ForceBalance, force_balance
 from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
 from updater.increments import Expansion, expand_changes, expand_shapes
@@ -30,6 +29,7 @@ from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference, learn_reference
+from updater.residual_forces import ForceBalance, force_balance
 from updater.section import Section
 from updater.sensitivity import Prior, SensitivityFit, fit_parameters
 from updater.sensor import Correction, Sensor
@@ -60,7 +60,7 @@ from updater.structure import (
 )
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
-from updater.virtual_sensing import VirtualSensing, virtual_sensing
+from updater.virtual_sensors import VirtualSensing, virtual_sensing
 
 __all__ = [
     "NOTHING_KNOWN",
