@@ -12,10 +12,15 @@ from sealed_specimen import State
 from monitor.diagnosing import Observation, explain_change, follow
 from monitor.fusion import Windows
 from oma import ModalEstimate, WindowQuality
-from updater import parse_structure, t_structure_toml
+from updater import Structure, parse_structure, t_structure_toml
 
 _RMS = 0.01  # m/s2, at a loudness of one
 FRAME, BAR = parse_structure(t_structure_toml()), parse_structure(SOLID_STRUCTURE)
+
+
+def structure_of(solid: bool) -> Structure:
+    """Return what the user believes to stand there."""
+    return BAR if solid else FRAME
 
 
 def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
@@ -23,7 +28,7 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     random = np.random.default_rng((case.seed, 6))
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     after, heldout = (_after(case, random, noise) for _ in range(2))
-    found = explain_change(BAR if case.cell.startswith("solid") else FRAME, before, after, heldout)
+    found = explain_change(structure_of(case.cell.startswith("solid")), before, after, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 

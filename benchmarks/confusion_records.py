@@ -1,0 +1,107 @@
+"""The confusion matrix of `diagnose` from accelerations: shaken, recorded, logged, identified, tracked, diagnosed.
+
+The draws are those of benchmarks/confusion.py, on specimens that several cells share (their record from before is one).
+Wind at eight places, an anti-alias filter, noise, quantization. A run goes on where the last one ended.
+
+Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/confusion_records.py [--draws N] [--seconds S ...]
+[--minutes M] [--seed S] [--cells CELL ...] [--file FILE], or make confusion-records
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from confusion_run import Task, known_cells, result_of, run
+from confusion_table import Result, tables
+from sealed_cases import Case, draw
+from sealed_path import structure_of
+from sealed_signals import joined, recorded
+from sealed_solid_draws import draw_bar
+from sealed_specimen import State, draw_state
+
+from daq import Recording, load_recordings, write_recording
+from monitor.diagnosing import Observation, explain_change, observe, window_seconds
+from oma import OmaError
+from updater import Structure
+from updater.errors import UpdaterError
+
+
+def observed(recording: Recording, structure: Structure) -> Observation:
+    """Write, read and identify, as `import` and `diagnose` do."""
+    seconds = len(recording.data) / recording.rate
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log.mcap"
+        write_recording(log, recording)
+        return observe(load_recordings(log, window_seconds=window_seconds(structure, seconds)))
+
+
+@lru_cache(maxsize=2)
+def usual(solid: bool, seed: int, seconds: float) -> Observation:
+    """Observe a specimen to which nothing has been done."""
+    state = draw_bar(seed) if solid else draw_state(seed)
+    return observed(recorded(state, seconds, np.random.default_rng((seed, 8))), structure_of(solid))
+
+
+def before(case: Case, solid: bool, seconds: float) -> Observation:
+    """Observe the specimen before; anew where it was not as it was drawn."""
+    drawn = draw_bar(case.seed) if solid else draw_state(case.seed)
+    if _same(case.done.before, drawn):
+        return usual(solid, case.seed, seconds)
+    return observed(recorded(case.done.before, seconds, np.random.default_rng((case.seed, 8))), structure_of(solid))
+
+
+def _same(one: State, other: State) -> bool:
+    return one.body == other.body and one.loudness == other.loudness
+
+
+def after(case: Case, seconds: float) -> Recording:
+    """Record what has become of it, one state after another where it does not stay the same."""
+    random = np.random.default_rng((case.seed, 9))
+    states = case.done.wandering or (case.done.after,)
+    return joined([recorded(state, seconds / len(states), random) for state in states])
+
+
+def judged(task: Task) -> Result:
+    """Draw, record, diagnose and score one case; the time is that of the diagnosis alone."""
+    cell, seed, length = task
+    seconds, solid, case = float(length.removesuffix(" s")), cell.startswith("solid"), draw(cell, seed)
+    start = time.process_time()
+    try:
+        observations = before(case, solid, seconds), observed(after(case, seconds), structure_of(solid))
+        start = time.process_time()
+        found = explain_change(structure_of(solid), *observations).diagnosis.model_dump(mode="json")
+    except (UpdaterError, OmaError) as error:
+        return result_of(case, length, str(error), time.process_time() - start)
+    return result_of(case, length, found, time.process_time() - start)
+
+
+def main() -> int:
+    """Run what is missing and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--draws", type=int, default=5, help="specimens")
+    parser.add_argument("--seconds", type=int, nargs="+", default=[120, 600], help="lengths of the records")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="after which to stop and report")
+    parser.add_argument("--seed", type=int, default=7000)
+    parser.add_argument("--cells", nargs="+", default=[c for c in known_cells() if c != "small"])
+    parser.add_argument("--file", type=Path, default=Path("confusion_records.jsonl"))
+    parser.add_argument("--processes", type=int, default=2)
+    given = parser.parse_args()
+    tasks = [
+        (cell, given.seed + draw, f"{seconds} s")
+        for seconds in given.seconds
+        for draw in range(given.draws)
+        for cell in given.cells
+    ]
+    chunk = -(-len(given.cells) // 2)
+    done = run(judged, tasks, given.file, minutes=given.minutes, processes=given.processes, chunk=chunk)
+    for seconds in given.seconds:
+        print(f"records of {seconds} s\n\n{tables([r for r in done if r.noise == f'{seconds} s'])}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
