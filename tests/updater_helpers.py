@@ -37,27 +37,33 @@ def true_model(random: np.random.Generator, body: Body | None = None) -> Model:
 
 
 def measure(
-    model: Model, random: np.random.Generator, gain: np.ndarray, *, noise: float = 1e-3, shape_noise: float = 3e-3
+    model: Model,
+    random: np.random.Generator,
+    gain: np.ndarray,
+    *,
+    noise: float = 1e-3,
+    shape_noise: float = 3e-3,
+    n_modes: int = 8,
 ) -> ModalEstimate:
     """Modes as identification would give them: relative noise of frequency falls with sqrt(f), as the law says.
 
     Damping and the shapes' imaginary parts, which are noise alone, have draws of their own.
     """
-    modes = model.modes(8)
+    modes = model.modes(n_modes)
     shape = (model.sensor_rows @ modes.shape).T * gain
     shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
     std = noise * np.sqrt(10 / modes.frequency)
     own = random.spawn(1)[0]
     return ModalEstimate(
         channels=model.structure.channels,
-        frequency=modes.frequency * (1 + std * random.standard_normal(8)),
+        frequency=modes.frequency * (1 + std * random.standard_normal(n_modes)),
         frequency_std=std * modes.frequency,
-        damping=0.004 * (1 + 0.1 * own.standard_normal(8)),
-        damping_std=np.full(8, 0.0004),
+        damping=0.004 * (1 + 0.1 * own.standard_normal(n_modes)),
+        damping_std=np.full(n_modes, 0.0004),
         shape=shape + shape_noise * (random.standard_normal(shape.shape) + 1j * own.standard_normal(shape.shape)),
         shape_std=np.full(shape.shape, shape_noise),
-        support=np.ones(8),
-        law_ratio=np.ones(8),
+        support=np.ones(n_modes),
+        law_ratio=np.ones(n_modes),
         start=0,
         end=60_000_000_000,
     )

@@ -25,6 +25,7 @@ BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
 _LEAST_GAP = 1e-6  # of squared frequencies
+_FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
 _SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
@@ -46,6 +47,20 @@ class Prediction:
     shape: FloatArray  #: (n_alternatives, n, n_channels) of any norm and sign
     lag: FloatArray  #: (n_alternatives, n, n_channels) the shape's imaginary part where the real one has unit norm
     log_damping: FloatArray  #: (n_alternatives, n) of damping to the baseline's
+    new_frequency: FloatArray  #: (n_alternatives, n_new) of modes that came with something [Hz]
+    new_shape: FloatArray  #: (n_alternatives, n_new, n_channels) of any norm and sign
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NewModes:
+    """Modes now that the baseline has not."""
+
+    log_frequency: FloatArray  #: (n_extra,) [ln Hz]
+    log_frequency_std: FloatArray  #: (n_extra,)
+    damping: FloatArray  #: (n_extra,) [-], NaN where it is not known
+    damping_std: FloatArray  #: (n_extra,)
+    shape: FloatArray  #: (n_extra, n_channels) unit norm
+    weight: FloatArray  #: (n_extra, n_channels) one over the standard deviation, model error included
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,6 +92,14 @@ class Comparison:
     across: FloatArray  #: (2 n_channels, n_modes) of them along the two axes across each channel, first axes first
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
+    new: NewModes | None = None  #: of the circumstances, at the channels
+
+    def freedom_of_new(self, n_new: int) -> float:
+        """Return how many data new modes are, to a hypothesis that says there are `n_new`."""
+        if self.new is None:
+            return 0.0
+        n_extra, n_channels = (int(n) for n in self.new.shape.shape)
+        return min(n_new, n_extra) * (1 + (n_channels - 1) / self.overdispersion)
 
     @property
     def freedom(self) -> float:
@@ -167,6 +190,26 @@ def compare(
         across=reference.across_channels(channels),
         frequency=reference.frequency,
         circumstances=circumstances,
+        new=_new_modes(circumstances.extra, channels, overdispersion),
+    )
+
+
+def _new_modes(extra: ModalMean | None, channels: tuple[str, ...], overdispersion: float) -> NewModes | None:
+    """Return those whose shape is known at the channels."""
+    if extra is None:
+        return None
+    extra = extra.at(channels)
+    extra = extra.only(np.flatnonzero(np.isfinite(extra.shape + extra.shape_std).all(1)))
+    if not len(extra.log_frequency):
+        return None
+    variance = overdispersion * extra.shape_std**2 + _SHAPE_BIAS**2 + _MODEL_ERROR**2 / len(channels)
+    return NewModes(
+        log_frequency=extra.log_frequency,
+        log_frequency_std=np.hypot(extra.log_frequency_std, _FREQUENCY_BIAS),
+        damping=extra.damping,
+        damping_std=extra.damping_std,
+        shape=extra.shape,
+        weight=variance**-0.5,
     )
 
 
@@ -298,4 +341,24 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
         blocks.append(np.einsum("icd,pid->pic", comparison.lag_whitener, late).reshape(n, -1))
     if comparison.damping_weight.any():
         blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
+    if comparison.new is not None:
+        blocks.append(_off_new(comparison.new, predicted))
     return np.concatenate(blocks, axis=1)
+
+
+def _off_new(new: NewModes, predicted: Prediction) -> FloatArray:
+    """Return whitened residuals (p, n_extra (1 + n_channels)) of new modes, each from the nearest that is predicted.
+
+    A mode that nothing predicts is nobody's: zeros. What predicts it says in its evidence what that is worth.
+    """
+    n_alternatives, n_new = predicted.new_frequency.shape
+    off = np.zeros((n_alternatives, len(new.shape), 1 + new.shape.shape[1]))
+    every = np.arange(n_alternatives)
+    for k in range(n_new):
+        away = new.log_frequency - np.log(predicted.new_frequency[:, k, None])
+        nearest = np.argmin(np.abs(away), axis=1)
+        off[every, nearest, 0] = away[every, nearest] / new.log_frequency_std[nearest]
+        shape = predicted.new_shape[:, k]
+        moves = np.linalg.norm(shape, axis=1, keepdims=True) > 0  # not what hangs on a foot
+        off[every, nearest, 1:] = beside(new.shape[nearest], np.where(moves, shape, 1.0)) * new.weight[nearest]
+    return off.reshape(n_alternatives, -1)

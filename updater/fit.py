@@ -190,6 +190,7 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
         slope[alive] = _slope(comparison, hypotheses, point, alive)
     covariance: FloatArray = np.linalg.inv(_normal(slope)).astype(np.float64)
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
+    of_new = comparison.freedom_of_new(point.effect.own.shape[1])
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
     return Fit(
         hypotheses=hypotheses,
@@ -197,7 +198,7 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
         covariance=covariance,
         chi_square=point.cost,
         log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
-        freedom=max(comparison.freedom - len(hypotheses.prior_std), 1.0),
+        freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
     )
 
 
@@ -265,7 +266,9 @@ def _slope(
         h, theta = steps[k], point.theta[rows]
         theta[:, k] += h
         effect = hypotheses.effect(theta, rows)
-        d_value, d_vector = derivative(changed, effect.mass - old.mass, effect.flexibility - old.flexibility)
+        d_value, d_vector = derivative(
+            changed, effect.whole_mass - old.whole_mass, effect.whole_flexibility - old.whole_flexibility
+        )
         moved = _residual(comparison, hypotheses, theta, value + d_value, vector + d_vector, effect)
         columns.append((moved - point.residual[rows]) / h)
     return np.stack(columns, axis=2) if columns else np.zeros((*point.residual[rows].shape, 0))

@@ -3,6 +3,9 @@
 In mass-normalised modes B of frequencies omega a structural change is one of modal mass, M' = I + dM, and of modal
 flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. Its derivatives follow from the same
 eigenvectors, so that a step of Gauss-Newton costs one decomposition an alternative.
+
+What hangs on the structure by a spring of its own appends a degree of freedom: its motion beside the structure's, with
+unit mass, a flexibility 1 / omega_o^2 and a coupling in the mass matrix.
 """
 
 from dataclasses import dataclass, fields
@@ -12,6 +15,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.comparison import Comparison, Prediction
 
+_SPLIT = 0.05  # of a compared mode, that is what hangs on the structure: then either of two modes may be meant
 _LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
 
@@ -26,6 +30,18 @@ class Effect:
     chain: FloatArray
     lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
     log_damping: FloatArray  #: (n_alternatives, n or 1) of the compared modes' damping to the baseline's
+    coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
+    own: FloatArray  #: (n_alternatives, n_own) their flexibility 1/omega_o^2 [s2]
+
+    @property
+    def whole_mass(self) -> FloatArray:
+        """Change of mass (n_alternatives, n_modes + n_own, same), over unit mass."""
+        return _bordered(self.mass, self.coupling, np.zeros(self.own.shape))
+
+    @property
+    def whole_flexibility(self) -> FloatArray:
+        """Change of flexibility (n_alternatives, n_modes + n_own, same), over that of the modes [s2]."""
+        return _bordered(self.flexibility, np.zeros(self.coupling.shape), self.own)
 
     def rows(self, rows: IndexArray) -> "Effect":
         """Return some alternatives."""
@@ -47,7 +63,17 @@ class Effect:
             chain=chain,
             lag=(share @ self.lag[:, :, None])[:, :, 0] + other.lag,
             log_damping=self.log_damping + other.log_damping,
+            coupling=np.concatenate([self.coupling, other.coupling], axis=2),
+            own=np.concatenate([self.own, other.own], axis=1),
         )
+
+
+def _bordered(matrix: FloatArray, border: FloatArray, corner: FloatArray) -> FloatArray:
+    """Return matrices (p, n, n) bordered by (p, n, k) on both sides, with a diagonal (p, k) in the corner."""
+    if not corner.shape[1]:
+        return matrix
+    lower = np.concatenate([border.transpose(0, 2, 1), corner[:, :, None] * np.eye(corner.shape[1])], axis=2)
+    return np.concatenate([np.concatenate([matrix, border], axis=2), lower], axis=1)
 
 
 def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
@@ -59,6 +85,8 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
         chain=np.tile(np.eye(n_channels, 3 * n_channels), (n_alternatives, 1, 1)),
         lag=np.zeros((n_alternatives, n_channels)),
         log_damping=np.zeros((n_alternatives, len(comparison.paired))),
+        coupling=np.zeros((n_alternatives, n_modes, 0)),
+        own=np.zeros((n_alternatives, 0)),
     )
 
 
@@ -66,10 +94,10 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
 class Changed:
     """The changed structure's modes, those that answer to the compared ones first among equals."""
 
-    value: FloatArray  #: (n_alternatives, n_modes) 1/omega'^2 [s2]
-    vector: FloatArray  #: (n_alternatives, n_modes, n_modes) in the reference's modes, columns mass-normalised
-    weighed: FloatArray  #: (n_alternatives, n_modes, n_modes) M' times the vectors
-    pick: IndexArray  #: (n_alternatives, n) column of each compared mode
+    value: FloatArray  #: (n_alternatives, n_all) 1/omega'^2, n_all = n_modes + n_own [s2]
+    vector: FloatArray  #: (n_alternatives, n_all, n_all) in the reference's modes, columns mass-normalised
+    weighed: FloatArray  #: (n_alternatives, n_all, n_all) M' times the vectors
+    pick: IndexArray  #: (n_alternatives, n + n_own) column of each compared mode, then of those that came with `own`
 
     def rows(self, rows: IndexArray) -> "Changed":
         """Return some alternatives."""
@@ -85,8 +113,37 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
     value = np.maximum(value, _LEAST * value[:, -1:])
     share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
     pick = np.argmax(share[:, comparison.paired, :], axis=2)
+    if effect.own.shape[1]:
+        pick = _with_own(comparison, pick, share, value)
     scale = np.sqrt(value)[:, None, :]
     return Changed(value, vector / scale, weighed * scale, pick)
+
+
+def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:
+    """Append the modes that came with what hangs on the structure: most of it, and no successor of a compared one.
+
+    Where it splits a mode in two that are half its own each, the order of what is measured says which is which.
+    """
+    every = np.arange(len(pick))
+    for own in range(len(comparison.frequency), share.shape[1]):
+        left = share[:, own, :].copy()
+        np.put_along_axis(left, pick, -1.0, axis=1)
+        column = np.argmax(left, axis=1)
+        split = np.argmax(np.take_along_axis(share[:, own, :], pick[:, : len(comparison.paired)], axis=1), axis=1)
+        other = pick[every, split]
+        mixed = share[every, own, other] > _SPLIT
+        new = _nearest_extra(comparison, value[every, column] ** -0.5 / (2 * np.pi))
+        now = (comparison.frequency[comparison.paired] * np.exp(comparison.log_ratio))[split]
+        wrong = mixed & ((new < now) != (value[every, column] > value[every, other]))
+        pick = np.column_stack([pick, np.where(wrong, other, column)])
+        pick[wrong, split[wrong]] = column[wrong]
+    return pick
+
+
+def _nearest_extra(comparison: Comparison, frequency: FloatArray) -> FloatArray:
+    """Return the frequency of the nearest mode that the baseline has not (n,) [Hz]; the same where there is none."""
+    extra = comparison.extra_frequency
+    return extra[np.argmin(np.abs(np.log(extra / frequency[:, None])), axis=1)] if len(extra) else frequency
 
 
 def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -95,12 +152,13 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
     By the root of F', not of M': more mass may be taken off than the modes can hold.
     """
     plain = (2 * np.pi * comparison.frequency) ** -2.0
-    mass = np.eye(len(plain)) + effect.mass
-    if not effect.flexibility.any():  # its root is diagonal
+    plain = np.append(plain, np.zeros(effect.own.shape[1]))
+    mass = np.eye(len(plain)) + effect.whole_mass
+    if not effect.flexibility.any() and not effect.own.shape[1]:  # its root is diagonal
         factor = np.sqrt(plain)
         value, unit = np.linalg.eigh(factor[:, None] * mass * factor)
         return value, factor[:, None] * unit, unit / factor[:, None]
-    root = np.linalg.cholesky(np.diag(plain) + effect.flexibility)
+    root = np.linalg.cholesky(np.diag(plain) + effect.whole_flexibility)
     value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
     return value, root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
 
@@ -113,10 +171,14 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
 
     Parameters
     ----------
-    value : (n_alternatives, n) 1/omega'^2 of the compared modes [s2]
-    vector : (n_alternatives, n_modes, n) theirs
+    value : (n_alternatives, n + n_own) 1/omega'^2 of the compared modes and of those that came with the effect [s2]
+    vector : (n_alternatives, n_modes + n_own, n + n_own) theirs
     effect : (n_alternatives,) of which chain, lag and damping enter here
     """
+    n_compared, n_modes = len(comparison.paired), len(comparison.frequency)
+    new = np.einsum("cr,pri->pic", comparison.at_channels, vector[:, :n_modes, n_compared:])
+    new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
+    value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
     shape = np.einsum("cr,pri->pic", comparison.at_channels, vector)
     along = (shape * comparison.model_base).sum(-1, keepdims=True)
@@ -130,7 +192,14 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     log_ratio = -0.5 * np.log(np.maximum(value / old, _LEAST))
     frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
     shape, lag = _heard(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
-    return Prediction(log_ratio, shape, lag, np.broadcast_to(effect.log_damping, log_ratio.shape))
+    return Prediction(
+        log_ratio=log_ratio,
+        shape=shape,
+        lag=lag,
+        log_damping=np.broadcast_to(effect.log_damping, log_ratio.shape),
+        new_frequency=new_frequency,
+        new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
+    )
 
 
 def _heard(
@@ -153,20 +222,20 @@ def _heard(
 
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
-    """Return value (n_alternatives, n) and vector (n_alternatives, n_modes, n) of the compared modes."""
+    """Return value (n_alternatives, n + n_own) and vector (n_alternatives, n_all, n + n_own) of the modes picked."""
     value = np.take_along_axis(changed.value, changed.pick, axis=1)
     return value, np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
 
 
 def derivative(changed: Changed, mass: FloatArray, flexibility: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return d value (n_alternatives, n) and d vector (n_alternatives, n_modes, n) of the compared modes.
+    """Return d value (n_alternatives, n + n_own) and d vector (n_alternatives, n_all, n + n_own) of the modes picked.
 
     With left vectors M' x: d mu_i = (M' x_i)^T dF (M' x_i) + mu_i x_i^T dM x_i, and the component of d x_i along
     x_k is ((M' x_k)^T dF (M' x_i) + mu_k x_k^T dM x_i) / (mu_i - mu_k).
 
     Parameters
     ----------
-    mass, flexibility : (n_alternatives, n_modes, n_modes) derivatives dM, dF
+    mass, flexibility : (n_alternatives, n_all, n_all) derivatives dM, dF
     """
     x = np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
     by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ x)  # (p, k, i)

@@ -28,7 +28,8 @@ def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
     """Return what one alternative, chosen causes together, predicts; of none, the baseline."""
     if not chosen:
         nothing = np.zeros((1, len(data.log_ratio)))
-        return Prediction(nothing, data.base[None], data.base_lag[None], nothing)
+        nobody = np.empty((1, 0, data.base.shape[1]))
+        return Prediction(nothing, data.base[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
     together = Beside(chosen[0].cause, tuple(chosen[1:]))
     theta = np.concatenate([c.theta for c in chosen])[None]
     effect = together.effect(theta, np.array([chosen[0].row]))
@@ -63,9 +64,12 @@ def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tup
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
+    predicted = [prediction(data, c.chosen) for c in (one, other)]
+    if data.new is not None and len({p.new_frequency.shape[1] for p in predicted}) > 1:
+        return False  # one of them knows where the new mode is from
     both = all(any(part.cause.drifting for part in c.chosen) for c in (one, other))
     whitener = data.drifting if both else data.plain
-    first, second = (residual(data, prediction(data, c.chosen), whitener) for c in (one, other))
+    first, second = (residual(data, p, whitener) for p in predicted)
     return bool(((first - second) ** 2).sum() < _SEPARATE)
 
 

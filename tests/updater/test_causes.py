@@ -1,5 +1,6 @@
 """One contract for all causes: what one predicts in the reference's modes, its extended structure does in full."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,9 @@ def compared() -> tuple[Reference, Comparison]:
         spread=0.1,
         excess=0.1,
     )
-    data = compare(reference, reference.mean_of(event), circumstances=Circumstances(trend=trend))
+    seen = reference.mean_of(event)
+    extra = replace(seen.only(TRACK[2:3]), log_frequency=np.log([25.0]))  # of the third mode's shape, far below it
+    data = compare(reference, seen, circumstances=Circumstances(trend=trend, extra=extra))
     return reference, Comparison(**(vars(data) | {"base": data.model_base, "base_lag": np.zeros(data.base.shape)}))
 
 
@@ -85,8 +88,9 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     # a mode's own phase is no one's: turned so that the imaginary part is least, as an estimate's is
     late = late * np.exp(-0.5j * np.angle((late**2).sum(1)))[:, None]
     expected, lag = late.real, late.imag
-    found = data.frequency[data.paired] * np.exp(log_ratio[0])
-    unit = shape[0] / np.linalg.norm(shape[0], axis=1, keepdims=True)
+    found = np.append(data.frequency[data.paired] * np.exp(log_ratio[0]), predicted.new_frequency[0])
+    both = np.concatenate([shape[0], predicted.new_shape[0]])
+    unit = both / np.linalg.norm(both, axis=1, keepdims=True)
     size = np.maximum(np.linalg.norm(expected, axis=1, keepdims=True), 1e-12)
     expected, lag = expected / size, lag / size
     partner = [
@@ -96,7 +100,7 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     np.testing.assert_allclose(found, frequency[partner], rtol=3e-4)
     sign = np.sign((unit * expected[partner]).sum(1, keepdims=True))
     np.testing.assert_allclose(unit, sign * expected[partner], atol=2e-3)
-    np.testing.assert_allclose(predicted.lag[0], sign * lag[partner], atol=2e-3)
+    np.testing.assert_allclose(predicted.lag[0], (sign * lag[partner])[: len(predicted.lag[0])], atol=2e-3)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -106,7 +110,8 @@ def test_alternatives_share_the_prior_and_their_fit_says_where_and_what(
     reference, data = compared
     cause = CATALOGUE[name](reference, data)
     assert cause is not None
-    assert np.exp(cause.log_prior).sum() == pytest.approx(1)
+    some = name == "attached_oscillator"  # of its places only the likely ones are fitted
+    assert np.exp(cause.log_prior).sum() < 1 if some else np.exp(cause.log_prior).sum() == pytest.approx(1)
     found: Any = fit(data, cause)
     assert found.probability.sum() == pytest.approx(1)
     where, parameters = found.hypotheses.where(found), found.hypotheses.parameters(found)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from updater.causes.added_mass import propose_added_mass
 from updater.causes.amplitude_softening import propose_amplitude_softening
+from updater.causes.attached_oscillator import propose_attached_oscillator
 from updater.causes.axial_force import propose_axial_force
 from updater.causes.base import Cause, Propose
 from updater.causes.damping_change import propose_damping_change
@@ -31,6 +32,7 @@ _OWN: dict[str, Propose[Cause]] = {
     "distributed_mass": propose_distributed_mass,
     "axial_force": propose_axial_force,
     "support_spring": propose_support_spring,
+    "attached_oscillator": propose_attached_oscillator,
     "damping_change": propose_damping_change,
     "amplitude_softening": propose_amplitude_softening,
     "support_stiffness": propose_support_stiffness,

@@ -1,0 +1,120 @@
+"""Bodies hung on springs from a frame of another model: a new mode, and what it says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import sparse
+from updater_helpers import measure, t_frame, true_model
+
+from updater import (
+    Circumstances,
+    Explained,
+    ModalMean,
+    Model,
+    Reference,
+    build_model,
+    diagnose,
+    learn_reference,
+    match_modes,
+    matched,
+    stack_tracks,
+)
+
+GAIN = np.ones(12)
+
+
+@pytest.fixture(scope="module")
+def learnt() -> tuple[Reference, Model]:
+    random = np.random.default_rng(851)
+    bare = true_model(np.random.default_rng(852))
+    return learn_reference(t_frame(), [measure(bare, random, GAIN) for _ in range(8)], [np.arange(8)] * 8), bare
+
+
+def hung(model: Model, at: tuple[float, float, float], axis: int, mass: float, frequency: float) -> Model:
+    """Append a particle that moves absolutely along one axis on its spring, and with the frame along the others."""
+    rows = model.read(np.array(at))[:3]
+    spring = mass * (2 * np.pi * frequency) ** 2
+    n = model.n_dofs
+    pull = np.append(rows[axis], -1.0)
+    ride = [sparse.csc_array(np.outer(np.append(r, 0.0), np.append(r, 0.0))) for i, r in enumerate(rows) if i != axis]
+    own = sparse.csc_array(([mass], ([n], [n])), shape=(n + 1, n + 1))
+    grown = [sparse.block_diag([matrix, sparse.csc_array((1, 1))]) for matrix in (model.stiffness, model.mass)]
+    stiffness = grown[0] + spring * sparse.csc_array(np.outer(pull, pull))
+    return replace(
+        model,
+        stiffness=sparse.csc_array(stiffness),
+        mass=sparse.csc_array(grown[1] + own + mass * (ride[0] + ride[1])),
+    )
+
+
+def event_of(reference: Reference, model: Model, seed: int, n_modes: int = 9) -> tuple[ModalMean, Circumstances]:
+    print(f"seed {seed}")
+    random = np.random.default_rng(seed)
+    windows = [measure(model, random, GAIN, n_modes=n_modes) for _ in range(5)]
+    event = reference.mean_of(stack_tracks(windows, [np.arange(n_modes)] * 5))
+    extra = np.setdiff1d(np.arange(n_modes), match_modes(reference.baseline, event))
+    known = Circumstances(extra=event.only(extra) if len(extra) else None)
+    return matched(reference.baseline, event), known
+
+
+def explained(learnt: tuple[Reference, Model], model: Model, seed: int, n_modes: int = 9) -> Explained:
+    event, known = event_of(learnt[0], model, seed, n_modes)
+    return diagnose(learnt[0], event, circumstances=known)
+
+
+@pytest.mark.parametrize(
+    ("seed", "at", "axis", "mass", "frequency"),
+    [
+        (861, (0.0, 0.0, 1.1), 0, 0.15, 24.0),
+        (862, (0.0, 0.0, 0.9), 1, 0.06, 55.0),
+        (863, (-0.27, 0.0, 1.48), 2, 0.25, 30.0),
+        (864, (0.31, 0.0, 1.48), 1, 0.1, 110.0),
+        (865, (0.0, 0.0, 1.25), 0, 0.05, 10.9),  # beside the first mode, which it splits
+    ],
+)
+def test_what_hangs_on_is_placed_weighed_and_tuned(
+    learnt: tuple[Reference, Model], seed: int, at: tuple[float, float, float], axis: int, mass: float, frequency: float
+) -> None:
+    found = explained(learnt, hung(learnt[1], at, axis, mass, frequency), seed)
+    diagnosis = found.diagnosis
+    assert (diagnosis.verdict, [c.cause for c in diagnosis.causes]) == ("explained", ["attached_oscillator"])
+    (cause,) = diagnosis.causes
+    assert cause.where is not None
+    assert cause.where.position is not None
+    assert cause.where.position_std is not None
+    assert np.linalg.norm(np.subtract(cause.where.position, at)) < max(0.015, 4 * cause.where.position_std)
+    assert abs(cause.parameters["mass"].value - mass) < 4 * cause.parameters["mass"].std
+    assert cause.parameters["frequency"].value == pytest.approx(frequency, rel=2e-3)
+    assert abs(cause.parameters["damping"].value - 0.004) < 4 * cause.parameters["damping"].std
+    assert found.extended is not None
+    (written,) = found.extended.oscillator
+    assert abs(written.direction[axis]) == pytest.approx(1)
+    extended = build_model(found.extended, shear_flexible=True, mass="consistent").modes(4).frequency
+    true = hung(learnt[1], at, axis, mass, frequency).modes(4).frequency
+    np.testing.assert_allclose(extended, true, rtol=5e-3)
+
+
+@pytest.mark.parametrize("seed", range(871, 875))
+def test_a_mode_of_any_shape_is_nobodys(learnt: tuple[Reference, Model], seed: int) -> None:
+    """Something that identification took for a mode: at a random frequency, of a random shape."""
+    reference, bare = learnt
+    event, _ = event_of(reference, bare, seed, 8)
+    random = np.random.default_rng((seed, 1))
+    shape = random.standard_normal((1, 12))
+    stray = replace(
+        event.only(np.array([2])),
+        log_frequency=np.log(random.uniform(15.0, 140.0, 1)),
+        shape=shape / np.linalg.norm(shape),
+    )
+    diagnosis = diagnose(reference, event, circumstances=Circumstances(extra=stray)).diagnosis
+    assert diagnosis.verdict == "nothing_to_explain"
+
+
+def test_a_mode_that_was_not_seen_before_is_nothing_new(learnt: tuple[Reference, Model]) -> None:
+    """The ninth of the frame, which the baseline lacks and the reference's model has."""
+    event, known = event_of(learnt[0], learnt[1], 881, 9)
+    assert known.extra is not None
+    diagnosis = diagnose(learnt[0], event, circumstances=known).diagnosis
+    assert diagnosis.verdict == "nothing_to_explain"
+    assert "attached_oscillator" not in {r.cause for r in diagnosis.rejected}
