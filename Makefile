@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes confusion confusion-records localization localization-records rivals several bench weimar tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes confusion confusion-records localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -83,6 +83,11 @@ tracking: $(VENV)/.done
 # Set-ups of a measured steel frame merged: the tables of docs/weimar.md; `make weimar DATA=folder`, a second.
 weimar: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/weimar.py $(DATA)
+
+# Two measured structures and what their simulations get wrong: the tables of docs/beam_six_masses.md and docs/soton.md
+# with their pictures; `make real DATA=folder above beam-six-masses and soton-3storey-frf`, a minute.
+real: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/six_masses.py $(DATA)/beam-six-masses docs/beam_six_masses.png
 
 # FDD, EFDD, FSDD and pLSCF beside pyOMA2's and the smallest possible errors: the tables in docs/oma.md, half an hour.
 oma-frequency: $(VENV)/.done
