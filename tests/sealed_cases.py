@@ -8,7 +8,7 @@ import sealed_chain as chain
 import sealed_draws as draws
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2, ncx2
-from sealed_draws import Do, Done
+from sealed_draws import Do, Done, Hidden
 from sealed_frame import Zone
 from sealed_outside import OUTSIDE
 from sealed_signals import N_MODES, WINDOW, modal_std
@@ -60,6 +60,7 @@ _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be t
 _TOGETHER = 3.0  # components of a shape that err as one
 _LEVEL, _POWER = 0.01, 0.99
 _HARDLY = 0.03
+_DISTINCT = 0.4  # m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +153,15 @@ def _both(first: Do, second: Do, state: State, random: Random, noise: str) -> Do
     while True:
         one = _large(first, state, random, noise)
         two = _large(second, one.after, random, noise)
-        if one.before is state and two.before is one.after:
+        if one.before is state and two.before is one.after and _apart(one.hidden[0], two.hidden[0]):
             return Done(state, two.after, one.hidden + two.hidden)
+
+
+def _apart(one: Hidden, two: Hidden) -> bool:
+    """Two masses side by side are one, or one that is spread."""
+    if one.cause != two.cause or one.position is None or two.position is None:
+        return True
+    return float(np.linalg.norm(np.subtract(one.position, two.position))) > _DISTINCT
 
 
 def _drawn(one: Callable[[], Done], wanted: Callable[[float], bool], noise: str) -> Done:
@@ -201,7 +209,7 @@ def detection_power(done: Done, noise: str = "law") -> float:
 def _heard(state: State, n_modes: int) -> FloatArray:
     """Complex unit shapes (n_modes, n_channels), delays included."""
     frequency, shape = state.claimed_frequency(n_modes), state.claimed_shape(n_modes)
-    turned = shape * np.exp(-2j * np.pi * frequency[:, None] * state.delay)
+    turned = shape * np.exp(-2j * np.pi * frequency[:, None] * state.delay[state.order])
     return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 

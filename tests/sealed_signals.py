@@ -42,7 +42,7 @@ def estimated(
     moves = np.linalg.norm(shape, axis=1)
     seen = np.flatnonzero((frequency < band) & (moves > 0.05 * np.median(moves)))
     std, shape_std = (np.asarray(s)[seen] if np.ndim(s) else s for s in modal_std(state, total, noise))
-    turned = np.exp(-2j * np.pi * frequency[seen, None] * state.delay)
+    turned = np.exp(-2j * np.pi * frequency[seen, None] * state.delay[state.order])
     exact = shape[seen] / moves[seen, None] * turned
     damping = state.damping[seen]
     damping_std = np.array([uncertainty_law(f, z, WINDOW)[1] for f, z in zip(frequency[seen], damping, strict=True)])
@@ -90,9 +90,8 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
         strict=True,
     ):
         acceleration += _modal_acceleration(push @ pushed, 2 * np.pi * f, z, 1 / fine)[:, None] * there
-    acceleration = _delayed(acceleration[:, state.order], state.delay, fine)[settling:]
-    filtered = upfirdn(firwin(129, 0.9 / _OVER), acceleration, down=_OVER, axis=0)[: round(seconds * rate)]
-    said = filtered * state.gain
+    said = _delayed(acceleration * state.gain, state.delay, fine)[settling:, state.order]
+    said = upfirdn(firwin(129, 0.9 / _OVER), said, down=_OVER, axis=0)[: round(seconds * rate)]
     said[:, [state.channels.index(c) for c in state.dead]] = 0.0
     said += _NOISE * np.sqrt(rate / 2) * random.standard_normal(said.shape)
     sensors = state.sensors

@@ -72,8 +72,8 @@ class State:
     sensors: tuple[Sensor, ...]
     forces: tuple[Sensor, ...]
     damping: FloatArray  #: (n_modes,) of critical
-    gain: FloatArray  #: (n_channels,) what a channel says over what is true
-    delay: FloatArray  #: (n_channels,) [s]
+    gain: FloatArray  #: (n_channels,) what a sensor says over what is true
+    delay: FloatArray  #: (n_channels,) of each sensor [s]
     order: IndexArray  #: (n_channels,) sensor that each channel really is
     dead: tuple[str, ...] = ()
     clock: float = 1.0  #: samples a second over what is claimed
@@ -98,7 +98,7 @@ class State:
 
     def claimed_shape(self, n_modes: int) -> FloatArray:
         """Shapes (n_modes, n_channels) as the channels say them, real, without delays, not normalised."""
-        found = self.motion(n_modes).at_sensors[:, self.order] * self.gain
+        found = (self.motion(n_modes).at_sensors * self.gain)[:, self.order]
         found[:, [self.channels.index(c) for c in self.dead]] = 0.0
         return np.asarray(found)
 
