@@ -45,6 +45,7 @@ from updater.statistics import (
     novelty_limit,
     stack_tracks,
 )
+from updater.steadiness import is_steady
 from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
 from updater.structure import (
     Body,
@@ -154,6 +155,7 @@ __all__ = [
     "force_balance",
     "foresee",
     "hinges_of",
+    "is_steady",
     "learn_delays",
     "learn_reference",
     "learn_scatter",

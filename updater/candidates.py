@@ -20,6 +20,7 @@ from updater.reference import Reference
 
 PRIOR_NOTHING = 0.5
 _CLOSER = 4  # compositions that are fitted, of all that are foreseen to first order
+_MODES_EACH = 4  # frequencies that each cause that changes them must have
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
 _LEAST_GAIN = 10.0  # of chi-square over a common drift alone: a localized cause that gains less does nothing itself
 
@@ -109,8 +110,17 @@ class Weighing:
 
     def promising(self, seeds: Sequence[Candidate]) -> list[Promise]:
         """Foresee to first order what each cause would gain beside each of the seeds, the best first."""
-        found = [self._promise(seed, name, cause) for seed in seeds for name, cause in self.causes.items()]
+        found = [
+            self._promise(seed, name, cause)
+            for seed in seeds
+            for name, cause in self.causes.items()
+            if not (cause.drifting and self._full(seed))
+        ]
         return sorted(found, key=lambda p: -p.log_evidence)
+
+    def _full(self, seed: Candidate) -> bool:
+        """Tell whether causes that change frequencies have as many parameters together as there are frequencies."""
+        return sum(c.cause.drifting for c in seed.chosen) >= max(2, len(self.data.log_ratio) // _MODES_EACH)
 
     def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
         self.on_cause(" and ".join((*seed.names, name)))

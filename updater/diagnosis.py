@@ -16,17 +16,19 @@ from scipy.special import logsumexp
 from updater.candidates import Candidate, Weighing, say_nothing
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
+from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.reference import Reference
 from updater.statistics import ModalMean
 from updater.structure import Structure
 from updater.verdict import Diagnosis, Verdict
-from updater.wording import LEAST_P, gain_of, modes_of, named_causes, rejected_causes
+from updater.wording import LEAST_P, modes_of, named_causes, oddest, rejected_causes
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
 _MUCH = 6.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
+_UNSTEADY = "Record while nothing changes: the frequencies of these windows are not of one state."
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,17 @@ class Explained:
 
     diagnosis: Diagnosis
     extended: Structure | None  #: with the causes written in; None where nothing is explained
+    gained: Gained | None = None  #: what that gains, and how sure it is
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """What is to be explained, and every cause weighed alone."""
+
+    reference: Reference
+    event: ModalMean
+    data: Comparison
+    singles: list[Candidate]
 
 
 def diagnose(
@@ -63,13 +76,16 @@ def diagnose(
     data = compare(reference, event, circumstances=circumstances)
     weighing = Weighing(reference, data, on_cause)
     singles = weighing.singles()
+    case = _Case(reference, event, data, singles)
+    if not circumstances.steady:
+        return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if _nothing(weighing, singles):
-        return _refused("nothing_to_explain", reference, event, data, singles, weighing.log_nothing)
+        return _refused("nothing_to_explain", case, weighing.log_nothing, "None: the data are what the reference says.")
     found = _stepwise(weighing, [c for c in singles if c.effective])
     if not found or found[0].p_value < LEAST_P:
-        best = max(c.log_evidence for c in (*singles, *found))
-        return _refused("unexplained", reference, event, data, singles, best)
-    return _explained(reference, event, data, found, singles, compare(reference, heldout) if heldout else None)
+        every = sorted((*singles, *found), key=lambda c: -c.log_evidence)
+        return _refused("unexplained", case, every[0].log_evidence, oddest(data, every[0].chosen))
+    return _explained(case, found, compare(reference, heldout) if heldout else None)
 
 
 def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
@@ -86,55 +102,42 @@ def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
         if not seeds or found[0] is not seeds[0]:
             break
         promises = weighing.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
+        if not promises:
+            break
         if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
             break
         found = sorted([*found, *weighing.together(promises)], key=lambda c: -c.log_evidence)
     return found
 
 
-def _refused(
-    verdict: Verdict,
-    reference: Reference,
-    event: ModalMean,
-    data: Comparison,
-    singles: list[Candidate],
-    best: float,
-) -> Explained:
+def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explained:
     diagnosis = Diagnosis(
         verdict=verdict,
         causes=(),
-        rejected=rejected_causes(singles, (), best),
-        modes=modes_of(reference, event, data, None),
+        rejected=rejected_causes(case.singles, (), best),
+        modes=modes_of(case.reference, case.event, case.data, None),
         gain=None,
-        next_measurement="None: the data are what the reference says."
-        if verdict == "nothing_to_explain"
-        else "A longer log, and more sensors: none of the known causes, nor two together, explains the data.",
+        next_measurement=advice,
     )
     return Explained(diagnosis, None)
 
 
-def _explained(
-    reference: Reference,
-    event: ModalMean,
-    data: Comparison,
-    found: list[Candidate],
-    singles: list[Candidate],
-    heldout: Comparison | None,
-) -> Explained:
+def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) -> Explained:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one."""
-    named, sure = named_causes(data, found, _SURE)
+    named, sure = named_causes(case.data, found, _SURE)
     best = found[0]
-    extended = reference.calibration.structure
+    extended = case.reference.calibration.structure
     for part in sorted(best.chosen, key=lambda c: c.cause.place_free):  # a factor on everything comes last
         extended = part.cause.extend(extended, part.row, part.theta)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
+    gained = gain_on_heldout(heldout, best.chosen) if heldout else gain_left_out(case.data, best.chosen)
     diagnosis = Diagnosis(
         causes=named,
-        rejected=rejected_causes(singles, accepted, best.log_evidence),
-        modes=modes_of(reference, event, data, best.chosen),
-        gain=gain_of(heldout or data, best.chosen, heldout=heldout is not None),
+        rejected=rejected_causes(case.singles, accepted, best.log_evidence),
+        modes=modes_of(case.reference, case.event, case.data, best.chosen),
+        gain=gained.gain if gained.significant else None,
         next_measurement=" ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
         **settings,
     )
-    return Explained(diagnosis, extended)
+    return Explained(diagnosis, extended, gained)

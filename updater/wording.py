@@ -8,12 +8,12 @@ from scipy.special import logsumexp
 
 from daq import FloatArray
 from updater.causes.common_factor import CommonFactor
-from updater.causes.composite import Beside, Chosen
-from updater.comparison import Comparison, Prediction, residual
-from updater.reanalysis import picked, predict, reanalyse
+from updater.causes.composite import Chosen
+from updater.comparison import Comparison, beside, residual
+from updater.prediction import mac_of, prediction
 from updater.reference import Reference
 from updater.statistics import ModalMean
-from updater.verdict import Cause, FrequencyFit, Gain, ModeFit, Pair, Rejected
+from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected
 
 if TYPE_CHECKING:
     from updater.candidates import Candidate
@@ -22,18 +22,6 @@ _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, 
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
 _WORTH_NAMING = 0.05  # of the best one's posterior
 _WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
-
-
-def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
-    """Return what one alternative, chosen causes together, predicts; of none, the baseline."""
-    if not chosen:
-        nothing = np.zeros((1, len(data.log_ratio)))
-        nobody = np.empty((1, 0, data.base.shape[1]))
-        return Prediction(nothing, data.base[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
-    together = Beside(chosen[0].cause, tuple(chosen[1:]))
-    theta = np.concatenate([c.theta for c in chosen])[None]
-    effect = together.effect(theta, np.array([chosen[0].row]))
-    return predict(data, *picked(reanalyse(data, effect)), effect)
 
 
 def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tuple[tuple[Cause, ...], bool]:
@@ -146,7 +134,7 @@ def _paired(data: Comparison, chosen: Sequence[Chosen] | None) -> list[ModeFit]:
     base = np.log(data.frequency[data.paired])
     measured = np.exp(base + data.log_ratio)
     before, after = prediction(data, None), prediction(data, chosen)
-    macs = [_said(_mac(data, predicted.shape[0])) for predicted in (before, after)]
+    macs = [_said(mac_of(data, predicted.shape[0])) for predicted in (before, after)]
     return [
         ModeFit(
             frequency=FrequencyFit(
@@ -187,28 +175,23 @@ def _extra(modes: ModalMean | None) -> list[ModeFit]:
     ]
 
 
-def _mac(data: Comparison, shape: FloatArray) -> FloatArray:
-    """Return the modal assurance criterion (n,) of measured shapes with others, one by one; NaN if not measured."""
-    mac = (data.shape * shape).sum(1) ** 2 / (shape**2).sum(1)
-    return np.where(data.shaped, mac, np.nan)
-
-
 def _said(values: FloatArray) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
 
 
-def gain_of(data: Comparison, chosen: Sequence[Chosen], *, heldout: bool) -> Gain:
-    """Return what the causes gain on data."""
-    figures = []
-    for part, whitener in ((None, data.plain), (chosen, data.drifting)):
-        predicted = prediction(data, part)
-        drift = any(c.cause.drifting for c in part) if part else False
-        used = whitener if drift else data.plain
-        rest = residual(data, predicted, used)
-        error = 100 * float(np.sqrt(np.mean((data.log_ratio - predicted.log_ratio[0]) ** 2)))
-        apart = float(1 - _mac(data, predicted.shape[0])[data.shaped].mean()) if data.shaped.any() else None
-        figures.append((error, apart, float(-0.5 * (rest**2).sum() + used.log_det)))
-    before, after = figures
-    names = ("frequency_error_percent", "one_minus_mac", "log_likelihood")
-    pairs = {name: Pair(before=b, after=a) for name, b, a in zip(names, before, after, strict=True)}
-    return Gain(heldout=heldout, **pairs)
+def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
+    """Return a sentence on what the best explanation leaves unexplained, for the next measurement."""
+    predicted = prediction(data, chosen)
+    std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
+    score = (data.log_ratio - predicted.log_ratio[0]) / std
+    names = " and ".join(c.cause.name.replace("_", " ") for c in chosen)
+    worst = int(np.argmax(np.abs(score)))
+    hertz = data.frequency[data.paired]
+    odd = f"the frequency of the mode at {hertz[worst]:.4g} Hz {abs(score[worst]):.0f} standard deviations off"
+    if data.shaped.any():
+        mac = mac_of(data, predicted.shape[0])
+        least = int(np.nanargmin(mac))
+        off = np.abs(beside(data.shape[least], predicted.shape[0, least]))
+        channel = data.channels[int(np.argmax(off))]
+        odd += f", the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}"
+    return f"Measure again there: the best that is known ({names}) leaves {odd}."

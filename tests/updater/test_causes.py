@@ -24,7 +24,7 @@ from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison, compare
 from updater.fit import fit
-from updater.wording import prediction
+from updater.prediction import prediction
 
 TRACK = np.arange(8)
 

@@ -1,0 +1,54 @@
+"""The gain of a diagnosis: on records and modes that the fit has not seen, and none where it may be chance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosis_helpers import Change, learnt
+
+from updater import Body, diagnose
+from updater.candidates import Weighing
+from updater.comparison import compare
+from updater.gain import gain_left_out, gain_on_heldout
+
+CHANGE = Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))  # over 1 % in frequency
+
+
+@pytest.mark.parametrize("seed", [301, 302])
+def test_what_was_held_out_is_explained_to_its_noise(seed: int) -> None:
+    """The rest is at most 1.5 times the noise of the two records, and an eighth of what it was."""
+    reference, _, event = learnt(seed)
+    found = diagnose(reference, event(CHANGE), heldout=(kept := event(CHANGE)))
+    gain = found.diagnosis.gain
+    assert gain is not None
+    assert gain.heldout
+    before, after = gain.frequency_error_percent.before, gain.frequency_error_percent.after
+    assert before is not None
+    assert after is not None
+    noise = 100 * np.sqrt(np.mean(kept.log_frequency_std**2 + reference.baseline.log_frequency_std**2))
+    assert after < 1.5 * noise
+    assert after < before / 8
+
+
+def test_each_mode_is_foretold_by_the_others() -> None:
+    """Left out, a mode is missed by no more than four deviations of what is stated; not by less than noise allows."""
+    reference, _, event = learnt(303)
+    found = diagnose(reference, event(CHANGE))
+    assert found.gained is not None
+    error, std = found.gained.gain.frequency_error_percent, found.gained.std.frequency_error_percent
+    assert error.before is not None
+    assert error.after is not None
+    assert std.after is not None
+    assert not found.gained.gain.heldout
+    assert 0 < error.after < error.before / 8
+    assert error.after < 0.1  # %: five windows of 0.1 % each, and what the reference gets wrong of 1 %
+
+
+def test_what_may_be_chance_is_not_significant() -> None:
+    """A thousandth of a mass that nobody could see, on data in which nothing has changed."""
+    reference, _, event = learnt(304)
+    data = compare(reference, event(Change()))
+    (mass,) = (c for c in Weighing(reference, data).singles() if c.names == ("added_mass",))
+    small = tuple(replace(c, theta=c.theta * 1e-3) for c in mass.chosen)
+    assert not gain_on_heldout(data, small).significant
+    assert not gain_left_out(data, small).significant

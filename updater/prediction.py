@@ -1,0 +1,28 @@
+"""What chosen causes predict together, and how near the measured shapes it is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes.composite import Beside, Chosen
+from updater.comparison import Comparison, Prediction
+from updater.reanalysis import picked, predict, reanalyse
+
+
+def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
+    """Return what one alternative, chosen causes together, predicts; of none, the baseline."""
+    if not chosen:
+        nothing = np.zeros((1, len(data.log_ratio)))
+        nobody = np.empty((1, 0, data.base.shape[1]))
+        return Prediction(nothing, data.base[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
+    together = Beside(chosen[0].cause, tuple(chosen[1:]))
+    theta = np.concatenate([c.theta for c in chosen])[None]
+    effect = together.effect(theta, np.array([chosen[0].row]))
+    return predict(data, *picked(reanalyse(data, effect)), effect)
+
+
+def mac_of(data: Comparison, shape: FloatArray) -> FloatArray:
+    """Return the modal assurance criterion (n,) of measured shapes with others, one by one; NaN if not measured."""
+    mac = (data.shape * shape).sum(1) ** 2 / (shape**2).sum(1)
+    return np.where(data.shaped, mac, np.nan)
