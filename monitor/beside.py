@@ -24,7 +24,7 @@ from updater import (
 
 _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 12  # of a sensor's strongest frequency that are drawn
-_POINTS = 16  # a period
+_POINTS = 10  # a period of the highest frequency
 _ALL = 1e9  # Hz
 
 
@@ -192,7 +192,7 @@ def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> Sign
     strongest = float(before.frequency[np.nanargmax(before.spectrum[:, channel])])
     n = min(max(16, round(_PERIODS / strongest * before.rate)), len(before.measured))
     first = (len(before.measured) - n) // 2
-    over = max(1, round(_POINTS * strongest / before.rate))
+    over = max(1, round(_POINTS * float(np.nanmax(before.frequency)) / before.rate))
     whole = slice(max(0, first - n), min(len(before.measured), first + 2 * n))  # beyond its ends a part is not periodic
     drawn = slice((first - whole.start) * over, (first - whole.start + n) * over)
 

@@ -3,7 +3,9 @@
 from pathlib import Path
 
 from monitor.cli.files import write_json
+from monitor.describe import bare_reference
 from monitor.discrepancy import DiscrepancyResult
+from monitor.errors import ResultsError
 from monitor.report import diagnosis_report
 from updater import Diagnosis, Structure
 
@@ -25,8 +27,14 @@ def draw(out: Path, diagnosis: Diagnosis, found: DiscrepancyResult, structure: S
     ResultsError
         If one of them cannot be written.
     """
+    from monitor.viewer import write_diagnosis  # loads rerun: not before there is something to draw
+
     write_json(out / NUMBERS, found.model_dump(mode="json"))
     diagnosis_report(diagnosis, out / REPORT, title=structure.name, structure=structure, found=found)
+    try:
+        write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure))
+    except OSError as error:
+        raise ResultsError(out / RECORDING, f"cannot be written: {error.strerror}") from error
 
 
 def written(out: Path, diagnosis: Diagnosis) -> list[Path]:

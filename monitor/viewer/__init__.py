@@ -6,6 +6,7 @@ from monitor.story import Story
 from monitor.viewer.blueprint import layout
 from monitor.viewer.cards import write_cards, write_reference
 from monitor.viewer.change import draw_answers
+from monitor.viewer.diagnosed import write_diagnosis
 from monitor.viewer.draw import recording_file
 from monitor.viewer.increments import draw_increments
 from monitor.viewer.scene import draw_structure
@@ -15,7 +16,7 @@ from monitor.viewer.spectrum import draw_spectra
 from monitor.viewer.states import draw_states, write_events
 from monitor.viewer.trends import draw_trends
 
-__all__ = ["write_recording"]
+__all__ = ["write_diagnosis", "write_recording"]
 
 
 def write_recording(path: Path, story: Story) -> None:

@@ -39,7 +39,7 @@ def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResul
     geometry = Geometry(reference)
     recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     supports(recording, "/structure", geometry)
-    _sensors(recording, reference, geometry)
+    sensors(recording, reference, geometry)
     at(recording, time)
     _bare(recording, geometry)
 
@@ -82,7 +82,7 @@ def supports(recording: rr.RecordingStream, base: str, geometry: Geometry) -> No
     recording.log(f"{base}/supports/names", labels, static=True)
 
 
-def _sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:
+def sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:
     """Draw one point a place, named by what its channels have in common, and an arrow a channel."""
     places: dict[tuple[float, float, float], list[str]] = {}
     for channel, (place, _) in reference.sensors.items():

@@ -30,7 +30,7 @@ def structure(reference: ReferenceResult, answers: Sequence[MassAnswer], aspect:
     """Return the view of the structure with the located mass; `aspect` is its width over height on a wide screen."""
     geometry = Geometry(reference)
     points = scene.seen(geometry, answers)
-    return _scene("Structure", "/structure", geometry, geometry.side(*scene.SIDE), points, aspect)
+    return scene_view("Structure", "/structure", geometry, geometry.side(*scene.SIDE), points, aspect)
 
 
 def mode_shapes(reference: ReferenceResult) -> rrb.Grid:
@@ -39,7 +39,9 @@ def mode_shapes(reference: ReferenceResult) -> rrb.Grid:
     side, points = geometry.side(*shapes.SIDE), shapes.seen(geometry, reference.modes)
     columns, aspect = best_grid(len(modes), flat_aspect(side, points))
     pictures = [
-        _scene(f"Mode {m.id}, MAC {m.mac:.4f} with the model", f"/modes/mode_{m.id}", geometry, side, points, aspect)
+        scene_view(
+            f"Mode {m.id}, MAC {m.mac:.4f} with the model", f"/modes/mode_{m.id}", geometry, side, points, aspect
+        )
         for m in modes
     ]
     return rrb.Grid(*pictures, grid_columns=columns, name="Mode shapes")
@@ -53,9 +55,10 @@ def best_grid(n: int, aspect: float) -> tuple[int, float]:
     return columns, width / height
 
 
-def _scene(
+def scene_view(
     name: str, origin: str, geometry: Geometry, side: FloatArray, points: FloatArray, aspect: float
 ) -> rrb.Spatial3DView:
+    """Return a view of something in space from a side, near enough to fill it."""
     eye = geometry.eye(side, points, aspect, _FILL)
     return rrb.Spatial3DView(
         name=name,
@@ -68,13 +71,13 @@ def _scene(
 
 def singular_values() -> rrb.Spatial2DView:
     """Return the view of the spectrum and the poles."""
-    return _drawing("Singular values and stabilisation", "/spectrum", spectrum.BOUNDS)
+    return drawing_view("Singular values and stabilisation", "/spectrum", spectrum.BOUNDS)
 
 
 def posterior() -> rrb.Spatial2DView:
     """Return the view of the posterior along the members."""
     name = "Where: worse than the best place by [σ]; the mass that fits there"
-    return _drawing(name, "/posterior", change.BOUNDS)
+    return drawing_view(name, "/posterior", change.BOUNDS)
 
 
 def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
@@ -83,7 +86,7 @@ def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
     side, points = geometry.side(*scene.SIDE), scene.seen(geometry, [])
     points = np.concatenate([points, geometry.nodes + np.array([0, 0, 1.3 * steps.LABEL * geometry.size])])
     return [
-        _scene(f"One-step update, {d}: added mass (normalised)", f"/increments/{d}", geometry, side, points, 0.8)
+        scene_view(f"One-step update, {d}: added mass (normalised)", f"/increments/{d}", geometry, side, points, 0.8)
         for d in steps.DIRECTIONS
     ]
 
@@ -91,10 +94,11 @@ def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
 def increment_curves() -> rrb.Spatial2DView:
     """Return the view of the increments along the members."""
     name = "One-step update: normalised (blue) and raw (grey) increments a node, limits, flagged nodes"
-    return _drawing(name, "/increment_curves", steps.BOUNDS)
+    return drawing_view(name, "/increment_curves", steps.BOUNDS)
 
 
-def _drawing(name: str, origin: str, bounds: tuple[tuple[float, float], tuple[float, float]]) -> rrb.Spatial2DView:
+def drawing_view(name: str, origin: str, bounds: tuple[tuple[float, float], tuple[float, float]]) -> rrb.Spatial2DView:
+    """Return the view of a drawing with axes of its own."""
     return rrb.Spatial2DView(
         name=name,
         origin=origin,
@@ -118,6 +122,12 @@ def card(name: str, origin: str) -> rrb.TextDocumentView:
 def signal(channel: str, span: rr.TimeRange) -> rrb.TimeSeriesView:
     """Return the view of a channel."""
     return _series(f"{channel} [m/s²]", signal_path(channel), span)
+
+
+def plot_view(name: str, origin: str) -> rrb.TimeSeriesView:
+    """Return a plot of all that is under an entity, over all of its time."""
+    legend = rrb.PlotLegend(visible=False)
+    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=legend, background=_PLOT)
 
 
 def last_seconds(signals: Recording) -> rr.TimeRange:
