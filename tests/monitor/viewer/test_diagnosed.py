@@ -47,4 +47,4 @@ def test_causes_stand_where_they_are(rrd: Rrd) -> None:
     (place,) = rrd.static("/structure/causes", "Points3D:positions")
     np.testing.assert_allclose(place, (0.25, 0.0, 1.48), atol=1e-6)
     names = rrd.static("/structure/causes/names", "Points3D:labels")
-    assert names == ["302 ± 5 g added", "sensor gain: beam_left_z"]
+    assert names == ["302 ± 5 g added", "sensor gain: col_037_x"]
