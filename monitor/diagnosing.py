@@ -1,13 +1,15 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
 from monitor.fusion import Windows, choose_tracks, identify_windows
-from oma import IdentificationError, ModalEstimate, aligned, device_delays
+from monitor.lateness import NOT_LATE, InTime, in_time, without_known
+from oma import IdentificationError, ModalEstimate, aligned
 from updater import (
     Circumstances,
     Explained,
@@ -17,13 +19,10 @@ from updater import (
     TrackedModes,
     build_model,
     diagnose,
-    estimate_delays,
-    learn_delays,
     learn_reference,
     match_modes,
     matched,
     nominal_reference,
-    remove_delays,
     stack_tracks,
     tone_ratios,
     trend_of,
@@ -33,6 +32,7 @@ _PERIODS = 250  # of the structure's first mode in a window: what identification
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
 _THERMOMETER_STD = 0.5  # K, of the mean of a log
+_IN_TIME: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,6 +44,7 @@ class Observation:
     tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
     temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
+    lateness: InTime = NOT_LATE  #: what the devices were late by, which the estimates are without
     sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept
 
     @property
@@ -77,8 +78,18 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1) -> fl
     return shortest / n
 
 
-def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], None] = lambda _: None) -> Observation:
+def observe(
+    recordings: Iterable[Recording],
+    on_window: Callable[[Recording], None] = lambda _: None,
+    late: Mapping[str, float] = _IN_TIME,
+) -> Observation:
     """Identify the modes of every window and track them.
+
+    Parameters
+    ----------
+    recordings : windows
+    on_window : called before each window is analysed
+    late : channel -> delay that is known of it, which is taken out [s]
 
     Raises
     ------
@@ -95,7 +106,8 @@ def observe(recordings: Iterable[Recording], on_window: Callable[[Recording], No
         last[:] = [recording]
         on_window(recording)
 
-    return follow(identify_windows(recordings, on_window=note), devices, seen, last[-1] if last else None)
+    windows = identify_windows(recordings, on_window=note)
+    return follow(windows, devices, seen, last[-1] if last else None, late)
 
 
 def follow(
@@ -103,6 +115,7 @@ def follow(
     devices: dict[str, str],
     seen: Sequence[tuple[int, float, float]],
     sample: Recording | None = None,
+    late: Mapping[str, float] = _IN_TIME,
 ) -> Observation:
     """Track the modes of windows, the devices' constant delays taken out; errors as for `observe`.
 
@@ -112,34 +125,35 @@ def follow(
     devices : of each channel
     seen : start [ns UTC], temperature [degC] and rms [m/s2] of every window, those that gave no modes included
     sample : signals of the last window, to be kept
+    late : channel -> delay that is known of it, which is taken out [s]
     """
     if len(windows.estimates) < _LEAST_WINDOWS:
         why = f": {windows.problems[0]}" if windows.problems else ""
         raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")
-    delays = learn_delays(windows.estimates, devices)
-    late = [estimate_delays(e, devices, delays) for e in windows.estimates]
-    estimates = [remove_delays(e, devices, tau) for e, tau in zip(windows.estimates, late, strict=True)]
+    removed = windows.delays or ({},) * len(windows.estimates)
+    known = [without_known(e, r, devices, late) for e, r in zip(windows.estimates, removed, strict=True)]
+    lateness = in_time([e for e, _ in known], [r for _, r in known], devices)
+    estimates = lateness.estimates
     _, kept, tracks = choose_tracks(estimates)
     if not len(kept):
         raise IdentificationError("no mode is seen in most of the windows")
     temperature, rms = _at_windows(seen, estimates)
     return Observation(
         windows=windows,
-        estimates=tuple(estimates),
+        estimates=estimates,
         tracks=tuple(tracks),
         temperature=temperature,
         rms=rms,
-        sample=_in_time(sample, late[-1]) if sample else None,
+        lateness=lateness,
+        sample=_aligned(sample, lateness.removed[-1], late) if sample else None,
     )
 
 
-def _in_time(recording: Recording, late: Mapping[str, float]) -> Recording:
-    """Return a recording without the delays [s] that phases of its spectra and then those of its modes show."""
-    try:
-        coarse = device_delays(recording)
-    except IdentificationError:
-        return recording  # it gave no modes either
-    return aligned(recording, {device: tau + late.get(device, 0.0) for device, tau in coarse.items()})
+def _aligned(recording: Recording, removed: Mapping[str, float], late: Mapping[str, float]) -> Recording:
+    """Return a recording without the delays [s] that its modes show by device, and those known by channel."""
+    own = [replace(c, device=c.name) for c in recording.channels]
+    tau = {c.name: removed.get(c.device, 0.0) + late.get(c.name, 0.0) for c in recording.channels}
+    return replace(aligned(replace(recording, channels=tuple(own)), tau), channels=recording.channels)
 
 
 def _rms(recording: Recording) -> float:
@@ -180,9 +194,9 @@ def explain(
         If fewer than three modes can be compared.
     """
     if before:
-        reference = learn_reference(structure, before.estimates, before.tracks)
+        reference = learn_reference(structure, before.estimates, before.tracks, before.lateness.delays)
     else:
-        reference = nominal_reference(structure, now.modes)
+        reference = nominal_reference(structure, now.modes, sorted(set(now.lateness.devices.values())))
     explained = diagnose(
         reference,
         _event(reference, now),
@@ -212,7 +226,15 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
         tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
         extra=event.only(extra) if len(extra) else None,
         trend=trend_of(now.modes.tracks(found), now.rms, earlier),
+        devices=now.lateness.devices,
+        faults={c: fault for c, fault in _given_up(now).items() if not before or c not in _given_up(before)},
     )
+
+
+def _given_up(observation: Observation) -> dict[str, str]:
+    """Return what is wrong with the channels that no window gave shapes of."""
+    there = {c for e in observation.estimates for c in e.channels}
+    return {c: fault for c, fault in observation.windows.channels.items() if fault != "ok" and c not in there}
 
 
 def _mean(values: FloatArray) -> float:
@@ -221,4 +243,7 @@ def _mean(values: FloatArray) -> float:
 
 
 def _event(reference: Reference, observation: Observation) -> ModalMean:
-    return matched(reference.baseline, reference.mean_of(observation.modes))
+    """Return the modes in the order of the baseline's, each device as late as it is beyond what it was."""
+    heard = observation.lateness.heard(reference.delays)
+    late = reference.mean_of(stack_tracks(heard, observation.tracks)) if heard else None
+    return matched(reference.baseline, reference.mean_of(observation.modes), late)

@@ -1,7 +1,7 @@
 """Modes of many windows: identified, tracked and averaged to one estimate."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,6 +38,7 @@ class Windows:
     start: int  #: of the earliest window [ns UTC]
     end: int  #: of the latest one [ns UTC]
     rate: float  #: samples a second [Hz]
+    delays: tuple[Mapping[str, float], ...] = ()  #: of the windows that gave modes: taken out of each device [s]
 
     @property
     def worst_quality(self) -> WindowQuality:
@@ -85,6 +86,7 @@ def identify_windows(
     faults: list[dict[str, str]] = []
     qualities: list[WindowQuality] = []
     spans: list[tuple[int, int, float]] = []
+    delays: list[Mapping[str, float]] = []
     for recording in recordings:
         on_window(recording)
         spans.append((recording.start, recording.end, recording.rate))
@@ -97,6 +99,7 @@ def identify_windows(
         faults.append(dict(found.channels))
         qualities.append(found.quality)
         estimates.append(found.estimate)
+        delays.append(found.delays)
         tones.append(found.harmonics)
     if not spans:
         raise IdentificationError("no window: the recording is too short")
@@ -109,6 +112,7 @@ def identify_windows(
         start=min(start for start, _, _ in spans),
         end=max(end for _, end, _ in spans),
         rate=spans[0][2],
+        delays=tuple(delays),
     )
 
 

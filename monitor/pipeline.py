@@ -1,11 +1,11 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from daq import Assembler, Block, Event, FloatArray, Recording
+from daq import Assembler, Block, Event, FloatArray, IndexArray, Recording
 from monitor.alarms import Alarm
 from monitor.describe import (
     increment_result,
@@ -15,13 +15,14 @@ from monitor.describe import (
     spectrum_result,
 )
 from monitor.fusion import choose_tracks
+from monitor.lateness import InTime, in_time, without_known
 from monitor.results import AlarmResult, MassAnswer, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from monitor.words import alarm_text, is_one_mass
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
     NO_DELAYS,
-    DeviceDelays,
+    Circumstances,
     Diagnosis,
     MassUpdater,
     ModalMean,
@@ -30,7 +31,6 @@ from updater import (
     Structure,
     diagnose,
     estimate_delays,
-    learn_delays,
     learn_reference,
     locate_and_sharpen,
     mean_modes,
@@ -49,6 +49,7 @@ class _Window:
     recording: Recording
     identification: Identification
     estimate: ModalEstimate  #: with the devices' delays removed
+    removed: Mapping[str, float]  #: device -> what that was in all [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +100,12 @@ class Pipeline:
         except IdentificationError as error:
             yield self._bare(index, recording, str(error))
             return
-        known = self._watch.reference.delays.beyond(found.delays) if self._watch else NO_DELAYS
-        window = _Window(index, recording, found, undelayed(found.estimate, self._devices, known))
+        own, seen = without_known(found.estimate, found.delays, self._devices, self._structure.delays)
+        found = replace(found, estimate=own, delays=seen)
+        known = self._watch.reference.delays.beyond(seen) if self._watch else NO_DELAYS
+        late = estimate_delays(own, self._devices, known)
+        removed = {device: seen[device] + tau for device, tau in late.items()}
+        window = _Window(index, recording, found, remove_delays(own, self._devices, late), removed)
         yield from self._learn(window) if self._watch is None else self._judge(window, self._watch)
 
     def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
@@ -158,20 +163,32 @@ class Pipeline:
 
     def _explain(self, watch: _Watch) -> dict[str, Diagnosis | MassAnswer | MassIncrements | None]:
         """Explain by the windows that begin after the first one over the limit: that one may hold both states."""
-        pure = [w.estimate for w in self._out if w.recording.start >= self._out[0].recording.end]
+        pure = [w for w in self._out if w.recording.start >= self._out[0].recording.end]
         if not pure:
             return {}
-        event = watch.reference.mean_of(stack_tracks(pure, [watch.tracker.assign(e) for e in pure]))
+        tracks = [watch.tracker.assign(w.estimate) for w in pure]
+        event = watch.reference.mean_of(stack_tracks([w.estimate for w in pure], tracks))
         found: dict[str, Diagnosis | MassAnswer | MassIncrements | None]
         found = {"increments": _increments(watch, event, len(pure))}
         try:
-            found["diagnosis"] = diagnosis = diagnose(watch.reference, event).diagnosis
+            found["diagnosis"] = diagnosis = self._diagnosed(watch, pure, tracks)
         except ValueError:
             return found  # fewer than three modes left to compare: there is an alarm, but no cause
         if is_one_mass(diagnosis):
             change, outlook = locate_and_sharpen(watch.reference, event)
             found["answer"] = mass_answer(self._structure, change, len(pure), outlook.said)
         return found
+
+    def _diagnosed(self, watch: _Watch, windows: Sequence[_Window], tracks: Sequence[IndexArray]) -> Diagnosis:
+        """Weigh the causes, delays beyond the baseline's put back."""
+        lateness = InTime(tuple(w.estimate for w in windows), self._devices, tuple(w.removed for w in windows))
+        heard = lateness.heard(watch.reference.delays) or lateness.estimates
+        there = {c for e in heard for c in e.channels}
+        faults = {c: f for w in windows for c, f in w.identification.channels.items() if f != "ok" and c not in there}
+        known = Circumstances(devices=self._devices, faults=faults)
+        return diagnose(
+            watch.reference, watch.reference.mean_of(stack_tracks(heard, tracks)), circumstances=known
+        ).diagnosis
 
     def _said(self, window: _Window, text: str) -> AlarmResult:
         return AlarmResult(time=window.recording.end, state=self._alarm.state, text=text, window=window.index)
@@ -189,15 +206,8 @@ def _rms(recording: Recording) -> dict[str, float]:
     return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}
 
 
-def undelayed(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> ModalEstimate:
-    """Return an estimate without its devices' delays: the known, and what strays from them; devices by channel."""
-    return remove_delays(estimate, devices, estimate_delays(estimate, devices, known))
-
-
 def learn_baseline(structure: Structure, found: list[Identification], devices: Mapping[str, str]) -> _Watch:
     """Choose the modes to track and learn the reference, the devices' delays first.
-
-    Identification has removed what it saw of them in each window; here all windows lose the same, the median.
 
     The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode
     stay.
@@ -207,15 +217,12 @@ def learn_baseline(structure: Structure, found: list[Identification], devices: M
     PairingError
         If fewer than three stay.
     """
-    removed = {d: float(np.median([f.delays[d] for f in found])) for d in set(devices.values())}
-    alike = [_with_delays_removed(f, removed, devices) for f in found]
-    delays = learn_delays(alike, devices)
-    estimates = [undelayed(e, devices, delays) for e in alike]
+    lateness = in_time([f.estimate for f in found], [f.delays for f in found], devices)
+    estimates = list(lateness.estimates)
     seed, often, tracks = choose_tracks(estimates)
     if len(often) < 3:
         raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
-    total = delays.beyond({d: -late for d, late in removed.items()})
-    reference = learn_reference(structure, estimates, tracks, total)
+    reference = learn_reference(structure, estimates, tracks, lateness.delays)
     chosen = reference.calibration.tracks
     kept = often[chosen]
     mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
@@ -223,13 +230,6 @@ def learn_baseline(structure: Structure, found: list[Identification], devices: M
     fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
     tracker = Tracker(reference=replace(seed, channels=mean.channels, **fields))
     return _Watch(tracker, reference, MassUpdater(reference))
-
-
-def _with_delays_removed(
-    found: Identification, removed: Mapping[str, float], devices: Mapping[str, str]
-) -> ModalEstimate:
-    """Return an estimate as it would be had these delays been removed from the recording, and no others."""
-    return remove_delays(found.estimate, devices, {d: late - found.delays[d] for d, late in removed.items()})
 
 
 _MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")

@@ -9,7 +9,6 @@ block of which nothing was measured is empty or zero and adds nothing to the deg
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,18 +16,16 @@ import numpy.typing as npt
 from daq import FloatArray, IndexArray
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.errors import ModalDataError
+from updater.lags import dampings_of, lags_of, unsure_of
 from updater.modal_checks import check_event
 from updater.reference import Reference
-from updater.statistics import COMMON_STD, ModalMean, Scatter
+from updater.shape_errors import beside, foreign_modes, nearer_modes, shape_whiteners
+from updater.statistics import COMMON_STD, ModalMean
 
 BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
-_MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
-_LEAST_GAP = 1e-6  # of squared frequencies
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
 _SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
-_DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
-_USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +79,7 @@ class Comparison:
     phased: BoolArray  #: (n,) whether phases are known now and before
     lag: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
     base_lag: FloatArray  #: (n, n_channels) before
-    lag_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors, 0 where phases are not known
+    lag_whitener: FloatArray  #: (n n_channels, n n_channels) inverse Cholesky factor, 0 where phases are not known
     lag_overdispersion: float  #: components of the imaginary part that err as one [-]
     log_damping: FloatArray  #: (n,) of damping to the baseline's; 0 where it is not known
     log_damping_std: FloatArray  #: (n,) of what is measured, then and now; NaN where it is not known
@@ -181,10 +178,17 @@ def compare(
         shape=shape,
         base=before,
         shape_whitener=shaped[:, None, None]
-        * _shape_whiteners(own, before, _foreign(reference, tracks, ratio, at_channels, model_error)),
+        * shape_whiteners(own, before, foreign_modes(reference, tracks, ratio, at_channels, model_error)),
         overdispersion=overdispersion,
-        **_lags(base, event, sign, reference.scatter, _nearer(reference, tracks, ratio, at_channels, base.damping)),
-        **_dampings(base, event),
+        **lags_of(
+            base,
+            event,
+            sign,
+            reference.scatter,
+            nearer_modes(reference, tracks, ratio, at_channels, base.damping),
+            unsure_of(reference, base, event, circumstances),
+        ),
+        **dampings_of(base, event),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
         across=reference.across_channels(channels),
@@ -213,120 +217,9 @@ def _new_modes(extra: ModalMean | None, channels: tuple[str, ...], overdispersio
     )
 
 
-def _lags(base: ModalMean, event: ModalMean, sign: FloatArray, scatter: Scatter, foreign: FloatArray) -> dict[str, Any]:
-    """Return what a comparison says of the shapes' imaginary parts, which are turned by `sign` (n, 1)."""
-    phased = np.asarray(np.isfinite(event.imaginary + base.imaginary).all(1))
-    known = phased[:, None]
-    now, before = np.where(known, event.imaginary * sign, 0.0), np.where(known, base.imaginary, 0.0)
-    spread = np.where(known, event.imaginary_std**2 + base.imaginary_std**2, 0.0)
-    own = scatter.phase_overdispersion * spread + _SHAPE_BIAS**2
-    return {
-        "phased": phased,
-        "lag": now,
-        "base_lag": before,
-        "lag_whitener": known[:, :, None] * _shape_whiteners(own, base.shape, foreign),
-        "lag_overdispersion": scatter.phase_overdispersion,
-    }
-
-
-def _dampings(base: ModalMean, event: ModalMean) -> dict[str, Any]:
-    """Return what a comparison says of damping."""
-    known = (base.damping > 0) & (event.damping > 0)
-    now, before = np.where(known, event.damping, 1.0), np.where(known, base.damping, 1.0)
-    std = np.hypot(event.damping_std / now, base.damping_std / before)
-    known &= np.isfinite(std)
-    return {
-        "log_damping": np.where(known, np.log(now / before), 0.0),
-        "log_damping_std": np.where(known, std, np.nan),
-        "damping_weight": np.where(known, 1 / np.hypot(np.where(known, std, 1.0), _DAMPING_BIAS), 0.0),
-    }
-
-
 def _whitener(covariance: FloatArray) -> Whitener:
     lower = np.linalg.cholesky(covariance)
     return Whitener(np.linalg.inv(lower), -float(np.log(np.diag(lower)).sum()))
-
-
-def _foreign(
-    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, error: float
-) -> FloatArray:
-    """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
-
-    A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
-    and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If each u is
-    wrong by e times its typical size, d_i is wrong by 2 e (d_i d)^1/2 and the coupling by 2 e (d (d_i + d_k))^1/2, d
-    the mean of all: most where modes are close, and not nothing where a mode has its node.
-
-    Returns
-    -------
-    (n, n_modes, n_channels)
-        Standard deviation of each mode's share in unit shapes, times the mode.
-    """
-    paired, shift = reference.paired[tracks], np.abs(ratio)
-    shifts = np.full(len(reference.frequency), shift.mean())
-    shifts[paired] = shift
-    coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
-    closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
-    return _towards(np.minimum(coupling * closeness, _MOST_TURNED), paired, at_channels)
-
-
-def _nearer(
-    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, damping: FloatArray
-) -> FloatArray:
-    """Return how complex modes may have become that came closer or parted.
-
-    Two modes that are damped together are complex by their closeness omega_i^2 / |omega_k^2 - omega_i^2| times twice
-    the damping at most; half of that is expected of a change of closeness.
-
-    Returns
-    -------
-    (n, n_modes, n_channels)
-        Standard deviation of each mode's imaginary share in unit shapes, times the mode.
-    """
-    paired = reference.paired[tracks]
-    before, after = _closeness(reference.frequency, paired, ratio)
-    share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
-    return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
-
-
-def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:
-    length = np.linalg.norm(at_channels[:, paired], axis=0)
-    return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
-
-
-def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes) before the change and after.
-
-    What is not seen after the change is taken as close as twice the mean of what the others moved allows.
-    """
-    reach = 2 * np.abs(ratio).mean()
-    own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
-    after = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
-    after[:, paired] = now.T
-    itself = np.arange(len(frequency)) == paired[:, None]
-    gaps = (np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
-    was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP)) for gap in gaps)
-    return was, became
-
-
-def _shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
-    """Return inverse Cholesky factors (n, n_channels, n_channels) of the shapes' covariances.
-
-    Parameters
-    ----------
-    variance : (n, n_channels) of what is measured
-    base : (n, n_channels) unit shapes
-    foreign : (n, n_modes, n_channels) of other modes, by what the reference gets wrong
-    """
-    error = beside(foreign, base[:, None])
-    covariance = variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
-
-
-def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
-    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
 
 
 def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) -> FloatArray:
@@ -338,7 +231,7 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     if comparison.phased.any():
         sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
         late = beside(comparison.lag - sign * predicted.lag, shape)  # a mode's own phase is no one's
-        blocks.append(np.einsum("icd,pid->pic", comparison.lag_whitener, late).reshape(n, -1))
+        blocks.append(late.reshape(n, -1) @ comparison.lag_whitener.T)
     if comparison.damping_weight.any():
         blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
     if comparison.new is not None:

@@ -67,8 +67,13 @@ class _Undo:
         return shape[:, self._order] * self._sign
 
 
-def matched(baseline: ModalMean, event: ModalMean) -> ModalMean:
+def matched(baseline: ModalMean, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:
     """Return the event's modes in the order of the baseline's tracks, NaN where there is none.
+
+    Parameters
+    ----------
+    baseline, event : (n_tracks,) and (n_modes,)
+    heard : (n_modes,) the same event with what was taken out so that it can be matched; returned in its place
 
     Raises
     ------
@@ -79,6 +84,7 @@ def matched(baseline: ModalMean, event: ModalMean) -> ModalMean:
     baseline, event = baseline.at(channels), event.at(channels)
     check_unit(np.exp(event.log_frequency), event.shape, np.exp(baseline.log_frequency), baseline.shape)
     found = match_modes(baseline, event)
+    event = heard.at(channels) if heard else event
     values = {}
     for field in fields(event):
         if field.name != "channels":

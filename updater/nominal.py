@@ -1,9 +1,11 @@
 """The structure file taken at its word, as a reference for what it gets wrong about measured modes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from updater.calibration import Calibration, best_model, channel_rows
-from updater.delays import NO_DELAYS
+from updater.delays import DeviceDelays
 from updater.errors import PairingError
 from updater.knobs import with_springs
 from updater.matching import match_modes
@@ -13,16 +15,26 @@ from updater.statistics import ModalMean, TrackedModes, learn_scatter
 from updater.structure import Structure
 
 _FREQUENCY_STD = 2e-3  # of ln f: what a beam model cannot say better, whatever its parameters
+_DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
 _SHAPE_STD = 0.01  # of a unit shape's components: gains are known to half a per cent, places to millimetres
 
 
-def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: int = 30) -> Reference:
+def _in_time(devices: Sequence[str]) -> DeviceDelays:
+    return DeviceDelays(
+        seconds=dict.fromkeys(devices, 0.0), std=dict.fromkeys(devices, _DELAY_STD), wander=0.0, noise_factor=1.0
+    )
+
+
+def nominal_reference(
+    structure: Structure, windows: TrackedModes, devices: Sequence[str] = (), *, n_modes: int = 30
+) -> Reference:
     """Return a reference whose baseline is the model's own modes, at the measured ones' channels.
 
     Parameters
     ----------
     structure : as the file says; rigid feet and joints get springs stiff enough to change nothing
     windows : (n_windows, n_tracks) modes that the model is to be compared with
+    devices : that sampled the channels; the model has them in time, as well as devices are
     n_modes : of the model to keep
 
     Raises
@@ -77,5 +89,5 @@ def nominal_reference(structure: Structure, windows: TrackedModes, *, n_modes: i
         frequency=modes.frequency,
         shape=modes.shape,
         windows=windows,
-        delays=NO_DELAYS,
+        delays=_in_time(devices),
     )

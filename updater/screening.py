@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, beside
+from updater.comparison import Comparison
+from updater.shape_errors import beside
 
 _CHUNK = 4096  # positions at a time
 _LEAST_SEEN = 1e-6  # of a mode at the channels [1/sqrt(kg)]

@@ -9,9 +9,10 @@ from scipy.special import logsumexp
 from daq import FloatArray
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
-from updater.comparison import Comparison, beside, residual
+from updater.comparison import Comparison, residual
 from updater.prediction import mac_of, prediction
 from updater.reference import Reference
+from updater.shape_errors import beside
 from updater.statistics import ModalMean
 from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected
 

@@ -74,7 +74,7 @@ def _observe(
     number = iter(range(1, 1 << 30))
     try:
         seconds = window or window_seconds(structure, min(log_duration(path) for path in paths), len(paths))
-        return observe(_recordings(structure, paths, seconds), lambda _: on_window(next(number)))
+        return observe(_recordings(structure, paths, seconds), lambda _: on_window(next(number)), structure.delays)
     except (IdentificationError, ValueError) as error:
         raise LogError(_named(paths), str(error)) from error
 
@@ -83,7 +83,7 @@ def _recordings(structure: Structure, paths: Sequence[Path], seconds: float) -> 
     """Yield the windows of logs; channels that are no sensors of the structure are left out."""
     for path in paths:
         found = log_channels(path)
-        channels = tuple(c for c in found if c.name in structure.channels)
+        channels = tuple(c for c in found if c.name in structure.speaking)
         if not channels:
             have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
             raise LogError(path, f"expected channels named as the structure's sensors ({know}), found {have}")

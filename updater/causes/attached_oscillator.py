@@ -16,11 +16,12 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
-from updater.comparison import Comparison, NewModes, beside
+from updater.comparison import Comparison, NewModes
 from updater.fe.element import local_axes
 from updater.posterior import credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
+from updater.shape_errors import beside
 from updater.structure import Oscillator, Structure
 from updater.verdict import Quantity, Vector, Where
 

@@ -46,7 +46,7 @@ class SensorDead(Chain):
 
 def propose_sensor_dead(reference: Reference, comparison: Comparison) -> SensorDead:
     """Return the channels that identification gave up; if it gave up none, every channel and every device."""
-    faults, known = comparison.circumstances.faults, reference.baseline.channels
+    faults, known = comparison.circumstances.faults, reference.calibration.structure.speaking
     missing = tuple(c for c in known if c in faults and c not in comparison.channels)
     groups = [missing] if missing else groups_of(reference, comparison)
     return SensorDead(

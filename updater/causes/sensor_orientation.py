@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from updater.fit import Fit
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
+_ALONG = 1e-3  # of a direction's part across an axis, under which turning about it shows nothing
 _TURNS = ("about_x", "about_y", "about_z")
 
 
@@ -86,8 +87,11 @@ def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> 
             groups.append(group)
             axes.append(mounted[comparison.channels.index(group[0]), 1:])
         else:
-            groups += [group] * 3
-            axes += [np.array([axis, np.zeros(3)]) for axis in np.eye(3)]
+            for axis in np.eye(3):
+                turned = tuple(c for c in group if np.linalg.norm(np.cross(axis, heard[c].direction)) > _ALONG)
+                if len(turned) > 1:  # else it is a sensor by itself
+                    groups.append(turned)
+                    axes.append(np.array([axis, np.zeros(3)]))
     return SensorOrientation(
         prior_std=np.full(2, _STD),
         lower=np.full((len(groups), 2), -np.inf),

@@ -1,0 +1,72 @@
+"""Two blocks of a comparison beside frequencies and shapes: imaginary parts of shapes, and damping."""
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from daq import FloatArray
+from updater.circumstances import Circumstances
+from updater.reference import Reference
+from updater.shape_errors import beside, shape_covariances
+from updater.statistics import ModalMean, Scatter
+
+_PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
+_DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
+
+
+def lags_of(
+    base: ModalMean, event: ModalMean, sign: FloatArray, scatter: Scatter, foreign: FloatArray, devices: FloatArray
+) -> dict[str, Any]:
+    """Return what a comparison says of the shapes' imaginary parts.
+
+    Parameters
+    ----------
+    base, event : (n,) of the modes compared
+    sign : (n, 1) that turns the event's shapes to the baseline's
+    foreign : (n, n_modes, n_channels) imaginary shares of other modes that may have come
+    devices : (n_devices, n, n_channels) imaginary parts by a device's clock, all modes together
+    """
+    phased = np.asarray(np.isfinite(event.imaginary + base.imaginary).all(1))
+    known = phased[:, None]
+    now, before = np.where(known, event.imaginary * sign, 0.0), np.where(known, base.imaginary, 0.0)
+    spread = np.where(known, event.imaginary_std**2 + base.imaginary_std**2, 0.0)
+    own = scatter.phase_overdispersion * spread + _PHASE_BIAS**2
+    size = base.shape.size
+    error = beside(devices, base.shape).reshape(len(devices), size)
+    covariance = block_diag(*shape_covariances(own, base.shape, foreign)) + error.T @ error
+    every = np.repeat(phased, base.shape.shape[1])
+    covariance = np.where(every[:, None] & every, covariance, np.eye(size))
+    return {
+        "phased": phased,
+        "lag": now,
+        "base_lag": before,
+        "lag_whitener": every[:, None] * np.linalg.inv(np.linalg.cholesky(covariance)),
+        "lag_overdispersion": scatter.phase_overdispersion,
+    }
+
+
+def unsure_of(reference: Reference, base: ModalMean, event: ModalMean, circumstances: Circumstances) -> FloatArray:
+    """Return imaginary parts (n_devices, n, n_channels) by what is not known of each device's delay: its wander."""
+    delays = reference.delays
+    n_windows = max(1, int(event.n.max()))
+    owner = [circumstances.devices.get(c) for c in event.channels]
+    found = []
+    for device, std in delays.std.items():
+        late = np.hypot(std, delays.wander / np.sqrt(n_windows))
+        members = np.array([float(name == device) for name in owner])
+        found.append(-2 * np.pi * np.exp(base.log_frequency)[:, None] * late * base.shape * members)
+    return np.array(found).reshape(-1, *base.shape.shape)
+
+
+def dampings_of(base: ModalMean, event: ModalMean) -> dict[str, Any]:
+    """Return what a comparison says of damping."""
+    known = (base.damping > 0) & (event.damping > 0)
+    now, before = np.where(known, event.damping, 1.0), np.where(known, base.damping, 1.0)
+    std = np.hypot(event.damping_std / now, base.damping_std / before)
+    known &= np.isfinite(std)
+    return {
+        "log_damping": np.where(known, np.log(now / before), 0.0),
+        "log_damping_std": np.where(known, std, np.nan),
+        "damping_weight": np.where(known, 1 / np.hypot(np.where(known, std, 1.0), _DAMPING_BIAS), 0.0),
+    }

@@ -1,0 +1,96 @@
+"""What errors of shapes have in common: other modes that a change, or a wrong model, brings into them."""
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.reference import Reference
+
+_MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
+_LEAST_GAP = 1e-6  # of squared frequencies
+_USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
+
+
+def foreign_modes(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, error: float
+) -> FloatArray:
+    """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
+
+    A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
+    and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If each u is
+    wrong by e times its typical size, d_i is wrong by 2 e (d_i d)^1/2 and the coupling by 2 e (d (d_i + d_k))^1/2, d
+    the mean of all: most where modes are close, and not nothing where a mode has its node.
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's share in unit shapes, times the mode.
+    """
+    paired, shift = reference.paired[tracks], np.abs(ratio)
+    shifts = np.full(len(reference.frequency), shift.mean())
+    shifts[paired] = shift
+    coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
+    closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
+    return _towards(np.minimum(coupling * closeness, _MOST_TURNED), paired, at_channels)
+
+
+def nearer_modes(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, damping: FloatArray
+) -> FloatArray:
+    """Return how complex modes may have become that came closer or parted.
+
+    Two modes that are damped together are complex by their closeness omega_i^2 / |omega_k^2 - omega_i^2| times twice
+    the damping at most; half of that is expected of a change of closeness.
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's imaginary share in unit shapes, times the mode.
+    """
+    paired = reference.paired[tracks]
+    before, after = _closeness(reference.frequency, paired, ratio)
+    share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
+    return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
+
+
+def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:
+    length = np.linalg.norm(at_channels[:, paired], axis=0)
+    return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
+
+
+def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes) before the change and after.
+
+    What is not seen after the change is taken as close as twice the mean of what the others moved allows.
+    """
+    reach = 2 * np.abs(ratio).mean()
+    own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
+    after = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
+    after[:, paired] = now.T
+    itself = np.arange(len(frequency)) == paired[:, None]
+    gaps = (np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
+    was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP)) for gap in gaps)
+    return was, became
+
+
+def shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
+    """Return inverse Cholesky factors (n, n_channels, n_channels) of `shape_covariances`."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(shape_covariances(variance, base, foreign))))
+
+
+def shape_covariances(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
+    """Return the shapes' covariances (n, n_channels, n_channels).
+
+    Parameters
+    ----------
+    variance : (n, n_channels) of what is measured
+    base : (n, n_channels) unit shapes
+    foreign : (n, n_modes, n_channels) of other modes, by what the reference gets wrong
+    """
+    error = beside(foreign, base[:, None])
+    return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error)
+
+
+def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
