@@ -53,13 +53,12 @@ def gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> Gained:
 def _blind(data: Comparison, mode: int) -> Comparison:
     """Return the same data with one mode as if it had not been measured."""
     seen = (np.arange(len(data.log_ratio)) != mode).astype(float)
-    every = np.repeat(seen, len(data.channels))
     return replace(
         data,
         plain=_without(data.plain, mode),
         drifting=_without(data.drifting, mode),
         shape_whitener=seen[:, None, None] * data.shape_whitener,
-        lag_whitener=every[:, None] * data.lag_whitener * every,
+        lag_whitener=seen[:, None, None] * data.lag_whitener,
         damping_weight=seen * data.damping_weight,
     )
 
