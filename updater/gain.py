@@ -14,6 +14,7 @@ from updater.causes.composite import Beside, Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison, Prediction, Whitener, residual
 from updater.fit import fit
+from updater.lags import without_mode
 from updater.prediction import mac_of, prediction
 from updater.verdict import Gain, Pair
 
@@ -58,7 +59,7 @@ def _blind(data: Comparison, mode: int) -> Comparison:
         plain=_without(data.plain, mode),
         drifting=_without(data.drifting, mode),
         shape_whitener=seen[:, None, None] * data.shape_whitener,
-        lag_whitener=seen[:, None, None] * data.lag_whitener,
+        lag_whitener=without_mode(data.lag_whitener, mode, len(data.channels)),
         damping_weight=seen * data.damping_weight,
     )
 

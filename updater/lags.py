@@ -59,6 +59,21 @@ def unsure_of(reference: Reference, base: ModalMean, event: ModalMean, circumsta
     return np.array(found).reshape(-1, *base.shape.shape)
 
 
+def without_mode(whitener: FloatArray, mode: int, n_channels: int) -> FloatArray:
+    """Return the lags' whitener (n n_channels, n n_channels) as if those of one mode might be anything."""
+    precision = whitener.T @ whitener
+    out = np.zeros(len(precision), dtype=bool)
+    out[mode * n_channels : (mode + 1) * n_channels] = True
+    across = precision[np.ix_(~out, out)]
+    left = (
+        precision[np.ix_(~out, ~out)] - across @ np.linalg.pinv(precision[np.ix_(out, out)], hermitian=True) @ across.T
+    )
+    value, vector = np.linalg.eigh(left)
+    found = np.zeros(whitener.shape)
+    found[np.ix_(~out, ~out)] = np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T
+    return found
+
+
 def dampings_of(base: ModalMean, event: ModalMean) -> dict[str, Any]:
     """Return what a comparison says of damping."""
     known = (base.damping > 0) & (event.damping > 0)
