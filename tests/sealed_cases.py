@@ -195,7 +195,7 @@ def detection_power(done: Done, noise: str = "law") -> float:
     covariance = np.diag(share * std[mode] ** 2) + (0.0 if whole else _COMMON**2)
     turn = np.sum(u[mode].conj() * v[partner], axis=1)
     apart = v[partner] * (turn.conj() / np.abs(turn))[:, None] - u[mode]
-    damping = np.log(after.damping[partner] / before.damping[mode])
+    damping = np.log(after.modal_damping(n_modes)[partner] / before.modal_damping(n_modes)[mode])
     damping_std = _damping_std(before, mode)
     noncentrality = (
         float(ratio @ np.linalg.solve(covariance, ratio))
@@ -214,5 +214,5 @@ def _heard(state: State, n_modes: int) -> FloatArray:
 
 
 def _damping_std(state: State, mode: np.ndarray) -> FloatArray:
-    frequency = state.motion(N_MODES).frequency
-    return np.array([uncertainty_law(frequency[i], state.damping[i], WINDOW)[1] / state.damping[i] for i in mode])
+    frequency, damping = state.motion(N_MODES).frequency, state.modal_damping(N_MODES)
+    return np.array([uncertainty_law(frequency[i], damping[i], WINDOW)[1] / damping[i] for i in mode])

@@ -29,7 +29,7 @@ def modal_std(state: State, n_modes: int, noise: str) -> tuple[FloatArray, float
     if noise == "coarse":
         return np.full(n_modes, 1e-3), 0.02
     frequency = state.motion(n_modes).frequency
-    pairs = zip(frequency, state.damping, strict=False)
+    pairs = zip(frequency, state.modal_damping(n_modes), strict=True)
     return np.array([uncertainty_law(f, z, WINDOW)[0] / f for f, z in pairs]), SHAPE_STD
 
 
@@ -44,7 +44,7 @@ def estimated(
     std, shape_std = (np.asarray(s)[seen] if np.ndim(s) else s for s in modal_std(state, total, noise))
     turned = np.exp(-2j * np.pi * frequency[seen, None] * state.delay[state.order])
     exact = shape[seen] / moves[seen, None] * turned
-    damping = state.damping[seen]
+    damping = state.modal_damping(total)[seen]
     damping_std = np.array([uncertainty_law(f, z, WINDOW)[1] for f, z in zip(frequency[seen], damping, strict=True)])
     n, m = exact.shape
     found = []
@@ -84,7 +84,7 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
     acceleration = np.zeros((total, len(state.sensors)))
     for f, z, there, pushed in zip(
         motion.frequency[keep],
-        state.damping[: keep.sum()],
+        state.modal_damping(30)[keep],
         motion.at_sensors[keep],
         motion.at_forces[keep],
         strict=True,

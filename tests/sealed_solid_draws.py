@@ -28,12 +28,14 @@ def draw_bar(seed: int, *, n_modes: int = 30) -> State:
         for unit in _UNITS.values()
     ]
     modulus = 210e9 * (1 + 0.01 * random.standard_normal())
+    body = SolidBar(
+        modulus=modulus,
+        density=7850.0 * (1 + 0.007 * random.standard_normal()),
+        bedding=modulus / (LENGTH * random.uniform(0.002, 0.01)),
+    )
     return State(
-        body=SolidBar(
-            modulus=modulus,
-            density=7850.0 * (1 + 0.007 * random.standard_normal()),
-            bedding=modulus / (LENGTH * random.uniform(0.002, 0.01)),
-        ),
+        body=body,
+        drawn=body,
         sensors=tuple(sensors),
         forces=tuple(forces),
         damping=random.uniform(0.002, 0.006, n_modes),

@@ -1,9 +1,11 @@
 """A specimen with all its small errors at once, and what its channels truly do: drawn from a seed."""
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from sealed_frame import Bar, Frame, Lump, Vector, Zone
 
 from daq import FloatArray, IndexArray
@@ -38,6 +40,8 @@ class Motion:
 class Body(Protocol):
     """Anything that vibrates."""
 
+    def __hash__(self) -> int: ...
+
     def motion(self, sensors: tuple[Sensor, ...], forces: tuple[Sensor, ...], n_modes: int) -> Motion:
         """Modes at sensors and at forces."""
         ...
@@ -71,7 +75,8 @@ class State:
     body: Body
     sensors: tuple[Sensor, ...]
     forces: tuple[Sensor, ...]
-    damping: FloatArray  #: (n_modes,) of critical
+    damping: FloatArray  #: (n_modes,) of critical, of the specimen's modes as it was drawn
+    drawn: Body  #: as it was drawn
     gain: FloatArray  #: (n_channels,) what a sensor says over what is true
     delay: FloatArray  #: (n_channels,) of each sensor [s]
     order: IndexArray  #: (n_channels,) sensor that each channel really is
@@ -91,6 +96,15 @@ class State:
         if n_modes not in self.solved:
             self.solved[n_modes] = self.body.motion(self.sensors, self.forces, n_modes)
         return self.solved[n_modes]
+
+    def modal_damping(self, n_modes: int) -> FloatArray:
+        """Damping (n_modes,): that of the mode of the specimen as it was drawn that is most like each."""
+        now, then = self.motion(n_modes), _solved(self.drawn, self.sensors, self.forces, len(self.damping))
+        mac = (now.at_sensors @ then.at_sensors.T) ** 2
+        mac /= np.outer((now.at_sensors**2).sum(1), (then.at_sensors**2).sum(1))
+        far = np.abs(np.log(now.frequency[:, None] / then.frequency))
+        _, partner = linear_sum_assignment(1 - mac + 2 * far)
+        return np.asarray(self.damping[partner])
 
     def claimed_frequency(self, n_modes: int) -> FloatArray:
         """Return what a perfect analysis would say [Hz], the clock's error included."""
@@ -118,6 +132,11 @@ class State:
         return self.of_body(replace(self.body, frame=frame))
 
 
+@lru_cache(maxsize=4)
+def _solved(body: Body, sensors: tuple[Sensor, ...], forces: tuple[Sensor, ...], n_modes: int) -> Motion:
+    return body.motion(sensors, forces, n_modes)
+
+
 _PLACES = (
     *(("column", z, f"col_{round(100 * z):03d}", "xy") for z in (0.37, 0.74, 1.11)),
     ("crossbeam", _HALF, "beam_mid", "xy"),
@@ -129,8 +148,10 @@ _PLACES = (
 def draw_state(seed: int, *, n_modes: int = 30) -> State:
     """Draw a T-frame: E, density, sections, weld, foot, joint, cables, sensors' masses, places, gains and damping."""
     random = np.random.default_rng((seed, 1))
+    body = FrameBody(_frame(random))
     return State(
-        body=FrameBody(_frame(random)),
+        body=body,
+        drawn=body,
         sensors=_sensors(random),
         forces=_forces(random),
         damping=random.uniform(0.002, 0.006, n_modes),
