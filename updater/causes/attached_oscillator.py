@@ -93,7 +93,8 @@ class AttachedOscillator:
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a mass of any order makes of the evidence, and that the new mode is somebody's."""
         mass = self._magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
-        return np.asarray(mass + _log_explained(self.new, self.comparison.overdispersion)[self.mode])
+        explained = _log_explained(self.new, self.comparison.overdispersion)[np.unique(self.mode)]
+        return np.asarray(mass + explained.mean())  # of several new modes alike: beside others only one is left here
 
     def _magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
         """Return posteriors of masses under a prior uniform in the logarithm; of its two signs one is possible."""
