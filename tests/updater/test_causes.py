@@ -47,7 +47,7 @@ def compared() -> tuple[Reference, Comparison]:
         damping_slope=everything,
         damping_slope_std=everything,
         spread=0.1,
-        excess=0.1,
+        excess=0.02,
     )
     seen = reference.mean_of(event)
     extra = replace(seen.only(TRACK[2:3]), log_frequency=np.log([25.0]))  # of the third mode's shape, far below it

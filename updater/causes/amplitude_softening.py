@@ -1,19 +1,23 @@
-"""Frequencies fall as the structure shakes harder: joints that slip, bolts that gape, cracks that open.
+"""Frequencies fall as the structure shakes harder: feet and joints that slip, bolts that gape, cracks that open.
 
-Told from all else by windows of several levels: their log frequencies go with the rms, ln f_i = a_i + s_i rms, which no
-linear cause brings about. The modes' slopes are drawn to a common one. If the event's mean level is another than the
-baseline's, the slopes also say how far its frequencies have moved by that alone.
+Told from all else by windows of several levels: their log frequencies go with the rms, ln f_i = a_i + b_i rms, which no
+linear cause brings about. A slope b_i = s_i - omega_i^2 / 2 sum_a c_a mu_ia^2 has a share of feet and joints, whose
+flexibilities c_a about each axis grow with the rms (mu_ia is the mode's displacement under a unit couple there), and
+one that modes have in common, nearly. If the event's mean level is another than the baseline's, the same c and s say
+how far its frequencies have moved by that alone, and its shapes.
 """
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.linalg
 from scipy.stats import multivariate_normal
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.common_factor import stiffened
+from updater.causes.springs import Springs, propose_joint_stiffness, propose_support_stiffness
 from updater.circumstances import Trend
 from updater.comparison import Comparison
 from updater.reanalysis import Effect, no_effect
@@ -26,32 +30,41 @@ if TYPE_CHECKING:
     from updater.fit import Fit
 
 _FALL = 0.01  # of ln f over the spread of the windows' rms: prior standard deviation
-_OWN = 0.25  # share of that variance which is a mode's own
+_OWN = 0.1  # share of that variance which is a mode's own
 _BIAS = 1e-4  # of ln f over the spread of rms: what identification itself brings
 _DAMPING_RISE = 0.5  # of ln damping over that spread
+_STIFFEST = 0.7  # of a connection's flexibility, that amplitude may take off
 _CURVED = 0.3  # of what a straight line says of the mean level: friction and gaps are no straight lines
+
+Connection = tuple[Springs, int]  # a foot or joint: the cause that knows it, and the alternative with all of its axes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AmplitudeSoftening(Discrete):
     """One alternative; parameters are standard scores.
 
-    Of the modes' slopes and of the damping's, as the windows tell, and of how far the law is from a straight line.
+    Of what the windows tell about the growing flexibilities and about the modes' own slopes, of the damping's slope,
+    and of how far the law is from a straight line.
     """
 
     comparison: Comparison
     trend: Trend
-    mean: FloatArray  #: (n,) of the compared modes' slopes, told by the windows [s2/m]
-    root: FloatArray  #: (n, n) of their covariance
+    connections: tuple[Connection, ...]
+    couple: FloatArray  #: (n_axes, n_modes) mu of every axis of them that can turn [s2]
+    least: FloatArray  #: (n_axes,) flexibility that can be taken off [rad/(N m)], negative
+    by_axis: FloatArray  #: (n, n_axes) slope of each compared mode for a unit flexibility a m/s2
+    mean: FloatArray  #: (n_axes + n,) of flexibilities a rms and the modes' own slopes, told by the windows
+    root: FloatArray  #: (n_axes + n, n_axes + n) of their covariance
     damping: tuple[float, float]  #: mean and standard deviation of the slope of log damping [s2/m]
     log_trend: float  #: log likelihood of the windows' slopes over that without the cause
     name: str = "amplitude_softening"
     place_free: bool = True
     advice: str = "Record at several levels of excitation; tighten what is bolted, and see whether the slope is gone."
 
-    def slopes(self, theta: FloatArray) -> FloatArray:
-        """Return the modes' slopes (..., n) [s2/m] of parameters (..., n + 2)."""
-        return np.asarray(self.mean + theta[..., :-2] @ self.root.T)
+    def _told(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return flexibilities (..., n_axes) and own slopes (..., n) a rms, of parameters (..., n_axes + n + 2)."""
+        both = self.mean + theta[..., :-2] @ self.root.T
+        return both[..., : len(self.couple)], both[..., len(self.couple) :]
 
     def _level(self, theta: FloatArray) -> FloatArray:
         """Return by how much rms the event's mean level lies over the baseline's, on the line of the slopes [m/s2]."""
@@ -59,14 +72,16 @@ class AmplitudeSoftening(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return what the event's mean level does beside the baseline's; modes not compared go with the mean."""
-        data, slopes = self.comparison, self.slopes(theta)
-        every = np.tile(slopes.mean(1, keepdims=True), len(data.frequency))
-        every[:, data.paired] = slopes
-        change = np.expm1(-2 * self._level(theta)[:, None] * every) * (2 * np.pi * data.frequency) ** -2.0
+        data, level = self.comparison, self._level(theta)[:, None]
+        flexible, own = self._told(theta)
+        every = np.tile(own.mean(1, keepdims=True), len(data.frequency))
+        every[:, data.paired] = own
+        change = np.expm1(-2 * level * every) * (2 * np.pi * data.frequency) ** -2.0
+        turned = np.einsum("pa,ar,as->prs", np.maximum(level * flexible, self.least), self.couple, self.couple)
         rise = self.damping[0] + self.damping[1] * theta[:, -2:-1]
         return replace(
             no_effect(len(rows), data),
-            flexibility=change[:, :, None] * np.eye(len(data.frequency)),
+            flexibility=turned + change[:, :, None] * np.eye(len(data.frequency)),
             log_damping=np.tile(self.trend.excess * rise, len(data.paired)),
         )
 
@@ -76,59 +91,100 @@ class AmplitudeSoftening(Discrete):
         return np.full(len(theta), self.log_trend)
 
     def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: the model does not say where it slips."""
+        """Return none: several connections may slip, and what has no place."""
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the mean slope of log frequencies, and that of log damping."""
         n = len(self.mean)
-        weight = self.root.mean(0)
-        slope = float(self.slopes(fit.theta[0]).mean())
-        std = float(np.sqrt(weight @ fit.covariance[0, :n, :n] @ weight))
+        onto = np.concatenate([self.by_axis.mean(0), np.full(len(self.by_axis), 1 / len(self.by_axis))])
+        weight = onto @ self.root
+        slope = float(onto @ np.concatenate(self._told(fit.theta[0])))
         rise, rise_std = self.damping
         growth = rise + rise_std * float(fit.theta[0, n])
         growth_std = rise_std * float(fit.covariance[0, n, n] ** 0.5)
         return {
-            "slope": Quantity(value=slope, std=std, unit="s2/m"),
+            "slope": Quantity(
+                value=slope, std=float(np.sqrt(weight @ fit.covariance[0, :n, :n] @ weight)), unit="s2/m"
+            ),
             "damping_slope": Quantity(value=growth, std=growth_std, unit="s2/m"),
         }
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Make materials and springs as soft as at the event's mean level."""
+        """Make feet, joints and then everything as soft as at the event's mean level."""
         del row
-        return stiffened(structure, float(np.exp(2 * self._level(theta) * self.slopes(theta).mean())))
+        flexible, own = self._told(theta)
+        level, at = self._level(theta), 0
+        for springs, number in self.connections:
+            turn = np.zeros(3)
+            turning = np.flatnonzero(springs.couple[number].any(1))
+            own_axes = slice(at, at + len(turning))
+            turn[turning] = np.maximum(level * flexible[own_axes], self.least[own_axes]) * springs.unit
+            structure = springs.extend(structure, number, turn)
+            at += len(turning)
+        return stiffened(structure, float(np.exp(2 * level * own.mean())))
 
 
 def propose_amplitude_softening(reference: Reference, comparison: Comparison) -> AmplitudeSoftening | None:
     """Return the one alternative; None where the windows' level does not vary."""
-    del reference
     trend = comparison.circumstances.trend
-    if trend is None:
-        return None
     tracks = comparison.tracks
-    known = np.isfinite(trend.slope[tracks])
-    if not known.any():
+    if trend is None or not np.isfinite(trend.slope[tracks]).any():
         return None
-    n = len(tracks)
-    prior = (_FALL / trend.spread) ** 2 * ((1 - _OWN) * np.ones((n, n)) + _OWN * np.eye(n))
-    slope = np.where(known, trend.slope[tracks], 0.0)
-    variance = np.where(known, trend.slope_std[tracks], 1.0) ** 2 + (_BIAS / trend.spread) ** 2
-    precision = np.where(known, 1 / variance, 0.0)
-    covariance = np.linalg.inv(np.linalg.inv(prior) + np.diag(precision))
-    rise = _combined(trend.damping_slope[tracks], trend.damping_slope_std[tracks], _DAMPING_RISE / trend.spread)
-    more = (slope - trend.usual[tracks])[known]
-    noise = np.diag((variance + trend.usual_std[tracks] ** 2)[known])
-    told = multivariate_normal.logpdf(more, cov=noise + prior[np.ix_(known, known)])
+    known, n = np.isfinite(trend.slope[tracks]), len(tracks)
+    connections = _connections(reference, comparison)
+    couple = np.concatenate([np.empty((0, len(comparison.frequency))), *(_turning(c) for c in connections)])
+    by_axis = -0.5 * ((2 * np.pi * comparison.frequency) ** 2 * couple**2).T[comparison.paired]
+    scale = _FALL / trend.spread
+    flexible = (scale / np.maximum(np.abs(by_axis).max(0), 1e-300)) ** 2
+    prior = scipy.linalg.block_diag(np.diag(flexible), scale**2 * ((1 - _OWN) * np.ones((n, n)) + _OWN * np.eye(n)))
+    onto = np.concatenate([by_axis, np.eye(n)], axis=1)[known]
+    variance = trend.slope_std[tracks][known] ** 2 + (_BIAS / trend.spread) ** 2
+    covariance = np.linalg.inv(np.linalg.inv(prior) + (onto.T / variance) @ onto)
+    more = (trend.slope - trend.usual)[tracks][known]
+    noise = np.diag(variance + trend.usual_std[tracks][known] ** 2)
+    told = multivariate_normal.logpdf(more, cov=noise + onto @ prior @ onto.T)
+    n_parameters = len(prior) + 2
     return AmplitudeSoftening(
-        prior_std=np.ones(n + 2),
-        lower=np.full((1, n + 2), -np.inf),
+        prior_std=np.ones(n_parameters),
+        lower=np.full((1, n_parameters), -np.inf),
         drifting=False,
         comparison=comparison,
         trend=trend,
-        mean=covariance @ (precision * slope),
+        connections=connections,
+        couple=couple,
+        least=np.concatenate([np.empty(0), *(_stiffest(c) for c in connections)]),
+        by_axis=by_axis,
+        mean=covariance @ (onto.T @ (trend.slope[tracks][known] / variance)),
         root=np.linalg.cholesky(covariance),
-        damping=rise,
+        damping=_combined(trend.damping_slope[tracks], trend.damping_slope_std[tracks], _DAMPING_RISE / trend.spread),
         log_trend=float(told - multivariate_normal.logpdf(more, cov=noise)),
     )
+
+
+def _connections(reference: Reference, comparison: Comparison) -> tuple[Connection, ...]:
+    """Return feet and joints that can turn, each with the alternative of all its axes."""
+    found: list[Connection] = []
+    for springs in (propose_support_stiffness(reference, comparison), propose_joint_stiffness(reference, comparison)):
+        if springs is not None:
+            axes = springs.active.sum(1)
+            places = [(c.at, getattr(c, "member", "")) for c in springs.connections]
+            rows = [[i for i, other in enumerate(places) if other == place] for place in dict.fromkeys(places)]
+            found += [(springs, max(own, key=axes.__getitem__)) for own in rows]
+    return tuple(found)
+
+
+def _turning(connection: Connection) -> FloatArray:
+    """Return the displacements (n_axes, n_modes) under unit couples about the axes that can turn."""
+    springs, number = connection
+    couple = springs.couple[number]
+    return np.asarray(couple[couple.any(1)])
+
+
+def _stiffest(connection: Connection) -> FloatArray:
+    """Return the flexibilities (n_axes,) that can be taken off about those axes, negative [rad/(N m)]."""
+    springs, number = connection
+    own: FloatArray = springs.lower[number][springs.couple[number].any(1)] / springs.unit
+    return _STIFFEST * own
 
 
 def _combined(value: FloatArray, std: FloatArray, prior: float) -> tuple[float, float]:
