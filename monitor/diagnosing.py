@@ -19,6 +19,7 @@ from updater import (
     TrackedModes,
     build_model,
     diagnose,
+    is_steady,
     learn_reference,
     match_modes,
     matched,
@@ -45,6 +46,8 @@ class Observation:
     temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
     lateness: InTime = NOT_LATE  #: what the devices were late by, which the estimates are without
+    shaped: bool = True  #: whether shapes were measured; else only frequencies count
+    stated: bool = False  #: whether deviations are taken at their word: too few windows to learn their scatter from
     sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept
 
     @property
@@ -194,9 +197,12 @@ def explain(
         If fewer than three modes can be compared.
     """
     if before:
-        reference = learn_reference(structure, before.estimates, before.tracks, before.lateness.delays)
+        reference = learn_reference(
+            structure, before.estimates, before.tracks, before.lateness.delays, stated=before.stated
+        )
     else:
-        reference = nominal_reference(structure, now.modes, sorted(set(now.lateness.devices.values())))
+        devices = sorted(set(now.lateness.devices.values()))
+        reference = nominal_reference(structure, now.modes, devices, stated=now.stated)
     explained = diagnose(
         reference,
         _event(reference, now),
@@ -228,6 +234,7 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
         trend=trend_of(now.modes.tracks(found), now.rms, earlier),
         devices=now.lateness.devices,
         faults={c: fault for c, fault in _given_up(now).items() if not before or c not in _given_up(before)},
+        steady=is_steady(now.modes, reference.scatter, now.rms, now.temperature),
     )
 
 
@@ -246,4 +253,5 @@ def _event(reference: Reference, observation: Observation) -> ModalMean:
     """Return the modes in the order of the baseline's, each device as late as it is beyond what it was."""
     heard = observation.lateness.heard(reference.delays)
     late = reference.mean_of(stack_tracks(heard, observation.tracks)) if heard else None
-    return matched(reference.baseline, reference.mean_of(observation.modes), late)
+    event = matched(reference.baseline, reference.mean_of(observation.modes), late)
+    return event if observation.shaped else event.without_shapes()

@@ -20,7 +20,8 @@ from updater.reference import Reference
 
 PRIOR_NOTHING = 0.5
 _CLOSER = 4  # compositions that are fitted, of all that are foreseen to first order
-_MODES_EACH = 4  # frequencies that each cause that changes them must have
+_MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
+_DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
 _LEAST_GAIN = 10.0  # of chi-square over a common drift alone: a localized cause that gains less does nothing itself
 
@@ -119,8 +120,9 @@ class Weighing:
         return sorted(found, key=lambda p: -p.log_evidence)
 
     def _full(self, seed: Candidate) -> bool:
-        """Tell whether causes that change frequencies have as many parameters together as there are frequencies."""
-        return sum(c.cause.drifting for c in seed.chosen) >= max(2, len(self.data.log_ratio) // _MODES_EACH)
+        """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
+        most = min(max(2, len(self.data.log_ratio) // _MODES_EACH), max(1, int(self.data.freedom / _DATA_EACH)))
+        return sum(c.cause.drifting for c in seed.chosen) >= most
 
     def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
         self.on_cause(" and ".join((*seed.names, name)))

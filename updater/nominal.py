@@ -11,7 +11,7 @@ from updater.knobs import with_springs
 from updater.matching import match_modes
 from updater.modal_checks import check_unit
 from updater.reference import Reference
-from updater.statistics import ModalMean, TrackedModes, learn_scatter
+from updater.statistics import ModalMean, TrackedModes, learn_scatter, stated_scatter
 from updater.structure import Structure
 
 _FREQUENCY_STD = 2e-3  # of ln f: what a beam model cannot say better, whatever its parameters
@@ -26,7 +26,12 @@ def _in_time(devices: Sequence[str]) -> DeviceDelays:
 
 
 def nominal_reference(
-    structure: Structure, windows: TrackedModes, devices: Sequence[str] = (), *, n_modes: int = 30
+    structure: Structure,
+    windows: TrackedModes,
+    devices: Sequence[str] = (),
+    *,
+    n_modes: int = 30,
+    stated: bool = False,
 ) -> Reference:
     """Return a reference whose baseline is the model's own modes, at the measured ones' channels.
 
@@ -36,15 +41,16 @@ def nominal_reference(
     windows : (n_windows, n_tracks) modes that the model is to be compared with
     devices : that sampled the channels; the model has them in time, as well as devices are
     n_modes : of the model to keep
+    stated : whether the windows' standard deviations are taken at their word; else their scatter is learnt
 
     Raises
     ------
     PairingError
         If fewer than three measured modes have a partner in the model.
     ValueError
-        With fewer than three windows.
+        With fewer than three windows, unless `stated`.
     """
-    scatter = learn_scatter(windows)
+    scatter = stated_scatter(windows) if stated else learn_scatter(windows)
     measured = scatter.mean(windows)
     sprung = with_springs(structure)
     model = best_model(sprung)

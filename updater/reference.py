@@ -12,7 +12,7 @@ from updater.delays import NO_DELAYS, DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.fe.model import Model
 from updater.fe.modes import Modes
-from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks
+from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks, stated_scatter
 from updater.structure import Structure
 
 
@@ -55,6 +55,8 @@ def learn_reference(
     estimates: Sequence[ModalEstimate],
     tracks: Sequence[IndexArray],
     delays: DeviceDelays = NO_DELAYS,
+    *,
+    stated: bool = False,
 ) -> Reference:
     """Learn from baseline windows: average, calibrate, then the one-step update's first stage.
 
@@ -62,19 +64,20 @@ def learn_reference(
     altered (eqs 7, 9 to 12) and the change is one of stiffness (eq. 8).
 
     Measured modes without a partner in the model are left out; `calibration.tracks` says which stayed. `delays`
-    are kept for the windows to come: they have been removed from these.
+    are kept for the windows to come: they have been removed from these. With `stated` the windows' own standard
+    deviations are taken at their word; else how far they really scatter is learnt from three or more of them.
 
     Raises
     ------
     PairingError
         If fewer than three measured modes have a partner in the model.
     ValueError
-        With fewer than three windows.
+        With fewer than three windows, unless `stated`.
     """
     tracked = stack_tracks(estimates, tracks)
     calibration = calibrate(structure, mean_modes(tracked))
     kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
-    scatter = learn_scatter(kept)
+    scatter = stated_scatter(kept) if stated else learn_scatter(kept)
     baseline = scatter.mean(kept)
     updated = first_stage(calibration.model, calibration.modes, calibration.paired, baseline)
     return Reference(

@@ -12,6 +12,7 @@ from updater.delays import split_shape
 from updater.modal_checks import check_windows
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
+_AS_STATED = 1000  # degrees of freedom of deviations that are taken at their word
 _WORTH_WINDOWS = 4  # that this knowledge is worth: eight windows of eight modes tell it to a third
 _LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K)
@@ -235,6 +236,21 @@ def _factor(z: FloatArray) -> float:
     seen = np.isfinite(z)
     freedom = int(np.maximum(seen.sum(0) - 1, 0).sum())
     return float(np.sqrt((z[seen] ** 2).sum() / freedom)) if freedom else 1.0
+
+
+def stated_scatter(modes: TrackedModes) -> Scatter:
+    """Return the scatter that the records themselves state, where they are too few to learn it from."""
+    stated = np.sqrt(_mean(modes.log_frequency_std**2))
+    return Scatter(
+        frequency_factor=1.0,
+        shape_factor=1.0,
+        shape_overdispersion=_USUAL_OVERDISPERSION,
+        phase_factor=1.0,
+        phase_overdispersion=_USUAL_OVERDISPERSION,
+        damping_factor=1.0,
+        degrees_of_freedom=_AS_STATED,
+        window_std=stated,
+    )
 
 
 def _spread_of_shapes(shape: FloatArray, std: FloatArray) -> tuple[float, float]:

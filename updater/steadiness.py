@@ -6,6 +6,7 @@ from daq import FloatArray
 from updater.statistics import Scatter, TrackedModes
 
 _FAR = 3.0  # standard deviations from the median of the windows
+_LARGEST_FACTOR = 3.0  # of real over stated deviations: where the same windows taught it, a slide did
 _MOST_FAR = 0.25  # of all modes in all windows: identification itself errs grossly in a few per cent
 
 
@@ -24,6 +25,7 @@ def far_share(windows: TrackedModes, scatter: Scatter, *regressors: FloatArray) 
     n = len(windows.log_frequency)
     known = [r for r in regressors if np.isfinite(r).all() and np.ptp(r) > 0]
     design = np.column_stack([np.ones(n), *((r - r.mean()) / np.ptp(r) for r in known)])
+    factor = min(scatter.frequency_factor, _LARGEST_FACTOR)
     far = seen = 0
     for value, std in zip(windows.log_frequency.T, windows.log_frequency_std.T, strict=True):
         here = np.isfinite(value)
@@ -31,7 +33,7 @@ def far_share(windows: TrackedModes, scatter: Scatter, *regressors: FloatArray) 
             continue
         slope = np.linalg.lstsq(design[here], value[here], rcond=None)[0]
         rest = value[here] - design[here, 1:] @ slope[1:]
-        z = (rest - np.median(rest)) / (scatter.frequency_factor * std[here])
+        z = (rest - np.median(rest)) / (factor * std[here])
         far += int((np.abs(z) > _FAR).sum())
         seen += int(here.sum())
     return far / seen if seen else 0.0

@@ -13,6 +13,7 @@ from monitor.cli.drawing import draw, written
 from monitor.cli.files import write_json
 from monitor.diagnosing import Observation, explain, observe, window_seconds
 from monitor.errors import ArgumentError
+from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
 from monitor.trends_beside import trends_beside
 from oma import IdentificationError
@@ -72,6 +73,11 @@ def _observe(
     structure: Structure, paths: Sequence[Path], window: float | None, on_window: Callable[[int], None]
 ) -> Observation:
     number = iter(range(1, 1 << 30))
+    tables = [path for path in paths if is_table(path)]
+    if tables and len(tables) < len(paths):
+        raise LogError(tables[0], "expected modal tables only, or logs only, for one state")
+    if tables:
+        return read_tables(structure, paths)
     try:
         seconds = window or window_seconds(structure, min(log_duration(path) for path in paths), len(paths))
         return observe(_recordings(structure, paths, seconds), lambda _: on_window(next(number)), structure.delays)

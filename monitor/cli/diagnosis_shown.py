@@ -80,7 +80,7 @@ def _gain(diagnosis: Diagnosis) -> str:
     if gain is None:
         return ""
     error, assurance = gain.frequency_error_percent, gain.one_minus_mac
-    where = "held-out logs" if gain.heldout else "the same logs"
+    where = "held-out logs" if gain.heldout else "modes left out in turn"
     text = f"on {where}: frequency error {_or(error.before, '.3f')} -> {_or(error.after, '.3f')} %"
     if assurance.before is None or assurance.after is None:
         return text

@@ -1,0 +1,138 @@
+"""The columns of a file of modes, read and checked: one clear error naming file, line and column."""
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, PositiveFloat, ValidationError
+
+from daq import LogError
+from oma import ComplexArray
+from updater import Structure
+
+_OWN = ("frequency", "frequency_std", "damping", "damping_std", "temperature", "rms")
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A table's columns (n_modes,), and the line that each row stood on."""
+
+    values: dict[str, ComplexArray]
+    line: list[int]
+
+    def check(self, path: Path, structure: Structure) -> None:
+        """Refuse what is no table of modes of the structure."""
+        if "frequency" not in self.values:
+            found = ", ".join(self.values) or "none"
+            raise LogError(path, f"line 1: expected a column 'frequency' [Hz], found {found}")
+        channels = [c for c in structure.channels if c in self.values]
+        known = {*_OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
+        unknown = [name for name in self.values if name not in known]
+        if unknown:
+            raise LogError(
+                path,
+                f"line 1, column {unknown[0]}: expected one of {', '.join(_OWN)} or a sensor of the structure "
+                f"({', '.join(structure.channels)})",
+            )
+        if len(self.line) < 3:
+            raise LogError(path, f"expected at least 3 modes, found {len(self.line)}")
+        if len(channels) == 1:
+            raise LogError(path, f"line 1: expected shapes at 2 sensors or more, or none, found {channels[0]} only")
+        positive = ["frequency", *(n for n in self.values if n.endswith("_std")), *({"damping"} & set(self.values))]
+        for name in positive:
+            wrong = np.flatnonzero(~(self.values[name].real > 0) & np.isfinite(self.values[name].real))
+            if len(wrong):
+                where = f"line {self.line[wrong[0]]}, column {name}"
+                raise LogError(path, f"{where}: expected a number over 0, found {self.values[name].real[wrong[0]]:g}")
+        shape = np.array([self.values[c] for c in channels])
+        if channels and not shape.any(0).all():
+            row = int(np.argmin(shape.any(0)))
+            raise LogError(path, f"line {self.line[row]}: the shape is zero at every sensor")
+
+
+def _of_csv(path: Path, text: str) -> Columns:
+    """Read the columns of a table; empty cells are allowed in columns of deviations only."""
+    reader = csv.DictReader(text.splitlines())
+    names = [name.strip() for name in reader.fieldnames or ()]
+    rows: list[dict[str, complex]] = []
+    line: list[int] = []
+    for row in reader:
+        if None in row or None in row.values():
+            raise LogError(path, f"line {reader.line_num}: expected {len(names)} columns")
+        cells = dict(zip(names, row.values(), strict=True))
+        rows.append({name: _number(path, reader.line_num, name, cell) for name, cell in cells.items()})
+        line.append(reader.line_num)
+    return Columns({name: np.array([row[name] for row in rows], dtype=complex) for name in names}, line)
+
+
+def _number(path: Path, line: int, name: str, cell: str) -> complex:
+    if not cell.strip() and name.endswith("_std"):
+        return complex("nan")
+    try:
+        value = complex(cell.strip().replace("i", "j"))
+    except ValueError:
+        value = complex("nan")
+    if not np.isfinite(value) or (name in _OWN and value.imag):
+        raise LogError(path, f"line {line}, column {name}: expected a number, found {cell.strip()!r}")
+    return value
+
+
+class _Value(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    value: PositiveFloat
+    std: PositiveFloat | None = None
+
+
+class _Mode(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    frequency: _Value
+    damping: _Value | None = None
+    shape: Mapping[str, tuple[float, float]] = {}
+    shape_std: Mapping[str, PositiveFloat] = {}
+
+
+class _Identified(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    modes: tuple[_Mode, ...]
+
+
+def _of_json(path: Path, text: str) -> Columns:
+    """Read what `identify --json` writes."""
+    try:
+        modes = _Identified.model_validate(json.loads(text)).modes
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise LogError(path, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    except ValueError as error:
+        raise LogError(path, f"is no JSON: {error}") from error
+    values: dict[str, list[complex]] = {"frequency": [m.frequency.value for m in modes]}
+    values["frequency_std"] = [m.frequency.std or complex("nan") for m in modes]
+    if all(m.damping for m in modes):
+        values["damping"] = [m.damping.value for m in modes if m.damping]
+        values["damping_std"] = [m.damping.std or complex("nan") for m in modes if m.damping]
+    for channel in modes[0].shape if modes else ():
+        if any(channel not in m.shape for m in modes):
+            raise LogError(path, f"channel {channel}: expected in every mode's shape")
+        values[channel] = [complex(*m.shape[channel]) for m in modes]
+        values[f"{channel}_std"] = [m.shape_std.get(channel, complex("nan")) for m in modes]
+    return Columns(
+        {name: np.array(value, dtype=complex) for name, value in values.items()}, list(range(1, len(modes) + 1))
+    )
+
+
+def read_columns(path: Path) -> Columns:
+    """Read a CSV table, or the JSON of `identify --json`.
+
+    Raises
+    ------
+    LogError
+        Naming line and column of what is no number.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(path, f"cannot be read as text: {error}") from error
+    return _of_json(path, text) if path.suffix.lower() == ".json" else _of_csv(path, text)

@@ -1,0 +1,141 @@
+"""Modes from elsewhere: a CSV table, one mode a row, or what `modalwatch identify --json` writes; one file a record.
+
+Columns of a table: `frequency` [Hz]; if known `damping` [-], `frequency_std` [Hz], a column a channel with the shape's
+component and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, alike in every row.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray, LogError
+from monitor.diagnosing import Observation
+from monitor.fusion import Windows, choose_tracks
+from monitor.modal_columns import read_columns
+from oma import ComplexArray, ModalEstimate, normalise
+from updater import Structure, build_model
+
+_SUFFIXES = (".csv", ".json")
+_FREQUENCY_STD = 1e-3  # relative, where a table states none: what minutes of ambient vibration give
+_SHAPE_STD = 0.02  # of a unit shape's components, where a table states none
+_DAMPING = 0.01  # where a table states none; its deviation says that it is not known
+_LEAST_RECORDS = 3  # from which their own scatter is learnt
+_N_MODES = 30  # of the model, which lends its shapes to a table that has none
+_FARTHEST = 0.3  # of ln f between a mode and the model's
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table:
+    """Modes of one record."""
+
+    estimate: ModalEstimate
+    shaped: bool  #: whether the shapes were measured; else they are the model's
+    temperature: float  #: [degC], NaN if not known
+    rms: float  #: [m/s2], NaN if not known
+
+
+def is_table(path: Path) -> bool:
+    """Tell whether a file is a modal table, by its name."""
+    return path.suffix.lower() in _SUFFIXES
+
+
+def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
+    """Read modal tables of one state, each a record.
+
+    Raises
+    ------
+    LogError
+        Naming file, line and column of what cannot be right.
+    """
+    tables = [read_table(structure, path) for path in paths]
+    estimates = [t.estimate for t in tables]
+    if len({t.shaped for t in tables}) > 1:
+        raise LogError(paths[0], "expected mode shapes in all tables of one state, or in none")
+    _, kept, tracks = choose_tracks(estimates)
+    if len(kept) < 3:
+        raise LogError(paths[0], f"expected at least 3 modes that the tables have in common, found {len(kept)}")
+    return Observation(
+        windows=Windows(
+            estimates=tuple(estimates),
+            harmonics=np.empty(0),
+            channels=dict.fromkeys(estimates[0].channels, "ok"),
+            quality=(),
+            problems=(),
+            start=0,
+            end=0,
+            rate=float("nan"),
+        ),
+        estimates=tuple(estimates),
+        tracks=tuple(tracks),
+        temperature=np.array([t.temperature for t in tables]),
+        rms=np.array([t.rms for t in tables]),
+        shaped=tables[0].shaped,
+        stated=len(tables) < _LEAST_RECORDS,
+    )
+
+
+def read_table(structure: Structure, path: Path) -> Table:
+    """Read one modal table; errors as for `read_tables`."""
+    columns = read_columns(path)
+    columns.check(path, structure)
+    order = np.argsort(columns.values["frequency"])
+    values = {name: value[order] for name, value in columns.values.items()}
+    frequency = values["frequency"].real
+    channels = tuple(c for c in structure.channels if c in values)
+    if channels:
+        shape = np.column_stack([values[c] for c in channels])
+        norm = np.linalg.norm(shape, axis=1, keepdims=True)
+        std = np.column_stack([values.get(f"{c}_std", np.full(len(frequency), np.nan)).real for c in channels]) / norm
+        std = np.where(np.isfinite(std), std, _SHAPE_STD)
+        shape = normalise(shape)
+    else:
+        channels = structure.channels
+        shape = _lent(structure, frequency, path)
+        std = np.full(shape.shape, _SHAPE_STD)
+    known = "damping" in values
+    damping = values["damping"].real if known else np.full(len(frequency), _DAMPING)
+    return Table(
+        estimate=ModalEstimate(
+            channels=channels,
+            frequency=frequency,
+            frequency_std=_or(values.get("frequency_std"), _FREQUENCY_STD * frequency),
+            damping=damping,
+            damping_std=_or(values.get("damping_std"), (0.3 if known else 1e3) * damping),
+            shape=shape,
+            shape_std=std,
+            support=np.ones(len(frequency)),
+            law_ratio=np.ones(len(frequency)),
+            start=0,
+            end=0,
+        ),
+        shaped=any(c in values for c in structure.channels),
+        temperature=_one(values.get("temperature")),
+        rms=_one(values.get("rms")),
+    )
+
+
+def _or(found: ComplexArray | None, usual: FloatArray) -> FloatArray:
+    return usual if found is None else np.where(np.isfinite(found.real), found.real, usual)
+
+
+def _one(found: ComplexArray | None) -> float:
+    return float("nan") if found is None else float(np.mean(found.real))
+
+
+def _lent(structure: Structure, frequency: FloatArray, path: Path) -> ComplexArray:
+    """Return the shapes (n, n_channels) of the model's modes that are nearest in frequency, one to one."""
+    if len(structure.channels) < 2:
+        raise LogError(path, f"expected a structure with 2 sensors or more, found {len(structure.channels)}")
+    model = build_model(structure, shear_flexible=True, mass="consistent")
+    modes = model.modes(_N_MODES)
+    at = (model.sensor_rows @ modes.shape).T
+    seen = np.flatnonzero(np.linalg.norm(at, axis=1) > 1e-9)
+    distance = np.abs(np.log(frequency[:, None] / modes.frequency[seen]))
+    row, column = linear_sum_assignment(distance**2)  # squares keep the order of close modes
+    far = distance[row, column] > _FARTHEST
+    if far.any():
+        raise LogError(path, f"the mode at {frequency[row[far][0]]:.4g} Hz has no partner in the model by frequency")
+    return normalise(at[seen[column]].astype(complex))

@@ -1,0 +1,125 @@
+"""Modes from tables: a cause is found in them as in logs, and what is wrong with a table is said in one line."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_helpers import Commands
+from updater_helpers import measure, t_frame, true_model
+
+from daq import LogError
+from monitor.modal_table import read_table, read_tables
+from oma import ModalEstimate
+from updater import Body, t_structure_toml
+
+BODY = Body(at=(0.2, 0, 1.48), mass=0.3)
+CHANNELS = t_frame().channels
+
+
+def table(path: Path, estimate: ModalEstimate, *, shapes: bool = True, stds: bool = True) -> Path:
+    """Write what was measured."""
+    names = ["frequency", "damping", *(["frequency_std"] if stds else []), *(CHANNELS if shapes else ())]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        for i, frequency in enumerate(estimate.frequency):
+            std = [estimate.frequency_std[i]] if stds else []
+            writer.writerow([frequency, estimate.damping[i], *std, *(estimate.shape[i].real if shapes else ())])
+    return path
+
+
+def measured(seed: int, body: Body | None = None) -> ModalEstimate:
+    return measure(true_model(np.random.default_rng(411), body), np.random.default_rng((412, seed)), np.ones(12))
+
+
+def structure(folder: Path) -> Path:
+    path = folder / "t_structure.toml"
+    path.write_text(t_structure_toml(), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("shapes", [True, False])
+def test_a_mass_is_found_between_two_tables(tmp_path: Path, modalwatch: Commands, shapes: bool) -> None:
+    """Frequencies alone leave a mirror image; the mass is weighed all the same."""
+    before = table(tmp_path / "before.csv", measured(1), shapes=shapes)
+    after = table(tmp_path / "after.csv", measured(2, BODY), shapes=shapes)
+    out = tmp_path / "found.json"
+    done = modalwatch("diagnose", structure(tmp_path), after, "--reference", before, "--json", out)
+    assert done.code in {0, 1}, done
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["verdict"] in ({"explained"} if shapes else {"explained", "ambiguous"})
+    named = {cause["cause"]: cause for cause in found["causes"]}
+    mass = named["added_mass"]["parameters"]["mass"]
+    assert abs(mass["value"] - 0.3) < max(4 * mass["std"], 0.1)
+    if shapes:
+        assert abs(named["added_mass"]["where"]["position"][0] - 0.2) < 0.06
+
+
+def test_nothing_between_two_tables_is_nothing(tmp_path: Path, modalwatch: Commands) -> None:
+    before, after = table(tmp_path / "a.csv", measured(3)), table(tmp_path / "b.csv", measured(4))
+    out = tmp_path / "found.json"
+    assert modalwatch("diagnose", structure(tmp_path), after, "--reference", before, "--json", out).code == 0
+    assert json.loads(out.read_text(encoding="utf-8"))["verdict"] == "nothing_to_explain"
+
+
+def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("frequency,temperature,rms\n38.8,21.5,0.02\n10.8,21.5,0.02\n11.0,21.5,0.02\n", encoding="utf-8")
+    found = read_table(t_frame(), path)
+    assert (found.temperature, found.rms, found.shaped) == (21.5, 0.02, False)
+    assert found.estimate.frequency.tolist() == [10.8, 11.0, 38.8]
+    np.testing.assert_allclose(found.estimate.frequency_std, 1e-3 * found.estimate.frequency)
+    assert (found.estimate.damping_std > 1).all()
+    together = read_tables(t_frame(), [path])
+    assert not together.shaped
+    assert together.stated
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ("f\n1\n2\n3\n", "line 1: expected a column 'frequency'"),
+        ("frequency,colour\n1,2\n2,2\n3,2\n", "line 1, column colour"),
+        ("frequency\n10\neleven\n30\n", "line 3, column frequency: expected a number, found 'eleven'"),
+        ("frequency\n10\n-11\n30\n", "line 3, column frequency: expected a number over 0"),
+        ("frequency,damping\n10,0.01\n11\n30,0.01\n", "line 3: expected 2 columns"),
+        ("frequency\n10\n11\n", "expected at least 3 modes, found 2"),
+        ("frequency,beam_mid_x\n10,1\n11,1\n30,1\n", "expected shapes at 2 sensors or more"),
+        ("frequency,beam_mid_x,beam_mid_y\n10,1,1\n11,0,0\n30,1,1\n", "line 3: the shape is zero"),
+        ("frequency\n10\n11\n5000\n", "the mode at 5000 Hz has no partner"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: str, where: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(LogError) as error:
+        read_table(t_frame(), path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert where in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_identify_writes_is_read(tmp_path: Path) -> None:
+    estimate = measured(5)
+    modes = [
+        {
+            "id": i,
+            "frequency": {"value": f, "std": s},
+            "damping": {"value": 0.01, "std": 0.001},
+            "shape": {c: [z.real, z.imag] for c, z in zip(CHANNELS, shape, strict=True)},
+            "shape_std": dict.fromkeys(CHANNELS, 0.01),
+        }
+        for i, (f, s, shape) in enumerate(zip(estimate.frequency, estimate.frequency_std, estimate.shape, strict=True))
+    ]
+    path = tmp_path / "modes.json"
+    path.write_text(json.dumps({"modes": modes}), encoding="utf-8")
+    found = read_table(t_frame(), path)
+    np.testing.assert_allclose(found.estimate.frequency, estimate.frequency)
+    assurance = np.abs((found.estimate.shape.conj() * estimate.shape).sum(1)) / np.linalg.norm(estimate.shape, axis=1)
+    np.testing.assert_allclose(assurance, 1)
+    assert found.shaped
+    path.write_text('{"modes": [{"frequency": {"value": -1}}]}', encoding="utf-8")
+    with pytest.raises(LogError, match=r"modes\.0\.frequency\.value"):
+        read_table(t_frame(), path)
