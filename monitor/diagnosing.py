@@ -32,7 +32,7 @@ from updater import (
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
-_THERMOMETER_STD = 0.5  # K, of the mean of a log
+THERMOMETER_STD = 0.5  # K, of the mean of a log
 _IN_TIME: Mapping[str, float] = MappingProxyType({})
 
 
@@ -105,7 +105,7 @@ def observe(
 
     def note(recording: Recording) -> None:
         devices.update({channel.name: channel.device for channel in recording.channels})
-        seen.append((recording.start, recording.temperature, _rms(recording)))
+        seen.append((recording.start, recording.temperature, root_mean_square(recording)))
         last[:] = [recording]
         on_window(recording)
 
@@ -159,7 +159,7 @@ def _aligned(recording: Recording, removed: Mapping[str, float], late: Mapping[s
     return replace(aligned(replace(recording, channels=tuple(own)), tau), channels=recording.channels)
 
 
-def _rms(recording: Recording) -> float:
+def root_mean_square(recording: Recording) -> float:
     """Return the root mean square over time and channels, each channel's mean taken off [m/s2]."""
     present = np.isfinite(recording.data)
     count = np.maximum(present.sum(0), 1)
@@ -187,9 +187,20 @@ class Explanation:
 
 
 def explain(
-    structure: Structure, before: Observation | None, now: Observation, heldout: Observation | None = None
+    structure: Structure,
+    before: Observation | None,
+    now: Observation,
+    heldout: Observation | None = None,
+    on_cause: Callable[[str], None] = lambda _: None,
 ) -> Explanation:
     """Explain what has changed since reference logs; without them, what the structure file gets wrong about logs.
+
+    Parameters
+    ----------
+    structure : as its file says
+    before, now : the reference logs, if there are any, and those to explain
+    heldout : logs that the fit must not see, to measure the gain on
+    on_cause : called with the name of each cause before it is weighed
 
     Raises
     ------
@@ -208,6 +219,7 @@ def explain(
         _event(reference, now),
         heldout=_event(reference, heldout) if heldout else None,
         circumstances=circumstances_of(reference, before, now),
+        on_cause=on_cause,
     )
     return Explanation(explained=explained, reference=reference, measured=reference.mean_of(now.modes))
 
@@ -228,7 +240,7 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
     extra = np.setdiff1d(np.arange(len(event.log_frequency)), found)
     return Circumstances(
         warmer=_mean(now.temperature) - _mean(before.temperature) if before else float("nan"),
-        warmer_std=_THERMOMETER_STD * 2**0.5,
+        warmer_std=THERMOMETER_STD * 2**0.5,
         tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
         extra=event.only(extra) if len(extra) else None,
         trend=trend_of(now.modes.tracks(found), now.rms, earlier),

@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from monitor.results import Vector
+Vector = tuple[float, float, float]
 
 
 class _Part(BaseModel):

@@ -105,7 +105,7 @@ def identify_windows(
         raise IdentificationError("no window: the recording is too short")
     return Windows(
         estimates=tuple(estimates),
-        harmonics=_common_tones(tones),
+        harmonics=common_tones(tones),
         channels=_channel_states(faults),
         quality=tuple(qualities),
         problems=tuple(problems),
@@ -116,7 +116,7 @@ def identify_windows(
     )
 
 
-def _common_tones(tones: Sequence[FloatArray]) -> FloatArray:
+def common_tones(tones: Sequence[FloatArray]) -> FloatArray:
     """Return the tones that more than half of the windows show."""
     every = np.sort(np.concatenate([np.unique(t) for t in tones])) if tones else np.empty(0)
     groups = np.split(every, np.flatnonzero(np.diff(np.log(every)) > _SAME_TONE) + 1) if len(every) else []

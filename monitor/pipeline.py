@@ -1,11 +1,12 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from daq import Assembler, Block, Event, FloatArray, IndexArray, Recording
+from daq import Assembler, Block, Event, FloatArray, Recording
 from monitor.alarms import Alarm
 from monitor.describe import (
     increment_result,
@@ -14,22 +15,20 @@ from monitor.describe import (
     reference_result,
     spectrum_result,
 )
+from monitor.explaining import Seen, explain_windows, seen_in
 from monitor.fusion import choose_tracks
 from monitor.lateness import InTime, in_time, without_known
-from monitor.results import AlarmResult, MassAnswer, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from monitor.words import alarm_text, is_one_mass
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
     NO_DELAYS,
-    Circumstances,
-    Diagnosis,
     MassUpdater,
     ModalMean,
     PairingError,
     Reference,
     Structure,
-    diagnose,
     estimate_delays,
     learn_reference,
     locate_and_sharpen,
@@ -84,6 +83,7 @@ class Pipeline:
         self._n_windows = 0
         self._baseline: list[_Window] = []
         self._watch: _Watch | None = None
+        self._before: Seen = seen_in([])  # what went with the baseline's windows
         self._out: list[_Window] = []  # windows over the limit, without a break
 
     def push(self, item: Block | Event) -> Iterator[Result]:
@@ -141,6 +141,7 @@ class Pipeline:
             return
         try:
             found = [w.identification for w in self._baseline]
+            self._before = seen_in([(w.recording, w.identification) for w in self._baseline])
             self._watch = learn_baseline(self._structure, found, self._devices)
         except PairingError as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
@@ -161,34 +162,28 @@ class Pipeline:
         if self._alarm.state != before.state:
             yield self._said(window, alarm_text(self._alarm.state, result, watch.reference.calibration.model.nodes))
 
-    def _explain(self, watch: _Watch) -> dict[str, Diagnosis | MassAnswer | MassIncrements | None]:
-        """Explain by the windows that begin after the first one over the limit: that one may hold both states."""
+    def _explain(self, watch: _Watch) -> dict[str, Any]:
+        """Explain by the windows that begin after the first one over the limit: that one may hold both states.
+
+        A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them.
+        """
         pure = [w for w in self._out if w.recording.start >= self._out[0].recording.end]
         if not pure:
             return {}
         tracks = [watch.tracker.assign(w.estimate) for w in pure]
         event = watch.reference.mean_of(stack_tracks([w.estimate for w in pure], tracks))
-        found: dict[str, Diagnosis | MassAnswer | MassIncrements | None]
-        found = {"increments": _increments(watch, event, len(pure))}
+        found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
+        lateness = InTime(tuple(w.estimate for w in pure), self._devices, tuple(w.removed for w in pure))
+        now = seen_in([(w.recording, w.identification) for w in pure])
         try:
-            found["diagnosis"] = diagnosis = self._diagnosed(watch, pure, tracks)
+            diagnosis, beside = explain_windows(watch.reference, self._before, now, lateness, tracks)
         except ValueError:
             return found  # fewer than three modes left to compare: there is an alarm, but no cause
+        found |= {"diagnosis": diagnosis, "discrepancy": beside}
         if is_one_mass(diagnosis):
             change, outlook = locate_and_sharpen(watch.reference, event)
             found["answer"] = mass_answer(self._structure, change, len(pure), outlook.said)
         return found
-
-    def _diagnosed(self, watch: _Watch, windows: Sequence[_Window], tracks: Sequence[IndexArray]) -> Diagnosis:
-        """Weigh the causes, delays beyond the baseline's put back."""
-        lateness = InTime(tuple(w.estimate for w in windows), self._devices, tuple(w.removed for w in windows))
-        heard = lateness.heard(watch.reference.delays) or lateness.estimates
-        there = {c for e in heard for c in e.channels}
-        faults = {c: f for w in windows for c, f in w.identification.channels.items() if f != "ok" and c not in there}
-        known = Circumstances(devices=self._devices, faults=faults)
-        return diagnose(
-            watch.reference, watch.reference.mean_of(stack_tracks(heard, tracks)), circumstances=known
-        ).diagnosis
 
     def _said(self, window: _Window, text: str) -> AlarmResult:
         return AlarmResult(time=window.recording.end, state=self._alarm.state, text=text, window=window.index)

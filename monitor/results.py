@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from monitor.discrepancy import DiscrepancyResult
 from updater import Diagnosis
 
 Vector = tuple[float, float, float]
@@ -144,6 +145,7 @@ class WindowResult(_Result):
     answer: MassAnswer | None = None
     increments: MassIncrements | None = None
     diagnosis: Diagnosis | None = None  #: since the baseline
+    discrepancy: DiscrepancyResult | None = None  #: what it rests on
     spectrum: Spectrum | None = None
     rms: dict[str, float] = {}  #: of each channel [m/s2]
     problem: str | None = None  #: why the window gave no modes

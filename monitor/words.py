@@ -12,6 +12,17 @@ from updater import Cause, Diagnosis, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
+_SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
+_SHARES = frozenset({"loss", "error", "damping"})  # of parameters without a unit, those that are told in per cent
+_NAMES = {
+    "sensor_polarity": "sensor sign turned",
+    "sensor_swap": "sensors exchanged",
+    "sensor_orientation": "sensor direction",
+    "sensor_dead": "dead sensor",
+    "amplitude_softening": "softening with amplitude",
+    "damping_change": "change of damping",
+}  # others are their own words
+_MASSES = frozenset({"added_mass", "distributed_mass"})
 _LARGE = 10.0  # kg: smaller masses are told in grams
 
 VERDICTS = {
@@ -24,7 +35,7 @@ VERDICTS = {
 
 def plain(name: str) -> str:
     """Return a name of a cause or parameter as words."""
-    return name.replace("_", " ")
+    return _NAMES.get(name, name.replace("_", " "))
 
 
 def number_text(value: float, std: float) -> str:
@@ -52,6 +63,19 @@ def quantity_text(quantity: Quantity) -> str:
     return f"{number_text(scale * quantity.value, scale * quantity.std)} {unit}".rstrip()
 
 
+def parameter_text(name: str, quantity: Quantity) -> str:
+    """Return a cause's parameter in the unit that is spoken: lengths in mm, delays in ms, angles in degrees.
+
+    A gain and a factor stay numbers; a share is what is lost, or off.
+    """
+    scale, unit = _SPOKEN.get(quantity.unit, (1.0, ""))
+    if quantity.unit == "-" and name in _SHARES:
+        scale, unit = 100.0, "%"
+    if not unit or (quantity.unit == "m" and abs(quantity.value) >= 1.0):
+        return quantity_text(quantity)
+    return f"{number_text(scale * quantity.value, scale * quantity.std)} {unit}"
+
+
 def where_text(where: Where | None) -> str:
     """Return the place of a cause; empty for one that has none."""
     if where is None:
@@ -73,7 +97,7 @@ def cause_text(cause: Cause) -> str:
     if cause.cause == "added_mass" and mass:
         size = mass.model_copy(update={"value": abs(mass.value)})
         return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
-    values = ", ".join(f"{plain(name)} {quantity_text(q)}" for name, q in cause.parameters.items())
+    values = ", ".join(f"{plain(name)} {parameter_text(name, q)}" for name, q in cause.parameters.items())
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""
     )
@@ -191,8 +215,15 @@ def _what(story: Story, diagnosis: Diagnosis | None) -> str:
 
 
 def is_one_mass(diagnosis: Diagnosis) -> bool:
-    """Tell whether one added or removed mass, and nothing else, explains what has changed."""
-    return diagnosis.verdict == "explained" and [c.cause for c in diagnosis.causes] == ["added_mass"]
+    """Tell whether one added or removed mass, and nothing else, explains what has changed.
+
+    A mass that may as well be spread over a short stretch is one: the data place and weigh both alike.
+    """
+    if len(diagnosis.causes) != 1 or diagnosis.verdict not in {"explained", "ambiguous"}:
+        return False
+    (cause,) = diagnosis.causes
+    kinds = {cause.cause, *cause.cannot_be_told_from}
+    return "added_mass" in kinds and kinds <= _MASSES
 
 
 def _when(story: Story) -> str:

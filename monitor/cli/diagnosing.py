@@ -16,6 +16,7 @@ from monitor.errors import ArgumentError
 from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
 from monitor.trends_beside import trends_beside
+from monitor.words import plain
 from oma import IdentificationError
 from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
 
@@ -46,7 +47,9 @@ def diagnose_command(
         assert after is not None  # there is at least one log
         status.update("weighing the causes ...")
         try:
-            found = explain(structure, before, after, heldout)
+            found = explain(
+                structure, before, after, heldout, lambda name: status.update(f"weighing {plain(name)} ...")
+            )
         except ValueError as error:
             raise LogError(_named(logs.current), str(error)) from error
         status.update("setting measured beside simulated ...")

@@ -18,11 +18,12 @@ from monitor.words import (
     cause_text,
     diagnosis_text,
     headline,
+    is_one_mass,
     last_state,
     mass_text,
     number_text,
+    parameter_text,
     plain,
-    quantity_text,
     share_text,
     utc,
     where_text,
@@ -36,6 +37,7 @@ _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
     """Return the template's values for a run."""
     story = run.story
+    found = None if diagnosis else last_discrepancy(story)
     diagnosis = diagnosis or last_diagnosis(story)
     return {
         "title": story.name,
@@ -45,7 +47,7 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
         "pictures": _pictures(story),
         "increments": _increments(story),
         "modes": _modes(story),
-        "diagnosis": diagnosis_content(diagnosis, story.reference) if diagnosis else None,
+        "diagnosis": diagnosis_content(diagnosis, story.reference, found) if diagnosis else None,
         "quality": _quality(run),
         "settings": run.site_text,
         "versions": versions(),
@@ -63,9 +65,18 @@ def last_diagnosis(story: Story) -> Diagnosis | None:
     return found[-1] if found and last_state(story) == "alarm" else None
 
 
+def last_discrepancy(story: Story) -> DiscrepancyResult | None:
+    """Return what the last diagnosis rests on, if the alarm still stands."""
+    found = [w.discrepancy for w in story.windows if w.diagnosis]
+    return found[-1] if found and last_state(story) == "alarm" else None
+
+
 def last_answer(story: Story) -> MassAnswer | None:
-    """Return the newest located mass while the alarm stands."""
-    return story.answers[-1][1] if story.answers and last_state(story) == "alarm" else None
+    """Return the newest located mass while the alarm stands, unless a later diagnosis says that it is no mass."""
+    diagnosis = last_diagnosis(story)
+    if not story.answers or last_state(story) != "alarm" or (diagnosis and not is_one_mass(diagnosis)):
+        return None
+    return story.answers[-1][1]
 
 
 def _facts(story: Story) -> list[tuple[str, str]]:
@@ -206,7 +217,7 @@ def diagnosis_content(
                 "name": plain(c.cause),
                 "probability": share_text(c.probability),
                 "where": where_text(c.where) or "nowhere in particular",
-                "parameters": [(plain(name), quantity_text(q)) for name, q in c.parameters.items()],
+                "parameters": [(plain(name), parameter_text(name, q)) for name, q in c.parameters.items()],
                 "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
             }
             for c in diagnosis.causes

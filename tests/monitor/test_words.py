@@ -1,11 +1,13 @@
 """Findings in words."""
 
 import answers_helpers as answers
+import numpy as np
 import pytest
 import viewer_helpers as made
 
 from monitor.viewer.cards import window_card
-from monitor.words import number_text
+from monitor.words import is_one_mass, number_text, parameter_text
+from updater import Quantity
 
 
 @pytest.mark.parametrize(
@@ -32,3 +34,37 @@ def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained:
     window = run["windows"][-1].model_copy(update={"answer": None, "diagnosis": found})
     card = window_card(window, made.story(run))
     assert ("Where, the next windows will tell" in card) == (not explained)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "text"),
+    [
+        ("loss", Quantity(value=0.32, std=0.02, unit="-"), "32.0 ± 2.0 %"),
+        ("gain", Quantity(value=0.8, std=0.004, unit="-"), "0.800 ± 0.004"),
+        ("extent", Quantity(value=0.112, std=0.02, unit="m"), "112 ± 20 mm"),
+        ("delay", Quantity(value=4e-4, std=1e-5, unit="s"), "0.400 ± 0.010 ms"),
+        ("angle", Quantity(value=np.pi / 18, std=np.pi / 180, unit="rad"), "10.0 ± 1.0 degrees"),
+        ("force", Quantity(value=-1200.0, std=40.0, unit="N"), "-1200 ± 40 N"),
+        ("mass", Quantity(value=0.3, std=0.01, unit="kg"), "300 ± 10 g"),
+    ],
+)
+def test_parameters_are_told_in_the_units_that_are_spoken(name: str, quantity: Quantity, text: str) -> None:
+    assert parameter_text(name, quantity) == text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "cause", "others", "one"),
+    [
+        ("explained", "added_mass", (), True),
+        ("ambiguous", "distributed_mass", ("added_mass",), True),
+        ("ambiguous", "added_mass", ("support_stiffness",), False),
+        ("explained", "sensor_gain", (), False),
+        ("explained", "distributed_mass", (), False),
+    ],
+)
+def test_a_mass_is_claimed_only_where_nothing_but_a_mass_explains(
+    verdict: str, cause: str, others: tuple[str, ...], one: bool
+) -> None:
+    first = answers.diagnosis().causes[0].model_copy(update={"cause": cause, "cannot_be_told_from": others})
+    assert is_one_mass(answers.diagnosis().model_copy(update={"verdict": verdict, "causes": (first,)})) == one
+    assert not is_one_mass(answers.diagnosis().model_copy(update={"verdict": verdict, "causes": (first, first)}))
