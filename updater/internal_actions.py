@@ -71,13 +71,7 @@ def _within(model: Model, modes: Modes, span: int, x: FloatArray) -> FloatArray:
     inner[:, _TOTAL] = np.array([-total[:6], total[6:]])[:, _TOTAL]
     xi = (x / element.length)[:, None, None]
     bulge = 6 * xi * (1 - xi) * (mean - inner.mean(0))
-    return np.asarray((inner[0] * (1 - xi) + inner[1] * xi + bulge) / np.sqrt(_rigidity(element))[:, None])
-
-
-def _rigidity(element: Element) -> FloatArray:
-    """Return E A, kappa G A along y and z, G J, E I about y and z (6,); infinite in shear if the beam does not."""
-    young, shear = element.material.youngs_modulus, element.material.shear_modulus
-    section = element.section
-    across = [shear * section.shear_area(axis) if element.shear_flexible else np.inf for axis in (0, 1)]
-    bending = [young * moment for moment in section.second_moment]
-    return np.array([young * section.area, *across, shear * section.torsion_constant, *bending])
+    rigidity = element.rigidity.copy()
+    if not element.shear_flexible:
+        rigidity[[1, 2]] = np.inf
+    return np.asarray((inner[0] * (1 - xi) + inner[1] * xi + bulge) / np.sqrt(rigidity)[:, None])

@@ -145,7 +145,8 @@ class Segment(Entry):
     member: str
     at: Vector  #: its middle [m]
     extent: Positive  #: its length [m]
-    stiffness: Positive = 1.0  #: factor on Young's and the shear modulus [-]
+    stiffness: Positive = 1.0  #: factor on what it bears bending and twist with [-]
+    shear_stiffness: Positive = 1.0  #: factor on what it bears shear and axial force with [-]
     mass: Number = 0.0  #: more over its length, spread as the member's own is [kg]
 
 
@@ -262,18 +263,15 @@ class Structure(Entry):
         own = [(float(np.subtract(s.at, member.start) @ axis), s) for s in self.segment if s.member == member.name]
         return [(max(x - s.extent / 2, 0.0), min(x + s.extent / 2, member.length), s) for x, s in own]
 
-    def material_at(self, member: Member, distance: float) -> Material:
-        """Return a member's material at a distance from its start [m], as its segments make it."""
+    def part_at(self, member: Member, distance: float) -> tuple[Material, float, float]:
+        """Return a member's material at a distance from its start [m], as segments make it, and their two factors."""
         material, area = self.material[member.material], self.section[member.section].area
         here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]
         if not here:
-            return material
-        factor = float(np.prod([s.stiffness for s in here]))
-        return Material.model_construct(
-            youngs_modulus=material.youngs_modulus * factor,
-            shear_modulus=material.shear_modulus * factor,
-            density=material.density + sum(s.mass / s.extent for s in here) / area,
-        )
+            return material, 1.0, 1.0
+        density = material.density + sum(s.mass / s.extent for s in here) / area
+        bending, shear = (float(np.prod([getattr(s, k) for s in here])) for k in ("stiffness", "shear_stiffness"))
+        return material.model_copy(update={"density": density}), bending, shear
 
     def with_mesh(self, element_length: float) -> "Structure":
         """Return the same structure with elements no longer than `element_length` [m]."""

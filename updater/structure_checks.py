@@ -106,7 +106,7 @@ def _check_weight(structure: Structure, member: Member) -> None:
     """Refuse segments that take off all the mass that a stretch has."""
     ends = sorted({end for start, stop, _ in structure.segments_of(member) for end in (start, stop)})
     for start, stop in pairwise(ends):
-        left = structure.material_at(member, (start + stop) / 2).density
+        left = structure.part_at(member, (start + stop) / 2)[0].density
         if left <= 0:
             raise ValueError(
                 f"segment of {member.name}: no mass is left from {start:.4g} to {stop:.4g} m of it, its density "

@@ -45,7 +45,7 @@ def test_segment_is_a_member_of_another_material(mass: str) -> None:
         }
     )
     weight = STEEL.density * t_frame().section["tube_40x40x3"].area * 0.2
-    segment = Segment(member="column", at=(0, 0, 0.6), extent=0.2, stiffness=0.5, mass=weight)
+    segment = Segment(member="column", at=(0, 0, 0.6), extent=0.2, stiffness=0.5, shear_stiffness=0.5, mass=weight)
     one, three = with_segments(segment).with_mesh(0.02), cut_in_three(0.5, 0.7, other).with_mesh(0.02)
     models = [build_model(s, shear_flexible=True, mass=mass) for s in (one, three)]  # type: ignore[arg-type]
     found, expected = (m.modes(12).frequency for m in models)

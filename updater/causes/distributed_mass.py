@@ -14,7 +14,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import Kinds, Spread, everywhere, strength, vector
+from updater.causes.stretches import WITHIN, Kinds, Spread, everywhere, strength
 from updater.comparison import Comparison
 from updater.fe.element import local_axes
 from updater.reanalysis import Effect, no_effect
@@ -28,11 +28,10 @@ if TYPE_CHECKING:
 
 _LEAST = 1e-4  # of the structure's mass
 _REMOVABLE = 0.9  # of a stretch's own mass
-_RATIO = 1.2  # about, from one length to the next
 #: from a fifth of the longest member to all of it: what is shorter is a body
 _LENGTHS = Kinds(
     size={70: 70, 120: 120, 220: 220},
-    step={70: 16, 120: 24, 220: 40},
+    step={70: 20, 120: 30, 220: 40},
     about={70: (60, 72, 86), 120: (104, 124, 150), 220: (180, 216, 260, 300)},
 )
 
@@ -41,6 +40,7 @@ _LENGTHS = Kinds(
 class DistributedMass(Spread):
     """Stretches of all members; the parameter is the mass [kg]."""
 
+    summed: FloatArray  #: (n_edges, n_modes, n_modes) modal mass of 1 kg/m from each member's start
     own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
     name: str = "distributed_mass"
     advice: str = "Look along the stretch that is named for what lies or hangs on it."
@@ -51,19 +51,22 @@ class DistributedMass(Spread):
 
     @property
     def prior_std(self) -> FloatArray:
-        """Of the mass [kg]."""
-        return np.array([MASS_STD * self._total])
+        """Of the mass [kg], the shift and the length."""
+        return np.array([MASS_STD * self._total, WITHIN, WITHIN])
 
     @property
     def lower(self) -> FloatArray:
         """Only what is there can be taken off."""
-        there = _REMOVABLE * self.own[self.member] * self.extent
-        return -np.minimum(there, LARGEST_REMOVED * self._total)[:, None]
+        there = _REMOVABLE / 1.5 * self.own[self.member] * self.size * self.cells.length[self.member]
+        least = np.full((len(there), 3), -np.inf)
+        least[:, 0] = -np.minimum(there, LARGEST_REMOVED * self._total)
+        return least
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes."""
-        along = theta[:, 0] / self.extent[rows]
-        return replace(no_effect(len(rows), self.comparison), mass=along[:, None, None] * self.matrix(rows))
+        along = theta[:, 0] / (self.sizes(theta, rows) * self.cells.length[self.member[rows]])
+        mass = along[:, None, None] * self.matrix(self.summed, theta, rows)
+        return replace(no_effect(len(rows), self.comparison), mass=mass)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a mass of any order makes of the evidence."""
@@ -73,7 +76,7 @@ class DistributedMass(Spread):
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the mass in all and the length over which it is spread."""
         mass = self.averaged(fit, fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
-        extent = self.averaged(fit, self.extent, np.log(_RATIO) / np.sqrt(12) * self.extent)
+        extent = self.averaged(fit, *self.extents(fit))
         return {
             "mass": Quantity(value=mass[0], std=float(np.hypot(mass[1], DENSITY_STD * mass[0])), unit="kg"),
             "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
@@ -81,9 +84,8 @@ class DistributedMass(Spread):
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add a segment of the stretch's mass."""
-        member = self.cells.members[self.member[row]]
-        at, extent = vector(member.point(self.middle[row])), float(self.extent[row])
-        segment = Segment(member=member.name, at=at, extent=extent, mass=float(theta[0]))
+        member, at, extent = self.stretch(row, theta)
+        segment = Segment(member=member, at=at, extent=extent, mass=float(theta[0]))
         return structure.model_copy(update={"segment": (*structure.segment, segment)})
 
 
@@ -101,17 +103,19 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
         kinds=_LENGTHS,
         summed=summed,
         own=np.array(own),
-        **everywhere(cells, _LENGTHS),
+        **everywhere(cells, _LENGTHS, 3),
     )
-    return replace(found, start=_first_order(found))
+    found.start[:, 0] = _first_order(found)
+    return found
 
 
 def _first_order(cause: DistributedMass) -> FloatArray:
     """Return d ln f_i = -m/2 dM_ii, fitted to the log frequencies."""
     comparison = cause.comparison
-    heavier = np.diagonal(cause.matrix(np.arange(len(cause.member))), axis1=1, axis2=2)[:, comparison.paired]
-    mass = strength(comparison, -0.5 * heavier / cause.extent[:, None])
-    return np.clip(mass[:, None], cause.lower / 2, cause.prior_std)
+    per_metre = cause.matrix(cause.summed, cause.start, np.arange(len(cause.member)))
+    heavier = np.diagonal(per_metre, axis1=1, axis2=2)[:, comparison.paired]
+    mass = strength(comparison, -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None])
+    return np.clip(mass, cause.lower[:, 0] / 2, cause.prior_std[0])
 
 
 @lru_cache(maxsize=4)

@@ -1,8 +1,8 @@
 """A stretch of a member that has lost stiffness, or gained some: a crack, a loosened splice, a patch.
 
-One factor 1 - loss on what it bears bending, twist, shear and axial force with adds modal flexibility
+One factor 1 - loss on what it bears bending and twist with adds modal flexibility
 dF = loss / (1 - loss) int A^T A dx / (omega_r^2 omega_s^2), A the modes' weighed internal actions: the unit-load
-method, exact in all modes and nearly so in thirty.
+method, exact in all modes and nearly so in thirty. How much of that it loses in shear is left open.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import Kinds, Spread, everywhere, strength, vector
+from updater.causes.stretches import WITHIN, Kinds, Spread, everywhere, strength
 from updater.comparison import Comparison
 from updater.internal_actions import weighted_actions
 from updater.reanalysis import Effect, no_effect
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 _STD = 1.0  # of ln of the factor on stiffness, while it is fitted
 _LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two
 _STIFFEST = -1.0  # what a stretch may gain, as a logarithm
+_SHEAR = 0.5  # as much softer in shear and along the axis: a crack hardly is, a softer material all of it
 _SOFTEST = 7.0  # beyond which a hinge is a hinge
-_RATIO = 1.2  # about, from one length to the next
 #: from 1/75 of the longest member to half of it; near each other they act alike
 _LENGTHS = Kinds(
     size={8: 8, 30: 30, 90: 90},
-    step={8: 8, 30: 10, 90: 24},
+    step={8: 10, 30: 14, 90: 28},
     about={8: (4, 6, 8, 10, 12, 14), 30: (18, 22, 26, 30, 36, 44, 52), 90: (62, 74, 88, 106, 126, 150)},
 )
 
@@ -43,23 +43,27 @@ _LENGTHS = Kinds(
 class LocalStiffness(Spread):
     """Stretches of all members; the parameter is -ln of the factor on stiffness."""
 
+    bent: FloatArray  #: (n_edges, n_modes, n_modes) flexibility in bending and twist from each member's start
+    sheared: FloatArray  #: (n_edges, n_modes, n_modes) in shear and along the axis
     name: str = "local_stiffness"
     advice: str = "Look for a crack or a loosened splice along the stretch that is named."
 
     @property
     def prior_std(self) -> FloatArray:
-        """Of the logarithm."""
-        return np.array([_STD])
+        """Of the logarithm, the shift, the length, and of how much more than half as much it is softer in shear."""
+        return np.array([_STD, WITHIN, WITHIN, _SHEAR])
 
     @property
     def lower(self) -> FloatArray:
         """A stretch gains less than it may lose."""
-        return np.full((len(self.member), 1), _STIFFEST)
+        return np.tile([_STIFFEST, -np.inf, -np.inf, -_SHEAR], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
-        more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))
-        return replace(no_effect(len(rows), self.comparison), flexibility=more[:, None, None] * self.matrix(rows))
+        more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))[:, None, None]
+        shear = np.minimum(_SHEAR + theta[:, 3], 1.0)[:, None, None]
+        softer = self.matrix(self.bent, theta, rows) + shear * self.matrix(self.sheared, theta, rows)
+        return replace(no_effect(len(rows), self.comparison), flexibility=more * softer)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a loss of any order makes of the evidence."""
@@ -68,15 +72,15 @@ class LocalStiffness(Spread):
 
     def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the logarithm that adds as much flexibility in all."""
-        return np.maximum(np.log1p(np.maximum(np.expm1(theta) / ratio[:, None], -0.6)), _STIFFEST)
+        found = theta.copy()
+        found[:, 0] = np.maximum(np.log1p(np.maximum(np.expm1(theta[:, 0]) / ratio, -0.6)), _STIFFEST)
+        return found
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the share of stiffness that is lost and the length over which: as much less as that is longer."""
         left = np.exp(-fit.theta[:, 0])
-        between = np.log(_RATIO) / np.sqrt(12)
-        std = np.hypot(left * np.sqrt(fit.covariance[:, 0, 0]), between * left * (1 - left))
-        loss = self.averaged(fit, 1 - left, std)
-        extent = self.averaged(fit, self.extent, between * self.extent)
+        loss = self.averaged(fit, 1 - left, left * np.sqrt(fit.covariance[:, 0, 0]))
+        extent = self.averaged(fit, *self.extents(fit))
         return {
             "loss": Quantity(value=loss[0], std=loss[1], unit="-"),
             "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
@@ -84,12 +88,14 @@ class LocalStiffness(Spread):
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add a segment of the stretch's stiffness."""
-        member = self.reference.calibration.structure.member[self.member[row]]
+        member, at, extent = self.stretch(row, theta)
+        more = float(np.expm1(min(theta[0], _SOFTEST)))
         segment = Segment(
-            member=member.name,
-            at=vector(member.point(self.middle[row])),
-            extent=float(self.extent[row]),
-            stiffness=float(np.exp(-min(theta[0], _SOFTEST))),
+            member=member,
+            at=at,
+            extent=extent,
+            stiffness=1 / (1 + more),
+            shear_stiffness=1 / (1 + min(_SHEAR + float(theta[3]), 1.0) * more),
         )
         return structure.model_copy(update={"segment": (*structure.segment, segment)})
 
@@ -98,32 +104,36 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
     """Return stretches of a few lengths every few centimetres; none of matrices from elsewhere."""
     if reference.calibration.structure.external is not None:
         return None
-    cells, summed = _flexibility(reference)
+    cells, bent, sheared = _flexibility(reference)
     found = LocalStiffness(
         reference=reference,
         comparison=comparison,
         cells=cells,
         kinds=_LENGTHS,
-        summed=summed,
-        **everywhere(cells, _LENGTHS),
+        bent=bent,
+        sheared=sheared,
+        **everywhere(cells, _LENGTHS, 4),
     )
-    return replace(found, start=_first_order(found))
+    found.start[:, 0] = _first_order(found)
+    return found
 
 
 def _first_order(cause: LocalStiffness) -> FloatArray:
     """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
     comparison = cause.comparison
     paired = comparison.paired
-    gained = np.diagonal(cause.matrix(np.arange(len(cause.member))), axis1=1, axis2=2)[:, paired]
+    softer = cause.matrix(cause.bent, cause.start, np.arange(len(cause.member)))
+    gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
     more = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
-    return np.asarray(np.log1p(np.clip(more, -0.5, np.e**2)))[:, None]
+    return np.asarray(np.log1p(np.clip(more, -0.5, np.e**2)))
 
 
 @lru_cache(maxsize=4)
-def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
+def _flexibility(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
     """Return the modal flexibility of all stretches, that of the calibrated model's actions in the updated modes."""
     model, modes = reference.calibration.model, reference.calibration.modes
     cells = cut(model.structure.member)
     turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
-    actions = weighted_actions(model, modes, {m: cells.middles(m) for m in range(len(cells.members))})
-    return cells, cells.summed([actions[m] @ turned for m in range(len(cells.members))])
+    found = weighted_actions(model, modes, {m: cells.middles(m) for m in range(len(cells.members))})
+    actions = [found[m] @ turned for m in range(len(cells.members))]
+    return cells, cells.summed([a[:, 3:] for a in actions]), cells.summed([a[:, :3] for a in actions])

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.fit import Fit
 
+RATIO = 1.2  #: about, from one length to the next
+WITHIN = 12**-0.5  #: standard deviation of a uniform prior over one step
 _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
@@ -30,6 +32,11 @@ class Kinds:
     step: dict[int, int]  #: then cells between middles
     about: dict[int, tuple[int, ...]]  #: lengths that it stands for, looked at where the first is likely
 
+    def span(self, kind: int) -> float:
+        """Return how far the lengths reach that a kind stands for, of their logarithm."""
+        sizes = self.about[kind]
+        return float(np.log(RATIO * max(max(sizes), 1) / max(min(sizes), 1)))
+
     def within(self, count: int) -> dict[int, tuple[int, ...]]:
         """Return the lengths of each kind that fit on `count` cells; all of them where none does."""
         fitting = {kind: tuple(s for s in sizes if s <= count) for kind, sizes in self.about.items()}
@@ -39,7 +46,11 @@ class Kinds:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Stretches:
-    """One change spread over a stretch; its first parameter is how strong it is."""
+    """One change at a stretch; parameters are how strong it is, and where about the alternative's middle and length.
+
+    The second is the middle's shift over the step between middles; the third, where lengths differ, the length's
+    logarithm over the step between those: both spread as a uniform prior over one step.
+    """
 
     reference: Reference
     comparison: Comparison
@@ -50,21 +61,41 @@ class Stretches:
     size: IndexArray  #: (n,) cells
     kind: IndexArray  #: (n,)
     step: FloatArray  #: (n,) cells between middles
+    span: FloatArray  #: (n,) between lengths, of their logarithm
     log_prior: FloatArray  #: (n,) every metre of the structure alike
     start: FloatArray  #: (n, n_parameters) where the fit begins
     drifting: bool = True
     place_free: bool = False
     cannot_be_told_from: tuple[str, ...] = ()
 
-    @property
-    def middle(self) -> FloatArray:
-        """Distance of each stretch's middle from its member's start (n,) [m]."""
-        return np.asarray((self.begin + self.size / 2) * self.cells.length[self.member])
+    def middles(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the middles (len(rows),) [cells] for parameters (len(rows), n_parameters)."""
+        middle = self.begin[rows] + self.size[rows] / 2 + theta[:, 1] * self.step[rows]
+        return np.clip(middle, 0, self.cells.count[self.member[rows]])
 
-    @property
-    def extent(self) -> FloatArray:
-        """Length of each stretch (n,) [m]."""
-        return np.asarray(self.size * self.cells.length[self.member])
+    def sizes(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the lengths (len(rows),) [cells]; both ends are on the member."""
+        middle = self.middles(theta, rows)
+        room = 2 * np.minimum(middle, self.cells.count[self.member[rows]] - middle)
+        return np.clip(self.size[rows] * np.exp(theta[:, 2] * self.span[rows]), 1.0, np.maximum(room, 1.0))
+
+    def _distances(self, fit: "Fit[Any]") -> tuple[FloatArray, FloatArray]:
+        """Return distance of each alternative's middle from its member's start (n,) and its deviation [m]."""
+        cell = self.cells.length[self.member]
+        std = np.sqrt(fit.covariance[:, 1, 1]) * self.step
+        return self.middles(fit.theta, np.arange(len(cell))) * cell, std * cell
+
+    def extents(self, fit: "Fit[Any]") -> tuple[FloatArray, FloatArray]:
+        """Return length of each alternative (n,) and its deviation [m]."""
+        extent = self.sizes(fit.theta, np.arange(len(self.member))) * self.cells.length[self.member]
+        return extent, extent * self.span * np.sqrt(fit.covariance[:, 2, 2])
+
+    def stretch(self, row: int, theta: FloatArray) -> tuple[str, Vector, float]:
+        """Return member, middle and length [m] of an alternative with parameters (n_parameters,)."""
+        this, member = np.array([row]), self.cells.members[self.member[row]]
+        cell = float(self.cells.length[self.member[row]])
+        middle, size = (float(of(theta[None], this)[0]) for of in (self.middles, self.sizes))
+        return member.name, vector(member.point(middle * cell)), size * cell
 
     def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return parameters (n, n_parameters) that do about the same over stretches `ratio` (n,) times as long."""
@@ -77,26 +108,27 @@ class Stretches:
         of_each = [order[self.kind[order] == kind][:_OF_EACH] for kind in self.kinds.size]
         near = np.unique(np.concatenate([order[:_WORTH], *of_each]))
         near = near[log_density[near] > log_density.max() - _NEAR]
-        for halvings in (3, 2, 1):
-            found = self._about(near, halvings)
+        middle = self.middles(theta, np.arange(len(theta)))
+        for parts in (4, 3, 2):
+            found = self._about(near, middle, parts)
             if len(found) <= _MOST_FINE:
                 break
         rows = np.array(sorted(found), float)
         source = np.array([found[key] for key in sorted(found)], np.intp)
         start = self.carried(theta[source], np.maximum(rows[:, 2], 1) / np.maximum(self.size[source], 1))
-        return replace(self, **(_fields(self.cells, self.kinds, rows, first=False) | {"start": start}))
+        start[:, 1:3] = 0.0  # the shift, and the length if there is one
+        return replace(self, **_fields(self.cells, self.kinds, rows, first=False), start=start)
 
-    def _about(self, near: IndexArray, halvings: int) -> dict[tuple[int, int, int, int, int], int]:
+    def _about(self, near: IndexArray, middle: FloatArray, parts: int) -> dict[tuple[int, int, int, int, int], int]:
         """Return finer alternatives (member, begin, size, kind, step), and which each one came from."""
         found: dict[tuple[int, int, int, int, int], int] = {}
         for row in near.tolist():
             member, kind = int(self.member[row]), int(self.kind[row])
-            reach, count = self.kinds.step[kind], int(self.cells.count[member])
+            count, step = int(self.cells.count[member]), max(2, self.kinds.step[kind] // parts)
+            about = step * round(middle[row] / step)
             for size in self.kinds.within(count)[kind]:
-                step = max(1, reach // 2**halvings, size // 16)
-                middle = step * round((self.begin[row] + self.size[row] / 2) / step)
-                for off in range(-step * (reach // step), reach + 1, step):
-                    begin = min(max(middle + off - size // 2, 0), count - size)
+                for off in range(-step * (parts // 2), step * (parts // 2) + 1, step):
+                    begin = min(max(about + off - size // 2, 0), count - size)
                     found.setdefault((member, begin, size, kind, step), row)
         return found
 
@@ -104,15 +136,14 @@ class Stretches:
         """Return mean of the most probable place, and the region of all middles."""
         member, position, probability, _ = self._spread(fit)
         share = self.likely(fit)
-        distance = float(share @ self.middle)
-        width = self.step * self.cells.length[self.member]
-        variance = share @ ((self.middle - distance) ** 2 + width**2 / 12)
-        members = self.reference.calibration.structure.member
+        distance, std = self._distances(fit)
+        mean = float(share @ distance)
+        members = self.cells.members
         found, half = int(self.member[np.argmax(share)]), self.cells.length / 2
         return Where(
             member=members[found].name,
-            position=vector(members[found].point(distance)),
-            position_std=float(np.sqrt(variance)),
+            position=vector(members[found].point(mean)),
+            position_std=float(np.sqrt(share @ (std**2 + (distance - mean) ** 2))),
             region=tuple(
                 (vector(members[m].point(a - half[m])), vector(members[m].point(b + half[m])))
                 for m, a, b in credible(member, position, probability, probability)
@@ -135,14 +166,15 @@ class Stretches:
     def _spread(self, fit: "Fit[Any]") -> tuple[IndexArray, FloatArray, FloatArray, IndexArray]:
         """Return member, middle [m] and probability of every cell, and the cell of each alternative's middle.
 
-        An alternative stands for all middles up to half way to the next.
+        An alternative's middle is spread evenly over what has its deviation.
         """
         member = np.repeat(np.arange(len(self.cells.count)), self.cells.count)
         before = np.concatenate([[0], np.cumsum(self.cells.count)])
         position = (np.arange(len(member)) - before[member] + 0.5) * self.cells.length[member]
-        middle, last = self.begin + self.size / 2, self.cells.count[self.member]
-        low = np.clip(np.round(middle - self.step / 2), 0, last - 1).astype(np.intp)
-        high = np.clip(np.round(middle + self.step / 2), low + 1, last).astype(np.intp)
+        last = self.cells.count[self.member]
+        middle, std = (values / self.cells.length[self.member] for values in self._distances(fit))
+        low = np.clip(np.round(middle - np.sqrt(3) * std), 0, last - 1).astype(np.intp)
+        high = np.clip(np.round(middle + np.sqrt(3) * std), low + 1, last).astype(np.intp)
         edge = np.zeros(len(member) + 1)
         np.add.at(edge, before[self.member] + low, fit.probability / (high - low))
         np.add.at(edge, before[self.member] + high, -fit.probability / (high - low))
@@ -155,13 +187,25 @@ class Stretches:
 class Spread(Stretches):
     """What is summed over a stretch."""
 
-    summed: FloatArray  #: (n_edges, n_modes, n_modes) from each member's start
+    def matrix(self, summed: FloatArray, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the modal matrices (len(rows), n_modes, n_modes) of stretches, from sums along the members."""
+        middle, half = self.middles(theta, rows), self.sizes(theta, rows) / 2
+        member = self.member[rows]
+        return between(self.cells, summed, member, middle + half) - between(self.cells, summed, member, middle - half)
 
-    def matrix(self, rows: IndexArray) -> FloatArray:
-        """Return the modal matrices (n, n_modes, n_modes) of alternatives."""
-        member, begin = self.member[rows], self.begin[rows]
-        end = self.cells.edge(member, begin + self.size[rows])
-        return np.asarray(self.summed[end] - self.summed[self.cells.edge(member, begin)])
+
+def between(cells: Cells, table: FloatArray, member: IndexArray, number: FloatArray) -> FloatArray:
+    """Return a table's values (n, ...) between the edges of cells (n,), linearly.
+
+    Parameters
+    ----------
+    table : (n_edges, ...)
+    number : (n,) cells from the member's start
+    """
+    low = np.clip(np.floor(number), 0, cells.count[member] - 1).astype(np.intp)
+    share = (number - low).reshape(-1, *[1] * (table.ndim - 1))
+    edge = cells.edge(member, low)
+    return np.asarray((1 - share) * table[edge] + share * table[edge + 1])
 
 
 def strength(comparison: Comparison, effect: FloatArray) -> FloatArray:
@@ -171,7 +215,7 @@ def strength(comparison: Comparison, effect: FloatArray) -> FloatArray:
     return np.asarray(white @ (whitener @ comparison.log_ratio) / np.maximum((white**2).sum(1), 1e-12))
 
 
-def everywhere(cells: Cells, kinds: Kinds) -> dict[str, Any]:
+def everywhere(cells: Cells, kinds: Kinds, n_parameters: int) -> dict[str, Any]:
     """Return the first grid's alternatives, as fields of `Stretches`."""
     rows = []
     for member, count in enumerate(cells.count.tolist()):
@@ -180,7 +224,8 @@ def everywhere(cells: Cells, kinds: Kinds) -> dict[str, Any]:
             n = -(-(count - size) // kinds.step[kind]) + 1
             begins = np.linspace(0, count - size, n)
             rows += [(member, int(begin), size, kind, (count - size) / max(n - 1, 1)) for begin in begins]
-    return _fields(cells, kinds, np.array(rows, float), first=True)
+    found = _fields(cells, kinds, np.array(rows, float), first=True)
+    return found | {"start": np.zeros((len(rows), n_parameters))}
 
 
 def _fields(cells: Cells, kinds: Kinds, rows: FloatArray, *, first: bool) -> dict[str, Any]:
@@ -204,8 +249,8 @@ def _fields(cells: Cells, kinds: Kinds, rows: FloatArray, *, first: bool) -> dic
         "size": size,
         "kind": kind,
         "step": step,
+        "span": np.array([kinds.span(k) if first else np.log(RATIO) for k in kind]),
         "log_prior": np.log(weight),
-        "start": np.zeros((len(rows), 1)),
     }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import Kinds, Stretches, everywhere, strength, vector
+from updater.causes.stretches import WITHIN, Kinds, Stretches, between, everywhere, strength, vector
 from updater.comparison import Comparison
 from updater.hinges import flexibility
 from updater.reanalysis import Effect, no_effect
@@ -44,22 +44,23 @@ class SupportSpring(Stretches):
 
     @property
     def prior_std(self) -> FloatArray:
-        """Of the logarithm."""
-        return np.array([_STD])
+        """Of the logarithm, and of the shift."""
+        return np.array([_STD, WITHIN])
 
     @property
     def lower(self) -> FloatArray:
         """It can only hold."""
-        return np.zeros((len(self.member), 1))
+        return np.tile([0.0, -np.inf], (len(self.member), 1))
 
-    def _at(self, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, theta: FloatArray, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return mu (n, n_modes) and f (n,) of alternatives."""
-        edge, axis = self.cells.edge(self.member[rows], self.begin[rows]), self.kind[rows]
-        return self.moved[edge, axis], self.give[edge, axis]
+        which, number = np.arange(len(rows)), self.middles(theta, rows)
+        moved, give = (between(self.cells, table, self.member[rows], number) for table in (self.moved, self.give))
+        return moved[which, self.kind[rows]], give[which, self.kind[rows]]
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
-        moved, give = self._at(rows)
+        moved, give = self.at(theta, rows)
         held = -np.expm1(-np.minimum(theta[:, 0], _MOST)) / give
         change = -held[:, None, None] * moved[:, :, None] * moved[:, None, :]
         return replace(no_effect(len(rows), self.comparison), flexibility=change)
@@ -76,7 +77,7 @@ class SupportSpring(Stretches):
         share = np.where(self.kind == axis, self.likely(fit), 0.0)
         share = share / share.sum()
         theta = np.clip(fit.theta[:, 0], _LEAST, _MOST)
-        log = np.log(np.expm1(theta) / self._at(np.arange(len(theta)))[1])
+        log = np.log(np.expm1(theta) / self.at(fit.theta, np.arange(len(theta)))[1])
         mean, std = float(share @ log), np.sqrt(fit.covariance[:, 0, 0]) / -np.expm1(-theta)
         spread = float(np.sqrt(share @ (std**2 + (log - mean) ** 2)))
         value = float(np.exp(mean))
@@ -84,8 +85,10 @@ class SupportSpring(Stretches):
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add a support on the spring."""
-        at = vector(self.cells.members[self.member[row]].point(self.middle[row]))
-        give = float(self._at(np.array([row]))[1][0])
+        member, this = int(self.member[row]), np.array([row])
+        distance = float(self.middles(theta[None], this)[0] * self.cells.length[member])
+        at = vector(self.cells.members[member].point(distance))
+        give = float(self.at(theta[None], this)[1][0])
         stiffness = {AXES[self.kind[row]]: float(np.expm1(min(theta[0], _MOST))) / give}
         support = Support.model_validate({"at": at, "stiffness": stiffness})
         return structure.model_copy(update={"support": (*structure.support, support)})
@@ -103,18 +106,19 @@ def propose_support_spring(reference: Reference, comparison: Comparison) -> Supp
         kinds=_DIRECTIONS,
         moved=moved,
         give=give,
-        **everywhere(cells, _DIRECTIONS),
+        **everywhere(cells, _DIRECTIONS, 2),
     )
-    return replace(found, start=_first_order(found))
+    found.start[:, 0] = _first_order(found)
+    return found
 
 
 def _first_order(cause: SupportSpring) -> FloatArray:
     """Return d ln f_i = s/2 omega_i^2 mu_i^2 / f, s = k f / (1 + k f), fitted to the log frequencies."""
     comparison = cause.comparison
-    moved, give = cause._at(np.arange(len(cause.member)))
+    moved, give = cause.at(cause.start, np.arange(len(cause.member)))
     omega = 2 * np.pi * comparison.frequency[comparison.paired]
     held = strength(comparison, 0.5 * (omega * moved[:, comparison.paired]) ** 2 / give[:, None])
-    return -np.log1p(-np.clip(held, 0.0, 0.9))[:, None]
+    return np.asarray(-np.log1p(-np.clip(held, 0.0, 0.9)))
 
 
 @lru_cache(maxsize=4)

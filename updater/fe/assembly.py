@@ -95,17 +95,18 @@ class _Kinds:
         self.stiffness: list[FloatArray] = []  # of each kind (12, 12), global axes
         self.mass: list[FloatArray] = []
         along = mesh.nodes[self.last] - mesh.nodes[self.first]
-        known: dict[tuple[str, float, float, float], int] = {}
+        known: dict[tuple[str | float, ...], int] = {}
         self.which = np.empty(len(along), np.intp)  # kind of each span
         for i, ((first, last, member), length) in enumerate(
             zip(mesh.spans, np.linalg.norm(along, axis=1), strict=True)
         ):
-            material = _material(mesh, member, (mesh.nodes[first] + mesh.nodes[last]) / 2)
-            key = member.name, round(float(length), 12), material.youngs_modulus, material.density
+            part = _part(mesh, member, (mesh.nodes[first] + mesh.nodes[last]) / 2)
+            key = member.name, round(float(length), 12), part[0].density, *part[1:]
             if key not in known:
                 known[key] = len(self.element)
                 section = mesh.structure.section[member.section]
-                element = Element(float(length), material, section, shear_flexible, member.preload, member.local_y)
+                shape = section, shear_flexible, member.preload, member.local_y
+                element = Element(float(length), part[0], *shape, bending=part[1], shear=part[2])
                 self._add(element, along[i], mass)
             self.which[i] = known[key]
 
@@ -117,11 +118,11 @@ class _Kinds:
         self.mass.append(turn.T @ local @ turn)
 
 
-def _material(mesh: Mesh, member: Member, point: FloatArray) -> Material:
-    """Return the material of a member at a point on it (3,) [m]."""
+def _part(mesh: Mesh, member: Member, point: FloatArray) -> tuple[Material, float, float]:
+    """Return the material of a member at a point on it (3,) [m], and factors on its stiffness."""
     if not mesh.structure.segment:
-        return mesh.structure.material[member.material]
-    return mesh.structure.material_at(member, float(np.linalg.norm(point - member.start)))
+        return mesh.structure.material[member.material], 1.0, 1.0
+    return mesh.structure.part_at(member, float(np.linalg.norm(point - member.start)))
 
 
 def _add_springs(stiffness: _Matrix, mesh: Mesh, dofs: IntArray) -> None:

@@ -6,6 +6,7 @@ a meaning.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +30,8 @@ class Element:
     shear_flexible: bool  #: Timoshenko if true, Euler-Bernoulli if not
     tension: float = 0.0  #: axial force [N], negative in compression
     local_y: Vector | None = None  #: roughly where the local y axis points; horizontally if not said
+    bending: float = 1.0  #: factor on the stiffness in bending and twist [-]
+    shear: float = 1.0  #: factor on the stiffness in shear and along the axis [-]
 
     def axes(self, direction: FloatArray) -> FloatArray:
         """Return (3, 3), rows = local x, y, z of the element that points in a direction (3,)."""
@@ -38,11 +41,15 @@ class Element:
         """Return phi = 12 E I / (kappa G A L^2), 0 for Euler-Bernoulli."""
         if not self.shear_flexible:
             return 0.0
-        shear = self.material.shear_modulus * self.section.shear_area(plane)
-        return 12 * self.material.youngs_modulus * self._second_moment(plane) / (shear * self.length**2)
+        return float(12 * self.rigidity[5 - plane] / (self.rigidity[1 + plane] * self.length**2))
 
-    def _second_moment(self, plane: int) -> float:
-        return self.section.second_moment[1 - plane]
+    @cached_property
+    def rigidity(self) -> FloatArray:
+        """Return E A, kappa G A along y and z, G J, E I about y and z (6,) [N], [N m2], as its factors make them."""
+        young, shear = self.material.youngs_modulus, self.material.shear_modulus
+        stretched = [young * self.section.area, *(shear * self.section.shear_area(axis) for axis in (0, 1))]
+        turned = [shear * self.section.torsion_constant, *(young * moment for moment in self.section.second_moment)]
+        return np.array([*(self.shear * s for s in stretched), *(self.bending * t for t in turned)])
 
     def stiffness(self) -> FloatArray:
         """Return the stiffness matrix (12, 12), preload included."""
@@ -51,14 +58,14 @@ class Element:
 
     def elastic_stiffness(self) -> FloatArray:
         """Return the stiffness matrix (12, 12) of the element without preload."""
-        length, e = self.length, self.material.youngs_modulus
+        length, axial, twist = self.length, *self.rigidity[[0, 3]]
         k = np.zeros((12, 12))
         bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
-        k[np.ix_([0, 6], [0, 6])] = e * self.section.area / length * bar
-        k[np.ix_([3, 9], [3, 9])] = self.material.shear_modulus * self.section.torsion_constant / length * bar
+        k[np.ix_([0, 6], [0, 6])] = axial / length * bar
+        k[np.ix_([3, 9], [3, 9])] = twist / length * bar
         for plane, (dofs, sign) in enumerate(_PLANES):
             phi = self.shear_parameter(plane)
-            c = e * self._second_moment(plane) / (length**3 * (1 + phi))
+            c = self.rigidity[5 - plane] / (length**3 * (1 + phi))
             a, near, far = 6 * length * sign, (4 + phi) * length**2, (2 - phi) * length**2
             k[np.ix_(dofs, dofs)] = c * np.array(
                 [[12, a, -12, a], [a, near, -a, far], [-12, -a, 12, -a], [a, far, -a, near]]
