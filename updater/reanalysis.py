@@ -158,6 +158,10 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
         factor = np.sqrt(plain)
         value, unit = np.linalg.eigh(factor[:, None] * mass * factor)
         return value, factor[:, None] * unit, unit / factor[:, None]
+    if not effect.mass.any() and not effect.own.shape[1]:  # F' x = x / omega'^2
+        value, unit = np.linalg.eigh(np.diag(plain) + effect.flexibility)
+        scale = np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None]
+        return value, unit * scale, unit / scale
     root = np.linalg.cholesky(np.diag(plain) + effect.whole_flexibility)
     value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
     return value, root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
