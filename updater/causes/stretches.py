@@ -71,13 +71,18 @@ class Stretches:
     def middles(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the middles (len(rows),) [cells] for parameters (len(rows), n_parameters)."""
         middle = self.begin[rows] + self.size[rows] / 2 + theta[:, 1] * self.step[rows]
-        return np.clip(middle, 0, self.cells.count[self.member[rows]])
+        half = self._least(rows) / 2
+        return np.clip(middle, half, self.cells.count[self.member[rows]] - half)
 
     def sizes(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the lengths (len(rows),) [cells]; both ends are on the member."""
         middle = self.middles(theta, rows)
         room = 2 * np.minimum(middle, self.cells.count[self.member[rows]] - middle)
-        return np.clip(self.size[rows] * np.exp(theta[:, 2] * self.span[rows]), 1.0, np.maximum(room, 1.0))
+        return np.clip(self.size[rows] * np.exp(theta[:, 2] * self.span[rows]), self._least(rows), room)
+
+    def _least(self, rows: IndexArray) -> FloatArray:
+        """Return the least lengths (len(rows),) [cells]: what is shorter is another cause."""
+        return np.minimum(self.size[rows], min(min(sizes) for sizes in self.kinds.about.values())).astype(float)
 
     def _distances(self, fit: "Fit[Any]") -> tuple[FloatArray, FloatArray]:
         """Return distance of each alternative's middle from its member's start (n,) and its deviation [m]."""
