@@ -280,11 +280,16 @@ class Misfit:
     """Whitened difference of what a hypothesis says from what was measured."""
 
     def __init__(
-        self, beam: Cantilever, hypothesis: Hypothesis, measured: Layouts, noise: tuple[FloatArray, FloatArray]
+        self,
+        beam: Cantilever,
+        hypothesis: Hypothesis,
+        measured: Layouts,
+        noise: tuple[FloatArray, FloatArray],
+        model_error: float = MODEL_ERROR,
     ) -> None:
         self._beam, self._hypothesis, self._measured, self._noise = beam, hypothesis, measured, noise
         # a model error common to n layouts: (1 + n b^2 / s^2)^-1/2 in the mean's direction, one elsewhere
-        self._common = 1 / np.sqrt(1 + len(measured.place) * (MODEL_ERROR / noise[0]) ** 2) - 1
+        self._common = 1 / np.sqrt(1 + len(measured.place) * (model_error / noise[0]) ** 2) - 1
 
     def differences(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return measured less predicted mean and shift (n, 5)."""
@@ -326,14 +331,20 @@ def fitted(
     noise: tuple[FloatArray, FloatArray] | None = None,
     *,
     starts: int = 4,
+    near: Mapping[str, float] | None = None,
+    model_error: float = MODEL_ERROR,
 ) -> Fitted:
-    """Fit from several starts drawn from the prior, seeds 0 .. starts - 1; the lowest cost counts."""
-    misfit = Misfit(beam, hypothesis, measured, noise or measured.noise())
+    """Fit from several starts drawn from the prior, seeds 0 .. starts - 1; the lowest cost counts.
+
+    `near` are parameters that the first start takes over, so that more parameters never fit worse.
+    """
+    misfit = Misfit(beam, hypothesis, measured, noise or measured.noise(), model_error)
     prior = [UNKNOWN[name] for name in hypothesis.free]
     found: list[SensitivityFit] = []
     for seed in range(starts):
         random = np.random.default_rng(seed)
-        start = [u.mean + 0.5 * u.std * abs(random.standard_normal()) for u in prior]
+        start = {n: UNKNOWN[n].mean + 0.5 * UNKNOWN[n].std * abs(random.standard_normal()) for n in hypothesis.free}
+        start |= near if near and seed == 0 else {}
         found.append(
             fit_parameters(
                 misfit,
@@ -342,7 +353,7 @@ def fitted(
                     std=np.array([u.std for u in prior]),
                     lower=np.array([u.lower for u in prior]),
                     upper=np.array([u.upper for u in prior]),
-                    start=np.array(start),
+                    start=np.array(list(start.values())),
                 ),
             )
         )
