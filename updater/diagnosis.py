@@ -14,9 +14,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from updater.candidates import Candidate, Weighing, say_nothing
+from updater.causes.added_mass import AddedMass
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
 from updater.gain import Gained, gain_left_out, gain_on_heldout
+from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.statistics import ModalMean
 from updater.structure import Structure
@@ -28,6 +30,7 @@ _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
 _MUCH = 6.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
+_MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _UNSTEADY = "Record while nothing changes: the frequencies of these windows are not of one state."
 
 
@@ -48,6 +51,7 @@ class _Case:
     event: ModalMean
     data: Comparison
     singles: list[Candidate]
+    weighing: Weighing
 
 
 def diagnose(
@@ -76,7 +80,7 @@ def diagnose(
     data = compare(reference, event, circumstances=circumstances)
     weighing = Weighing(reference, data, on_cause)
     singles = weighing.singles()
-    case = _Case(reference, event, data, singles)
+    case = _Case(reference, event, data, singles, weighing)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if _nothing(weighing, singles):
@@ -124,7 +128,7 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
 
 def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) -> Explained:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one."""
-    named, sure = named_causes(case.data, found, _SURE)
+    named, sure, left_open = named_causes(case.data, found, _SURE)
     best = found[0]
     extended = case.reference.calibration.structure
     for part in sorted(best.chosen, key=lambda c: c.cause.place_free):  # a factor on everything comes last
@@ -137,7 +141,21 @@ def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) 
         rejected=rejected_causes(case.singles, accepted, best.log_evidence),
         modes=modes_of(case.reference, case.event, case.data, best.chosen),
         gain=gained.gain if gained.significant else None,
-        next_measurement=" ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
+        next_measurement=_next(case, left_open) or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
         **settings,
     )
     return Explained(diagnosis, extended, gained)
+
+
+def _next(case: _Case, left_open: list[Candidate]) -> str:
+    """Return the measurement that would decide between what is left open; empty if that is one."""
+    if len(left_open) < 2:
+        return ""
+    bodies = case.weighing.causes.get("added_mass")
+    return next_measurement(
+        case.reference,
+        case.event,
+        case.data,
+        bodies if isinstance(bodies, AddedMass) else None,
+        [c.chosen for c in left_open[:_MOST_OPEN]],
+    )

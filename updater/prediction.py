@@ -7,7 +7,7 @@ import numpy as np
 from daq import FloatArray
 from updater.causes.composite import Beside, Chosen
 from updater.comparison import Comparison, Prediction
-from updater.reanalysis import picked, predict, reanalyse
+from updater.reanalysis import Effect, picked, predict, reanalyse
 
 
 def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
@@ -16,10 +16,14 @@ def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
         nothing = np.zeros((1, len(data.log_ratio)))
         nobody = np.empty((1, 0, data.base.shape[1]))
         return Prediction(nothing, data.base[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
-    together = Beside(chosen[0].cause, tuple(chosen[1:]))
-    theta = np.concatenate([c.theta for c in chosen])[None]
-    effect = together.effect(theta, np.array([chosen[0].row]))
+    effect = effect_of(chosen)
     return predict(data, *picked(reanalyse(data, effect)), effect)
+
+
+def effect_of(chosen: Sequence[Chosen]) -> Effect:
+    """Return what chosen causes do together, as one alternative."""
+    together = Beside(chosen[0].cause, tuple(chosen[1:]))
+    return together.effect(np.concatenate([c.theta for c in chosen])[None], np.array([chosen[0].row]))
 
 
 def mac_of(data: Comparison, shape: FloatArray) -> FloatArray:

@@ -25,8 +25,10 @@ _WORTH_NAMING = 0.05  # of the best one's posterior
 _WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
 
 
-def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tuple[tuple[Cause, ...], bool]:
-    """Return the causes that hold the posterior's share `sure`, and whether it is one that stands alone.
+def named_causes(
+    data: Comparison, found: "list[Candidate]", sure: float
+) -> tuple[tuple[Cause, ...], bool, "list[Candidate]"]:
+    """Return the causes that hold the posterior's share `sure`, whether it is one that stands alone, and all left open.
 
     Candidates that the data cannot separate are one set: its best member stands for it with the probability of all.
     """
@@ -41,14 +43,16 @@ def named_causes(data: Comparison, found: "list[Candidate]", sure: float) -> tup
         left = [i for i in left if i not in alike]
     sets.sort(key=lambda one: -one[0])
     named: list[Cause] = []
+    left_open: list[Candidate] = []
     held = 0.0
     for share, alike in sets:
         if held >= sure or share < _WORTH_NAMING * sets[0][0]:
             break
         named += _causes([found[i] for i in alike], share)
+        left_open += [found[i] for i in alike]
         held += share
     alone = sets[0][0] >= sure and not any(c.cannot_be_told_from for c in named)
-    return tuple(named), alone
+    return tuple(named), alone, left_open
 
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:

@@ -1,0 +1,64 @@
+"""The measurement that would decide is computed from what the hypotheses predict."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+from diagnosis_helpers import TRACK, Change, learnt
+from updater_helpers import measure, t_frame, true_model
+
+from oma import ModalEstimate
+from updater import diagnose, learn_reference, matched, stack_tracks
+from updater.candidates import Weighing
+from updater.causes.added_mass import AddedMass
+from updater.causes.composite import Chosen
+from updater.comparison import compare
+from updater.next_measurement import next_measurement
+
+COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))
+
+
+def on_the_column(estimate: ModalEstimate) -> ModalEstimate:
+    """What the sensors of the column alone say."""
+    here = [estimate.channels.index(c) for c in COLUMN]
+    return replace(estimate, channels=COLUMN, shape=estimate.shape[:, here], shape_std=estimate.shape_std[:, here])
+
+
+def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
+    """Sensors of the column alone see mirror images alike; what is named must lie on the beam that holds the mass."""
+    random, bare = np.random.default_rng(501), true_model(np.random.default_rng(502))
+    before = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(8)]
+    structure = t_frame()
+    structure = structure.model_copy(update={"sensor": tuple(s for s in structure.sensor if s.channel in COLUMN)})
+    reference = learn_reference(structure, before, [TRACK] * 8)
+    now = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(5)]
+    event = matched(reference.baseline, reference.mean_of(stack_tracks(now, [TRACK] * 5)))
+    data = compare(reference, event)
+    masses = Weighing(reference, data).causes["added_mass"]
+    assert isinstance(masses, AddedMass)
+    beam = [m.name for m in structure.member].index("crossbeam")
+    rows = [int(np.argmin(np.abs(masses.position - at) + 10 * (masses.member != beam))) for at in (0.2, 0.6)]
+    left_or_right = [(Chosen(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
+    said = next_measurement(reference, event, data, masses, left_or_right)
+    place = re.search(
+        r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: expected to tell .* by ([\d.]+) stand", said
+    )
+    assert place is not None, said
+    assert abs(float(place[1])) > 0.1
+    assert float(place[2]) > 3
+
+
+def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
+    reference, _, event = learnt(503)
+    said = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
+    assert "A thermometer beside both records" in said
+    assert "A tone of known frequency in both records" in said
+    assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", said), said
+
+
+def test_what_nothing_tells_apart_is_said() -> None:
+    """A foot and a joint that both give in torsion alone."""
+    reference, _, event = learnt(122)
+    found = diagnose(reference, event(Change(foot={"rz": 0.2}))).diagnosis
+    assert found.verdict == "ambiguous"
+    assert "Nothing that was tried tells" in found.next_measurement
