@@ -27,7 +27,7 @@ from updater.wording import LEAST_P, modes_of, named_causes, oddest, rejected_ca
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
-_MUCH = 6.0  # of log evidence foreseen: where one more is tried though the fit is good
+_MUCH = 20.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from updater.fit import Fit
 
 _GAIN_STD = 0.3  # of a gain's logarithm
+_LATE_STD = 1e-4  # s, of one device beside another
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,23 +66,30 @@ class SensorPolarity(Chain):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorSwap(Chain):
-    """Two channels that have taken each other's place; it has no parameter."""
+    """Two channels that have taken each other's place.
+
+    The parameters are by how much either is later than its namesake was: devices have delays of their own.
+    """
 
     order: IndexArray  #: (n, n_channels) which channel each one really is
     name: str = "sensor_swap"
     advice: str = "Follow the two cables; tap beside either sensor and see which channel answers."
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return permutations."""
-        del theta
+        """Return permutations, with their delays."""
         n = self.order.shape[1]
-        return replace(no_effect(len(rows), self.comparison), chain=np.eye(n, 3 * n)[self.order[rows]])
+        none = no_effect(len(rows), self.comparison)
+        moved = self.order[rows] != np.arange(n)
+        none.lag[moved] = theta.ravel()
+        return replace(none, chain=np.eye(n, 3 * n)[self.order[rows]])
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Exchange the channels that carry the two sensors."""
-        del theta
         first, second = self.channels[row]
-        return exchanged(structure, first, second)
+        late = exchanged(structure, first, second)
+        for channel, seconds in zip((first, second), theta, strict=True):
+            late = corrected(late, (channel,), delay=float(seconds))
+        return late
 
 
 def propose_sensor_gain(reference: Reference, comparison: Comparison) -> SensorGain:
@@ -117,8 +125,8 @@ def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorS
     for row, (a, b) in enumerate(pairs):
         order[row, [a, b]] = b, a
     return SensorSwap(
-        prior_std=np.zeros(0),
-        lower=np.zeros((len(pairs), 0)),
+        prior_std=np.full(2, _LATE_STD),
+        lower=np.full((len(pairs), 2), -np.inf),
         drifting=False,
         comparison=comparison,
         channels=tuple((channels[a], channels[b]) for a, b in pairs),
