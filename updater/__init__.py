@@ -34,6 +34,7 @@ from updater.section import Section
 from updater.sensitivity import Prior, SensitivityFit, fit_parameters
 from updater.sensor import Correction, Sensor
 from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
+from updater.sensor_health import SensorHealth, sensor_health
 from updater.several import MassChanges, locate_masses
 from updater.statistics import (
     ModalMean,
@@ -126,6 +127,7 @@ __all__ = [
     "Segment",
     "SensitivityFit",
     "Sensor",
+    "SensorHealth",
     "Sharpening",
     "StiffnessUpdate",
     "StiffnessUpdater",
@@ -181,6 +183,7 @@ __all__ = [
     "remove_delays",
     "save_matrices",
     "seen_by",
+    "sensor_health",
     "set_beside",
     "sharpening",
     "spread_mass",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _STD = 2e-3  # s: filters of other settings, stations on a bus, clocks that are not disciplined
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
+_WORTH = 100.0  # of chi-square: what a delay must explain for several to begin at theirs together
 _PHASE_STEP = 0.5  # rad of the highest mode between them: a fit finds its way within one
 
 
@@ -63,23 +64,39 @@ def propose_sensor_delay(reference: Reference, comparison: Comparison) -> Sensor
         comparison=comparison,
         channels=tuple(groups),
         late=late,
-        begin=_best_of_many(comparison, late)[:, None],
+        begin=_search(comparison, late, np.ones(late.shape[1]))[0][:, None],
     )
 
 
-def _best_of_many(comparison: Comparison, late: FloatArray) -> FloatArray:
-    """Return the delay [s] of each alternative (n_alternatives,) that explains most by itself."""
+def likely_delays(comparison: Comparison, sign: FloatArray) -> FloatArray:
+    """Return the delay [s] of each channel (n_channels,) that by itself explains most; 0 where none explains much.
+
+    Parameters
+    ----------
+    sign : (n_channels,) -1 for channels that are turned
+    """
+    found, gained = _search(comparison, np.eye(len(sign)), sign)
+    return np.where(gained > _WORTH, found, 0.0)
+
+
+def _search(comparison: Comparison, late: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the delay [s] of each alternative (n_alternatives,) that explains most, and the chi-square it gains."""
     highest = float(comparison.frequency[comparison.paired].max())
     step = _PHASE_STEP / (2 * np.pi * highest)
     tried = step * np.arange(-round(_FARTHEST / step), round(_FARTHEST / step) + 1)
     value, vector = picked(reanalyse(comparison, no_effect(1, comparison)))
-    cost = np.array([_costs(comparison, value, vector, row * tried[:, None]) for row in late])
-    return np.asarray(tried[np.argmin(cost + (tried / _STD) ** 2, axis=1)])
+    cost = np.array([_costs(comparison, value, vector, row * tried[:, None], sign) for row in late])
+    cost = cost + (tried / _STD) ** 2
+    best = np.argmin(cost, axis=1)
+    return tried[best], cost[:, len(tried) // 2] - cost.min(axis=1)
 
 
-def _costs(comparison: Comparison, value: FloatArray, vector: FloatArray, lag: FloatArray) -> FloatArray:
-    """Return chi-squares (n,) of delays (n, n_channels) of the structure as it was."""
+def _costs(
+    comparison: Comparison, value: FloatArray, vector: FloatArray, lag: FloatArray, sign: FloatArray
+) -> FloatArray:
+    """Return chi-squares (n,) of delays (n, n_channels) of the structure as it was, channels of signs (n_channels,)."""
     n = len(lag)
-    effect = replace(no_effect(n, comparison), lag=lag)
+    effect = no_effect(n, comparison)
+    effect = replace(effect, lag=lag, chain=sign[:, None] * effect.chain)
     same = np.broadcast_to(value, (n, *value.shape[1:])), np.broadcast_to(vector, (n, *vector.shape[1:]))
     return np.asarray((residual(comparison, predict(comparison, *same, effect), comparison.plain) ** 2).sum(1))
