@@ -159,10 +159,7 @@ def attached_oscillator(state: State, random: Random) -> Done:
     while np.abs(np.log(state.motion(24).frequency / frequency)).min() < 0.05:
         frequency = log_uniform(random, 14.0, 130.0)
     mass = log_uniform(random, 0.05, 0.3)
-    hung = with_lump(state, Lump(bar=bar, s=s, mass=mass, axis=axis, spring=frequency))
-    below = int(np.searchsorted(state.motion(24).frequency, frequency))  # every mode keeps its own damping
-    damping = np.insert(state.damping, below, random.uniform(0.002, 0.02))[: len(state.damping)]
-    after = replace(hung, damping=damping)
+    after = with_lump(state, Lump(bar=bar, s=s, mass=mass, axis=axis, spring=frequency))
     place = state.frame.bar(bar).point(s)
     return Done(state, after, (_at("attached_oscillator", place, mass=mass, frequency=frequency),))
 

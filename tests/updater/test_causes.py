@@ -73,7 +73,7 @@ def in_full(reference: Reference, chosen: Chosen, channels: tuple[str, ...]) -> 
     return modes.frequency, turned
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "mesh_error"])  # which has a test of its own
 @pytest.mark.parametrize("seed", range(3))
 def test_prediction_is_the_extended_structures(compared: tuple[Reference, Comparison], name: str, seed: int) -> None:
     """Thirty modes miss a full solution by under 3e-4 of frequency and 2e-3 of a unit shape, for such changes."""
@@ -103,7 +103,7 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     np.testing.assert_allclose(predicted.lag[0], (sign * lag[partner])[: len(predicted.lag[0])], atol=2e-3)
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "mesh_error"])  # which has a test of its own
 def test_alternatives_share_the_prior_and_their_fit_says_where_and_what(
     compared: tuple[Reference, Comparison], name: str
 ) -> None:

@@ -12,6 +12,7 @@ from updater.causes.distributed_mass import propose_distributed_mass
 from updater.causes.global_density import propose_global_density
 from updater.causes.global_stiffness import propose_global_stiffness
 from updater.causes.local_stiffness import propose_local_stiffness
+from updater.causes.mesh_error import propose_mesh_error
 from updater.causes.plugins import Catalogue
 from updater.causes.sampling_clock import propose_sampling_clock
 from updater.causes.sensor_dead import propose_sensor_dead
@@ -33,6 +34,7 @@ _OWN: dict[str, Propose[Cause]] = {
     "axial_force": propose_axial_force,
     "support_spring": propose_support_spring,
     "attached_oscillator": propose_attached_oscillator,
+    "mesh_error": propose_mesh_error,
     "damping_change": propose_damping_change,
     "amplitude_softening": propose_amplitude_softening,
     "support_stiffness": propose_support_stiffness,
