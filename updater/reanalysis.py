@@ -162,9 +162,18 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
         value, unit = np.linalg.eigh(np.diag(plain) + effect.flexibility)
         scale = np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None]
         return value, unit * scale, unit / scale
-    root = np.linalg.cholesky(np.diag(plain) + effect.whole_flexibility)
+    root = _root(np.diag(plain) + effect.whole_flexibility)
     value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
     return value, root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
+
+
+def _root(flexibility: FloatArray) -> FloatArray:
+    """Return A with A A^T the flexibility (p, n, n); what is no flexibility, a step too far, is cut to the least."""
+    try:
+        return np.linalg.cholesky(flexibility)
+    except np.linalg.LinAlgError:
+        value, vector = np.linalg.eigh(flexibility)
+        return np.asarray(vector * np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None, :])
 
 
 def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effect: Effect) -> Prediction:

@@ -69,3 +69,18 @@ def test_derivatives_are_those_of_differences(seed: int) -> None:
     signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]
     difference = (signed[0] - signed[1]) / (2 * h)
     np.testing.assert_allclose(d_vector, difference, atol=1e-5 * np.abs(difference).max())
+
+
+def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
+    """A trial step may take off more of a mode's flexibility than it has; the others answer as they would."""
+    _, data = compared(5)
+    own = (2 * np.pi * data.frequency) ** -2.0
+    none = no_effect(2, data)
+    flexibility = np.zeros((2, len(own), len(own)))
+    flexibility[0, 0, 0] = -1.5 * own[0]
+    mass = np.tile(0.01 * np.eye(len(own)), (2, 1, 1))
+    value, vector = picked(reanalyse(data, replace(none, mass=mass, flexibility=flexibility)))
+    assert np.isfinite(value).all()
+    assert np.isfinite(vector).all()
+    np.testing.assert_allclose(value[0, 1:], 1.01 * own[data.paired[1:]], rtol=1e-6)
+    np.testing.assert_allclose(value[1], 1.01 * own[data.paired], rtol=1e-6)
