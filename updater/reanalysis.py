@@ -170,7 +170,7 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
 def _root(flexibility: FloatArray) -> FloatArray:
     """Return A with A A^T the flexibility (p, n, n); what is no flexibility, a step too far, is cut to the least."""
     try:
-        return np.linalg.cholesky(flexibility)
+        return np.asarray(np.linalg.cholesky(flexibility), float)
     except np.linalg.LinAlgError:
         value, vector = np.linalg.eigh(flexibility)
         return np.asarray(vector * np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None, :])
