@@ -6,9 +6,19 @@ import numpy as np
 from scipy.signal import resample
 
 from daq import FloatArray, Recording
-from monitor.discrepancy import BalanceResult, DiscrepancyResult, ModeBeside, SensorBeside, SignalBeside, TrendBeside
+from monitor.discrepancy import (
+    BalanceResult,
+    DiscrepancyResult,
+    ModeBeside,
+    PlaceDensity,
+    SensorBeside,
+    SignalBeside,
+    TrendBeside,
+)
 from updater import (
+    Density,
     Discrepancy,
+    Explained,
     ForceBalance,
     ModalMean,
     Reference,
@@ -16,6 +26,7 @@ from updater import (
     VirtualSensing,
     as_before,
     as_extended,
+    densities,
     force_balance,
     matched,
     set_beside,
@@ -31,7 +42,7 @@ _ALL = 1e9  # Hz
 def discrepancy_result(
     reference: Reference,
     measured: ModalMean,
-    extended: Structure | None,
+    explained: Explained,
     recording: Recording | None = None,
     trends: tuple[TrendBeside, ...] = (),
 ) -> DiscrepancyResult:
@@ -41,7 +52,7 @@ def discrepancy_result(
     ----------
     reference : that was diagnosed
     measured : (n_modes,) all measured modes, in any order
-    extended : the reference's structure with the causes written in; None where nothing is explained
+    explained : the diagnosis, whose extended structure stands for what is simulated with the causes
     recording : signals to predict from each other, without the devices' delays; None to leave that out
     trends : of the windows
 
@@ -50,6 +61,7 @@ def discrepancy_result(
     ModalDataError
         If fewer than three modes or two channels can be compared.
     """
+    extended = explained.extended
     expected = as_before(reference, float(np.exp(np.nanmax(measured.log_frequency))))
     before = set_beside(expected, measured)
     after = set_beside(as_extended(reference, extended, expected), measured) if extended else None
@@ -63,7 +75,20 @@ def discrepancy_result(
         balance=_balance(force_balance(reference, matched(reference.baseline, measured))),
         signals=_signals(*heard) if heard else (),
         trends=trends,
+        places=_places(densities(reference.calibration.structure, explained.parts)),
         note=note,
+    )
+
+
+def _places(found: tuple[Density, ...]) -> tuple[PlaceDensity, ...]:
+    return tuple(
+        PlaceDensity(
+            cause=one.cause,
+            member=one.member,
+            position=tuple((float(x), float(y), float(z)) for x, y, z in one.position),
+            density=_plain(one.density),
+        )
+        for one in found
     )
 
 

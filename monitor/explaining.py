@@ -81,7 +81,7 @@ def explain_windows(
     event = reference.mean_of(stack_tracks(heard, tracks))
     found = diagnose(reference, event, circumstances=circumstances)
     try:
-        beside = discrepancy_result(reference, measured, found.extended)
+        beside = discrepancy_result(reference, measured, found).model_copy(update={"places": ()})  # the answer has them
     except (PairingError, ValueError):
         beside = None  # what can be compared is enough to diagnose, not to draw
     return found.diagnosis, beside

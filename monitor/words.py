@@ -13,6 +13,7 @@ from updater import Cause, Diagnosis, Quantity, Where
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
 _SHARES = frozenset({"loss", "error", "damping"})  # of parameters without a unit, those that are told in per cent
 _NAMES = {
     "sensor_polarity": "sensor sign turned",
@@ -69,6 +70,9 @@ def parameter_text(name: str, quantity: Quantity) -> str:
     A gain and a factor stay numbers; a share is what is lost, or off.
     """
     scale, unit = _SPOKEN.get(quantity.unit, (1.0, ""))
+    if quantity.unit.startswith("N"):
+        size, prefix = next(pair for pair in _PREFIXES if abs(quantity.value) >= pair[0])
+        scale, unit = 1 / (size or 1.0), prefix + quantity.unit
     if quantity.unit == "-" and name in _SHARES:
         scale, unit = 100.0, "%"
     if not unit or (quantity.unit == "m" and abs(quantity.value) >= 1.0):

@@ -27,6 +27,7 @@ from updater.matching import match_modes, matched
 from updater.modal_mass import ModalMass, mass_of_modes
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
+from updater.place_density import Density, densities
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference, learn_reference
 from updater.residual_forces import ForceBalance, force_balance
@@ -79,6 +80,7 @@ __all__ = [
     "Circumstances",
     "Comparison",
     "Correction",
+    "Density",
     "DeviceDelays",
     "Diagnosis",
     "Discrepancy",
@@ -147,6 +149,7 @@ __all__ = [
     "build_model",
     "calibrate",
     "channel_rows",
+    "densities",
     "diagnose",
     "dump_structure",
     "estimate_delays",

@@ -15,8 +15,10 @@ from scipy.special import logsumexp
 
 from updater.candidates import Candidate, Weighing, say_nothing
 from updater.causes.added_mass import AddedMass
+from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
+from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
@@ -41,6 +43,7 @@ class Explained:
     diagnosis: Diagnosis
     extended: Structure | None  #: with the causes written in; None where nothing is explained
     gained: Gained | None = None  #: what that gains, and how sure it is
+    parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,7 @@ def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) 
         next_measurement=_next(case, left_open) or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
         **settings,
     )
-    return Explained(diagnosis, extended, gained)
+    return Explained(diagnosis, extended, gained, best.parts)
 
 
 def _next(case: _Case, left_open: list[Candidate]) -> str:

@@ -54,9 +54,7 @@ def diagnose_command(
             raise LogError(_named(logs.current), str(error)) from error
         status.update("setting measured beside simulated ...")
         sample = (heldout or after).sample if out else None
-        beside = discrepancy_result(
-            found.reference, found.measured, found.explained.extended, sample, trends_beside(after)
-        )
+        beside = discrepancy_result(found.reference, found.measured, found.explained, sample, trends_beside(after))
         diagnosis = _write(found.explained, structure_path, out, json_path)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import answers_helpers as answers
 import numpy as np
 import pytest
 from updater_helpers import measure, t_frame, true_model
@@ -15,9 +16,9 @@ from monitor.fusion import Windows
 from monitor.trends_beside import trends_beside
 from updater import (
     Body,
+    Explained,
     ModalMean,
     Reference,
-    Structure,
     as_before,
     build_model,
     learn_reference,
@@ -31,7 +32,7 @@ SEED = 21
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[Reference, ModalMean, Structure]:
+def found() -> tuple[Reference, ModalMean, Explained]:
     """A reference, the modes of a true frame with a body that it does not know, and its structure with the body."""
     print(f"seed {SEED}")
     random = np.random.default_rng(SEED)
@@ -39,7 +40,7 @@ def found() -> tuple[Reference, ModalMean, Structure]:
     reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(8)], [TRACK] * 8)
     changed = build_model(bare.structure.with_bodies((BODY,)), shear_flexible=True, mass="consistent")
     measured = reference.mean_of(stack_tracks([measure(changed, random, np.ones(12)) for _ in range(5)], [TRACK] * 5))
-    return reference, measured, reference.calibration.structure.with_bodies((BODY,))
+    return reference, measured, Explained(answers.diagnosis(), reference.calibration.structure.with_bodies((BODY,)))
 
 
 def signals(modes: ModalMean, random: np.random.Generator) -> Recording:
@@ -55,7 +56,7 @@ def signals(modes: ModalMean, random: np.random.Generator) -> Recording:
     return Recording(channels=channels, data=data, rate=rate, start=0)
 
 
-def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, Structure]) -> None:
+def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, Explained]) -> None:
     reference, measured, extended = found
     random = np.random.default_rng((SEED, 2))
     shown = discrepancy_result(reference, measured, extended, signals(measured, random))
@@ -76,7 +77,7 @@ def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, S
     assert DiscrepancyResult.model_validate_json(shown.model_dump_json()) == shown
 
 
-def test_a_drawn_signal_is_the_measured_one_between_its_samples(found: tuple[Reference, ModalMean, Structure]) -> None:
+def test_a_drawn_signal_is_the_measured_one_between_its_samples(found: tuple[Reference, ModalMean, Explained]) -> None:
     reference, measured, extended = found
     recording = signals(measured, np.random.default_rng((SEED, 3)))
     signal = discrepancy_result(reference, measured, extended, recording).signals[0]
@@ -89,7 +90,7 @@ def test_a_drawn_signal_is_the_measured_one_between_its_samples(found: tuple[Ref
     assert np.abs(error).max() < 0.02 * np.abs(drawn).max()
 
 
-def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, Structure]) -> None:
+def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, Explained]) -> None:
     reference, measured, extended = found
     recording = signals(measured, np.random.default_rng((SEED, 4)))
     short = replace(recording, data=recording.data[:20])

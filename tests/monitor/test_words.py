@@ -44,7 +44,9 @@ def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained:
         ("extent", Quantity(value=0.112, std=0.02, unit="m"), "112 ± 20 mm"),
         ("delay", Quantity(value=4e-4, std=1e-5, unit="s"), "0.400 ± 0.010 ms"),
         ("angle", Quantity(value=np.pi / 18, std=np.pi / 180, unit="rad"), "10.0 ± 1.0 degrees"),
-        ("force", Quantity(value=-1200.0, std=40.0, unit="N"), "-1200 ± 40 N"),
+        ("force", Quantity(value=-1200.0, std=40.0, unit="N"), "-1.20 ± 0.04 kN"),
+        ("stiffness_rx", Quantity(value=1.55e6, std=2e5, unit="N m/rad"), "1.55 ± 0.20 MN m/rad"),
+        ("stiffness_x", Quantity(value=0.0, std=2.0, unit="N/m"), "0.0 ± 2.0 N/m"),
         ("mass", Quantity(value=0.3, std=0.01, unit="kg"), "300 ± 10 g"),
     ],
 )
