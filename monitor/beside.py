@@ -34,8 +34,9 @@ from updater import (
 )
 
 _WORST = 3  # sensors whose signals are drawn
-_PERIODS = 12  # of a sensor's strongest frequency that are drawn
+_PERIODS = 16  # of a sensor's signal that are drawn
 _POINTS = 10  # a period of the highest frequency
+_FAULTY = "Forces left over are not drawn: they come from the sensors, not from the structure."
 _ALL = 1e9  # Hz
 
 
@@ -66,18 +67,25 @@ def discrepancy_result(
     before = set_beside(expected, measured)
     after = set_beside(as_extended(reference, extended, expected), measured) if extended else None
     heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
+    faulty = _only_sensors(explained)
     return DiscrepancyResult(
         modes=_modes(before, after),
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
         mac=tuple(_said(row) for row in before.mac),
         sensors=_sensors(before, after, heard),
-        balance=_balance(force_balance(reference, matched(reference.baseline, measured))),
+        balance=None if faulty else _balance(force_balance(reference, matched(reference.baseline, measured))),
         signals=_signals(*heard) if heard else (),
         trends=trends,
         places=_places(densities(reference.calibration.structure, explained.parts)),
-        note=note,
+        note=" ".join(filter(None, [note, _FAULTY if faulty else ""])),
     )
+
+
+def _only_sensors(explained: Explained) -> bool:
+    """Tell whether faults of sensors are all that is wrong: then forces left over are theirs, not the structure's."""
+    causes = explained.diagnosis.causes
+    return bool(causes) and all(c.where is not None and c.where.channels and not c.where.position for c in causes)
 
 
 def _places(found: tuple[Density, ...]) -> tuple[PlaceDensity, ...]:
@@ -214,8 +222,9 @@ def _signals(before: VirtualSensing, after: VirtualSensing | None) -> tuple[Sign
 
 def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> SignalBeside:
     """Return a few periods in the middle, drawn finely (they are limited to the band), and the spectra."""
-    strongest = float(before.frequency[np.nanargmax(before.spectrum[:, channel])])
-    n = min(max(16, round(_PERIODS / strongest * before.rate)), len(before.measured))
+    power = before.spectrum[:, channel]
+    typical = float(np.sqrt(np.nansum(before.frequency**2 * power) / np.nansum(power)))  # of zero crossings (Rice 1945)
+    n = min(max(16, round(_PERIODS / typical * before.rate)), len(before.measured))
     first = (len(before.measured) - n) // 2
     over = max(1, round(_POINTS * float(np.nanmax(before.frequency)) / before.rate))
     whole = slice(max(0, first - n), min(len(before.measured), first + 2 * n))  # beyond its ends a part is not periodic

@@ -100,6 +100,17 @@ def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, Exp
     assert all(s.missed is None for s in shown.sensors)
 
 
+def test_forces_that_a_sensor_leaves_over_are_not_drawn_on_the_structure(
+    found: tuple[Reference, ModalMean, Explained],
+) -> None:
+    reference, measured, _ = found
+    gain = answers.diagnosis().causes[1]
+    only = answers.diagnosis().model_copy(update={"causes": (gain,)})
+    shown = discrepancy_result(reference, measured, Explained(only, None))
+    assert shown.balance is None
+    assert "come from the sensors" in shown.note
+
+
 def observation(temperature: FloatArray, rms: FloatArray, change: FloatArray) -> Observation:
     """Windows whose first mode goes with something: change (n_windows,) of its log frequency."""
     random = np.random.default_rng(SEED)
