@@ -18,10 +18,8 @@ SECONDS = 120.0
 CASES = [
     ("nothing", 401),
     ("added_mass", 401),
-    ("support_stiffness", 401),
-    ("sensor_polarity", 401),
-    ("solid: added_mass", 402),
-    ("solid: nothing", 402),
+    ("sensor_delay", 401),
+    ("solid: local_stiffness", 402),
 ]
 
 
