@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes confusion confusion-records localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes confusion confusion-records structural localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -59,6 +59,10 @@ confusion: $(VENV)/.done
 # The same from accelerations through the log, five specimens at 120 s and at 600 s.
 confusion-records: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/confusion_records.py $(ARGUMENTS)
+
+# How near stretches, props and axial forces are placed and sized, and whether their deviations hold: two minutes.
+structural: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/structural_causes.py
 
 # How often one and two masses are counted rightly, and how near the worse is placed: prints a table, half an hour.
 several: $(VENV)/.done
