@@ -1,7 +1,7 @@
 """How near stretches, props and axial forces are placed and sized, and whether their deviations and regions hold.
 
-The cases are those of the confusion matrix (tests/sealed_*.py, finite elements of their own), asked more: is the truth in
-the 95 % region, and within two deviations of what is said? Prints the table of docs/updater.md.
+The cases are those of the confusion matrix (tests/sealed_*.py, finite elements of their own), asked more: is the truth
+in the 95 % region, and within two deviations of what is said? Prints the table of docs/updater.md.
 
 Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/structural_causes.py [--draws N] [--seed S]
 or make structural
@@ -36,7 +36,7 @@ class Tally:
         """Add one answer."""
         self.draws += 1
         own = [c for c in found["causes"] if c["cause"] == hidden.cause]
-        if len(found["causes"]) != 1 or not own:
+        if len(found["causes"]) != 1 or not own or hidden.position is None:
             return
         self.named += 1
         where = own[0]["where"]
