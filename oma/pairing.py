@@ -8,6 +8,7 @@ from oma.conditioning import BoolArray
 from oma.mac import mac_matrix
 
 _IMPOSSIBLE = 1e6  # beside any cost
+_LEAST_LENGTH = 1e-6  # of the longest of the model's shapes: what stands still at the channels has a shape of rounding
 _LEAST_MAC, _FARTHEST = 0.5, 0.3  # of a measured mode and the model's that answers to it; the latter of ln f
 
 
@@ -57,7 +58,7 @@ def pair_modes(
     """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
 
     The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors. A pair with a
-    MAC under 0.5 or frequencies more than 30 % apart is none.
+    MAC under 0.5 or frequencies more than 30 % apart is none, and nothing answers to what no channel sees.
 
     Parameters
     ----------
@@ -70,6 +71,8 @@ def pair_modes(
     """
     seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
     assurance = mac_matrix(shape[seen], model_shape)
+    length = np.linalg.norm(model_shape, axis=1)
+    assurance[:, length < _LEAST_LENGTH * length.max()] = 0.0
     distance = np.abs(np.log(frequency[seen, None] / model_frequency))
     row, column = linear_sum_assignment(1 - assurance + distance)
     near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)

@@ -15,3 +15,9 @@ def test_a_mode_without_partner_is_left_out() -> None:
         np.array([10.0]), np.array([[1.0, 0.0]]), np.array([10.0, 11.0]), np.array([[0.0, 1.0], [0.1, 1.0]])
     )
     assert paired.tolist() == [-1]
+
+
+def test_a_mode_that_no_channel_sees_answers_to_nothing_though_its_rounding_looks_alike() -> None:
+    measured = np.array([[0.6, 0.8]])
+    model = np.array([[6e-15, 8e-15], [0.5, 0.9]])  # the first moves across the sensors
+    assert pair_modes(np.array([10.0]), measured, np.array([10.0, 10.5]), model).tolist() == [1]
