@@ -86,7 +86,9 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, nargs="+", default=[120, 600], help="lengths of the records")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which to stop and report")
     parser.add_argument("--seed", type=int, default=7000)
-    parser.add_argument("--cells", nargs="+", default=[c for c in known_cells() if c != "small"])
+    parser.add_argument(
+        "--cells", nargs="+", default=[c for c in known_cells() if c != "small" and not c.startswith("file")]
+    )
     parser.add_argument("--file", type=Path, default=Path("confusion_records.jsonl"))
     parser.add_argument("--processes", type=int, default=2)
     given = parser.parse_args()

@@ -20,7 +20,11 @@ Task = tuple[str, int, str]  #: cell, seed, noise
 
 def known_cells() -> list[str]:
     """Return the cells whose causes the catalogue has; what stands in none belongs to every matrix."""
-    return [c for c in CELLS if set(c.removeprefix("solid: ").split(" + ")) & set(CAUSES) <= set(CATALOGUE)]
+    return [
+        c
+        for c in CELLS
+        if set(c.removeprefix("solid: ").removeprefix("file: ").split(" + ")) & set(CAUSES) <= set(CATALOGUE)
+    ]
 
 
 def seed_of(cell: str, seed: int) -> int:

@@ -9,6 +9,7 @@ import sealed_draws as draws
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2, ncx2
 from sealed_draws import Do, Done, Hidden
+from sealed_file import FILE, Coarse, draw_as_filed, draw_mesh
 from sealed_frame import Zone
 from sealed_outside import OUTSIDE
 from sealed_signals import N_MODES, WINDOW, modal_std
@@ -52,8 +53,9 @@ PAIRS = (
     "support_stiffness + sensor_swap",
     "local_stiffness + added_mass",
 )
+FILES = tuple(f"file: {name}" for name in FILE)
 SOLIDS = tuple(f"solid: {name}" for name in SOLID)
-CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS)
+CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _BAND = 290.0  # Hz
 _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
@@ -71,11 +73,12 @@ class Case:
     kind: str  #: "detectable", "nothing", "small", "two" or "outside"
     seed: int
     done: Done
+    coarse: Coarse | None = None  #: the mesh of the structure file, if it is another than the shipped one
 
 
 def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
-    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b", an outsider, or
-    "solid: " and what is done to the bar.
+    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b", an outsider,
+    "solid: " and what is done to the bar, or "file: " and what the structure file does not know.
 
     Raises
     ------
@@ -88,6 +91,8 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
         if name == "nothing":
             return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(bar, random))
         return Case(cell=cell, kind="detectable", seed=seed, done=_large(SOLID[name], bar, random, noise))
+    if cell.startswith("file: "):
+        return _of_file(cell, seed, random, noise)
     state = draw_state(seed)
     if cell == "nothing":
         return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))
@@ -99,6 +104,20 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
         first, second = (CAUSES[name] for name in cell.split(" + "))
         return Case(cell=cell, kind="two", seed=seed, done=_both(first, second, state, random, noise))
     return Case(cell=cell, kind="detectable", seed=seed, done=_large(CAUSES[cell], state, random, noise))
+
+
+def _of_file(cell: str, seed: int, random: Random, noise: str) -> Case:
+    """Draw what a file gets wrong; what was taken off before has never been in it."""
+    name, state = cell.removeprefix("file: "), draw_as_filed(seed)
+    if name == "nothing":
+        return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))
+    if name == "mesh_error":
+        done = Done(state, state, (Hidden(cause="mesh_error"),))
+        return Case(cell=cell, kind="detectable", seed=seed, done=done, coarse=draw_mesh(seed))
+    done = _large(FILE[name], state, random, noise)
+    while done.before is not state:
+        done = _large(FILE[name], state, random, noise)
+    return Case(cell=cell, kind="detectable", seed=seed, done=done)
 
 
 def _large(do: Do, state: State, random: Random, noise: str) -> Done:

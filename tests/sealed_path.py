@@ -9,7 +9,7 @@ from sealed_signals import estimated
 from sealed_solid import STRUCTURE as SOLID_STRUCTURE
 from sealed_specimen import State
 
-from monitor.diagnosing import Observation, explain_change, follow
+from monitor.diagnosing import Observation, explain, explain_change, follow
 from monitor.fusion import Windows
 from oma import ModalEstimate, WindowQuality
 from updater import Structure, parse_structure, t_structure_toml
@@ -26,10 +26,22 @@ def structure_of(solid: bool) -> Structure:
 def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     """Return the diagnosis of modes with noise, as JSON would hold it; the gain is measured on windows of their own."""
     random = np.random.default_rng((case.seed, 6))
+    if case.cell.startswith("file: "):
+        measured, heldout = (_after(case, random, noise) for _ in range(2))
+        return explain(_filed(case), None, measured, heldout).explained.diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     after, heldout = (_after(case, random, noise) for _ in range(2))
     found = explain_change(structure_of(case.cell.startswith("solid")), before, after, heldout)
     return found.diagnosis.model_dump(mode="json")
+
+
+def _filed(case: Case) -> Structure:
+    """Return the shipped structure, its members in as many elements as the file of the case gives them."""
+    if case.coarse is None:
+        return FRAME
+    count = {"column": case.coarse.column, "crossbeam": case.coarse.crossbeam}
+    members = tuple(m.model_copy(update={"elements": count[m.name]}) for m in FRAME.member)
+    return FRAME.model_copy(update={"member": members})
 
 
 def _after(case: Case, random: np.random.Generator, noise: str) -> Observation:

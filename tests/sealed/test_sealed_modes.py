@@ -30,6 +30,8 @@ CASES = [
     ("small", 322),
     ("added_mass + sensor_gain", 323),
     ("sliding", 324),
+    ("file: nothing", 325),
+    ("file: mesh_error", 326),
 ]
 
 
