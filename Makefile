@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes confusion confusion-records structural localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes shown confusion confusion-records structural localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -50,6 +50,10 @@ foresight: $(VENV)/.done
 # What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
 causes: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
+
+# What a diagnosis shows on three records, and how near residual forces point: docs/diagnosis_shown.md, two minutes.
+shown: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/diagnosis_shown.py docs
 
 # What is done against what `diagnose` says of its modes, drawn by a code of its own: the tables of docs/diagnosis.md.
 # It goes on where it was stopped (confusion.jsonl); `make confusion ARGUMENTS="--minutes 30"`.
