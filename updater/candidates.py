@@ -12,14 +12,18 @@ import numpy as np
 
 from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE
+from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Beside, Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
 from updater.fit import Fit, fit, foreseen
+from updater.prediction import prediction
 from updater.reference import Reference
+from updater.statistics import COMMON_STD
 
 PRIOR_NOTHING = 0.5
 _CLOSER = 4  # compositions that are fitted, of all that are foreseen to first order
+_SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
@@ -94,6 +98,25 @@ class Weighing:
     def log_prior(self) -> float:
         """Log probability of each cause."""
         return float(np.log((1 - PRIOR_NOTHING) / len(CATALOGUE)))
+
+    def drift_beside(self, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
+        """Return the drift common to all frequencies that chosen causes leave, as a factor on stiffness.
+
+        It is a nuisance, which nobody names; a model that is to agree with the next record has it all the same. None
+        where it is not significant, or where the causes have a common factor already.
+        """
+        factor = self.causes.get("global_stiffness")
+        if not isinstance(factor, CommonFactor) or any(isinstance(c.cause, CommonFactor) for c in chosen):
+            return ()
+        if not any(c.cause.drifting for c in chosen):
+            return ()
+        rest = self.data.log_ratio - prediction(self.data, chosen).log_ratio[0]
+        ones, off = self.data.plain.matrix.sum(1), self.data.plain.matrix @ rest
+        precision = float(ones @ ones) + COMMON_STD**-2
+        drift = float(ones @ off) / precision
+        if abs(drift) < _SIGNIFICANT / np.sqrt(precision):
+            return ()
+        return (Chosen(factor, 0, np.array([(drift - factor.centre) / factor.spread])),)
 
     def singles(self) -> list[Candidate]:
         """Fit every cause alone, the best first."""

@@ -29,7 +29,7 @@ from updater.wording import LEAST_P, modes_of, named_causes, oddest, rejected_ca
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
-_MUCH = 20.0  # of log evidence foreseen: where one more is tried though the fit is good
+_MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
@@ -133,16 +133,17 @@ def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) 
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one."""
     named, sure, left_open = named_causes(case.data, found, _SURE)
     best = found[0]
+    chosen = (*best.chosen, *case.weighing.drift_beside(best.chosen))
     extended = case.reference.calibration.structure
-    for part in sorted(best.chosen, key=lambda c: c.cause.place_free):  # a factor on everything comes last
+    for part in sorted(chosen, key=lambda c: c.cause.place_free):  # a factor on everything comes last
         extended = part.cause.extend(extended, part.row, part.theta)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
-    gained = gain_on_heldout(heldout, best.chosen) if heldout else gain_left_out(case.data, best.chosen)
+    gained = gain_on_heldout(heldout, chosen) if heldout else gain_left_out(case.data, chosen)
     diagnosis = Diagnosis(
         causes=named,
         rejected=rejected_causes(case.singles, accepted, best.log_evidence),
-        modes=modes_of(case.reference, case.event, case.data, best.chosen),
+        modes=modes_of(case.reference, case.event, case.data, chosen),
         gain=gained.gain if gained.significant else None,
         next_measurement=_next(case, left_open) or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
         **settings,
