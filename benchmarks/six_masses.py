@@ -5,9 +5,11 @@ Prints the tables of docs/beam_six_masses.md; FOLDER holds frf.npz and mass_posi
 Usage: python benchmarks/six_masses.py FOLDER [PICTURE.png], or make real DATA=FOLDER-ABOVE
 """
 
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -28,7 +30,7 @@ from six_masses_helpers import (
 )
 
 from daq import FloatArray
-from updater import build_model
+from updater import build_model, dump_structure
 
 FOLDS, SEED = 7, 0
 STRICTER = 2e-3  # model error: whether the answer hangs on it
@@ -67,6 +69,8 @@ def main(folder: Path, picture: Path | None) -> None:
     before, after = (held_out(beam, h.hypothesis, measured) for h in (plain, best))
     print_gain(measured, before, after)
     print_written(beam, measured, best)
+    for words, fit in (("plain", plain), ("extended", best)):
+        print_command(words, beam, measured, fit)
     if picture:
         draw(picture, measured, off, before, after)
 
@@ -193,6 +197,28 @@ def print_written(beam: Cantilever, measured: Layouts, best: Fitted) -> None:
         "\nlayout 1, all on, bending modes of the structure written out:", np.round(modes.frequency[seen], 1).tolist()
     )
     print("measured:", np.round(np.exp(measured.before[0]), 1).tolist())
+
+
+def print_command(words: str, beam: Cantilever, measured: Layouts, fit: Fitted) -> None:
+    """Print what `modalwatch diagnose` says of two tables of frequencies, the means of all layouts in each state."""
+    noise = measured.noise()[1] / np.sqrt(2 * len(measured.place))  # of each state, of which the shift has twice
+    with TemporaryDirectory() as folder:
+        structure = beam.written_out(fit.values, measured.place.mean(axis=0), np.ones(6))
+        Path(folder, "beam.toml").write_text(dump_structure(structure), encoding="utf-8")
+        for name, state in (("before", measured.before), ("after", measured.after)):
+            frequency = np.exp(state.mean(axis=0))
+            rows = np.column_stack([frequency, noise * frequency])
+            table = Path(folder, f"{name}.csv")
+            np.savetxt(table, rows, delimiter=",", header="frequency,frequency_std", comments="")
+        modalwatch = str(Path(sys.executable).with_name("modalwatch"))
+        found = subprocess.run(
+            [modalwatch, "diagnose", "beam.toml", "after.csv", "--reference", "before.csv"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    print(f"\n{words} beam, five mean frequencies before and after:\n{found.stdout}{found.stderr}")
 
 
 def draw(path: Path, measured: Layouts, off: int, before: Heldout, after: Heldout) -> None:

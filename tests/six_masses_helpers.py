@@ -62,6 +62,10 @@ fixed = ["x", "y", "z", "rx", "ry", "rz"]
 channel = "tip_z"
 at = [{LENGTH}, 0, 0]
 direction = [0, 0, 1]
+[[sensor]]
+channel = "middle_z"                  # nothing was there: with frequencies alone it only says which way modes bend
+at = [{LENGTH / 2}, 0, 0]
+direction = [0, 0, 1]
 """
 
 
