@@ -1,6 +1,7 @@
 """Measured set beside simulated, before and after the causes are written into the model."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from scipy.signal import resample
@@ -8,6 +9,7 @@ from scipy.signal import resample
 from daq import FloatArray, Recording
 from monitor.discrepancy import (
     BalanceResult,
+    ChannelHealth,
     DiscrepancyResult,
     ModeBeside,
     PlaceDensity,
@@ -38,6 +40,7 @@ _PERIODS = 16  # of a sensor's signal that are drawn
 _POINTS = 10  # a period of the highest frequency
 _FAULTY = "Forces left over are not drawn: they come from the sensors, not from the structure."
 _ALL = 1e9  # Hz
+_UNKNOWN: Mapping[str, ChannelHealth] = MappingProxyType({})
 
 
 def discrepancy_result(
@@ -46,6 +49,7 @@ def discrepancy_result(
     explained: Explained,
     recording: Recording | None = None,
     trends: tuple[TrendBeside, ...] = (),
+    health: Mapping[str, ChannelHealth] = _UNKNOWN,
 ) -> DiscrepancyResult:
     """Return what is measured beside what is simulated.
 
@@ -56,6 +60,7 @@ def discrepancy_result(
     explained : the diagnosis, whose extended structure stands for what is simulated with the causes
     recording : signals to predict from each other, without the devices' delays; None to leave that out
     trends : of the windows
+    health : of each channel
 
     Raises
     ------
@@ -73,7 +78,7 @@ def discrepancy_result(
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
         mac=tuple(_said(row) for row in before.mac),
-        sensors=_sensors(before, after, heard),
+        sensors=_sensors(before, after, heard, health),
         balance=None if faulty else _balance(force_balance(reference, matched(reference.baseline, measured))),
         signals=_signals(*heard) if heard else (),
         trends=trends,
@@ -176,7 +181,9 @@ def _fit(after: Discrepancy, column: int) -> tuple[float | None, float | None]:
     return 100 * float(after.off[row[0]]), _number(after.mac[row[0], column])
 
 
-def _sensors(before: Discrepancy, after: Discrepancy | None, heard: Heard | None) -> tuple[SensorBeside, ...]:
+def _sensors(
+    before: Discrepancy, after: Discrepancy | None, heard: Heard | None, health: Mapping[str, ChannelHealth]
+) -> tuple[SensorBeside, ...]:
     missed: Mapping[str, dict[str, float]] = _missed(heard) if heard else {}
     return tuple(
         SensorBeside(
@@ -186,6 +193,7 @@ def _sensors(before: Discrepancy, after: Discrepancy | None, heard: Heard | None
             noise=float(before.residual_std[i]),
             comac_after=float(after.comac[i]) if after else None,
             residual_after=float(after.residual[i]) if after else None,
+            health=health.get(channel),
             **missed.get(channel, {}),
         )
         for i, channel in enumerate(before.channels)

@@ -15,6 +15,7 @@ from updater import (
     Explained,
     ModalMean,
     Reference,
+    SensorHealth,
     Structure,
     TrackedModes,
     build_model,
@@ -24,6 +25,7 @@ from updater import (
     match_modes,
     matched,
     nominal_reference,
+    sensor_health,
     stack_tracks,
     tone_ratios,
     trend_of,
@@ -184,6 +186,13 @@ class Explanation:
     explained: Explained
     reference: Reference  #: of the structure as it was, or of the nominal model
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
+    event: ModalMean  #: (n_tracks,) those that the reference knows, as they were compared
+    circumstances: Circumstances  #: of the logs
+
+    @property
+    def health(self) -> SensorHealth:
+        """Gain, polarity and delay of every channel against the reference."""
+        return sensor_health(self.reference, self.event, self.circumstances)
 
 
 def explain(
@@ -214,14 +223,21 @@ def explain(
     else:
         devices = sorted(set(now.lateness.devices.values()))
         reference = nominal_reference(structure, now.modes, devices, stated=now.stated)
+    event, circumstances = _event(reference, now), circumstances_of(reference, before, now)
     explained = diagnose(
         reference,
-        _event(reference, now),
+        event,
         heldout=_event(reference, heldout) if heldout else None,
-        circumstances=circumstances_of(reference, before, now),
+        circumstances=circumstances,
         on_cause=on_cause,
     )
-    return Explanation(explained=explained, reference=reference, measured=reference.mean_of(now.modes))
+    return Explanation(
+        explained=explained,
+        reference=reference,
+        measured=reference.mean_of(now.modes),
+        event=event,
+        circumstances=circumstances,
+    )
 
 
 def explain_change(

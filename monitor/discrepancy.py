@@ -21,6 +21,15 @@ class ModeBeside(_Part):
     mac_after: float | None = None  #: [-]
 
 
+class ChannelHealth(_Part):
+    """How a channel fares against what it was, or against the model, beside the other channels."""
+
+    gain: float  #: negative where its polarity is turned [-]
+    gain_std: float  #: [-]
+    delay: float | None = None  #: [s]; None where phases are not known
+    delay_std: float | None = None  #: [s]
+
+
 class SensorBeside(_Part):
     """A sensor over all modes; the figures after are those with the causes."""
 
@@ -33,6 +42,7 @@ class SensorBeside(_Part):
     missed: float | None = None  #: by the prediction from the other sensors, over the signal [-]
     missed_after: float | None = None
     missed_least: float | None = None  #: by the best linear prediction that there is [-]
+    health: ChannelHealth | None = None
 
 
 class BalanceResult(_Part):

@@ -8,9 +8,10 @@ import numpy as np
 from daq import FloatArray, IndexArray, Recording
 from monitor.beside import discrepancy_result
 from monitor.diagnosing import THERMOMETER_STD, root_mean_square
-from monitor.discrepancy import DiscrepancyResult
+from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from monitor.fusion import choose_tracks, common_tones
 from monitor.lateness import InTime
+from monitor.sensors_said import health_result
 from oma import Identification, ModalEstimate
 from updater import (
     Circumstances,
@@ -20,6 +21,7 @@ from updater import (
     Reference,
     diagnose,
     match_modes,
+    sensor_health,
     stack_tracks,
     tone_ratios,
     trend_of,
@@ -85,6 +87,19 @@ def explain_windows(
     except (PairingError, ValueError):
         beside = None  # what can be compared is enough to diagnose, not to draw
     return found.diagnosis, beside
+
+
+def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexArray]) -> dict[str, ChannelHealth]:
+    """Return how each channel fares in windows since the baseline; arguments as for `explain_windows`.
+
+    Nothing, where there is too little in common with the baseline.
+    """
+    heard = windows.heard(reference.delays) or windows.estimates
+    event = reference.mean_of(stack_tracks(heard, tracks))
+    try:
+        return health_result(sensor_health(reference, event, Circumstances(devices=windows.devices)))
+    except ValueError:
+        return {}
 
 
 def _all_modes(

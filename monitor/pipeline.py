@@ -15,7 +15,7 @@ from monitor.describe import (
     reference_result,
     spectrum_result,
 )
-from monitor.explaining import Seen, explain_windows, seen_in
+from monitor.explaining import Seen, explain_windows, seen_in, sensors_seen
 from monitor.fusion import choose_tracks
 from monitor.lateness import InTime, in_time, without_known
 from monitor.results import AlarmResult, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
@@ -85,6 +85,7 @@ class Pipeline:
         self._watch: _Watch | None = None
         self._before: Seen = seen_in([])  # what went with the baseline's windows
         self._out: list[_Window] = []  # windows over the limit, without a break
+        self._calm: list[_Window] = []  # windows under it since the sensors were last looked at
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Take one item in the log's order; yield what it lets be said."""
@@ -155,9 +156,15 @@ class Pipeline:
         over = score.t2 > score.limit
         before, self._alarm = self._alarm, self._alarm.consider(over=over)
         self._out = [*self._out, window] if over else []
+        self._calm = [] if over else [*self._calm, window]
         result = self._result(window, watch).model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
             result = result.model_copy(update=self._explain(watch))
+        if len(self._calm) >= self._settings.analysis.baseline_windows:
+            calm, self._calm = self._calm, []
+            lateness = InTime(tuple(w.estimate for w in calm), self._devices, tuple(w.removed for w in calm))
+            tracks = [watch.tracker.assign(w.estimate) for w in calm]
+            result = result.model_copy(update={"sensors": sensors_seen(watch.reference, lateness, tracks)})
         yield result
         if self._alarm.state != before.state:
             yield self._said(window, alarm_text(self._alarm.state, result, watch.reference.calibration.model.nodes))

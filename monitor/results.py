@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from monitor.discrepancy import DiscrepancyResult
+from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from updater import Diagnosis
 
 Vector = tuple[float, float, float]
@@ -147,6 +147,7 @@ class WindowResult(_Result):
     diagnosis: Diagnosis | None = None  #: since the baseline
     discrepancy: DiscrepancyResult | None = None  #: what it rests on
     spectrum: Spectrum | None = None
+    sensors: dict[str, ChannelHealth] = {}  #: from time to time, over the windows since the last time
     rms: dict[str, float] = {}  #: of each channel [m/s2]
     problem: str | None = None  #: why the window gave no modes
 

@@ -3,6 +3,7 @@
 from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.causes.base import Discrete
+from updater.channel_health import SensorHealth, sensor_health
 from updater.circumstances import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
 from updater.comparison import Comparison
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
@@ -35,7 +36,6 @@ from updater.section import Section
 from updater.sensitivity import Prior, SensitivityFit, fit_parameters
 from updater.sensor import Correction, Sensor
 from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
-from updater.sensor_health import SensorHealth, sensor_health
 from updater.several import MassChanges, locate_masses
 from updater.statistics import (
     ModalMean,

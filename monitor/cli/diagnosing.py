@@ -15,6 +15,7 @@ from monitor.diagnosing import Observation, explain, observe, window_seconds
 from monitor.errors import ArgumentError
 from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
+from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
 from monitor.words import plain
 from oma import IdentificationError
@@ -54,7 +55,9 @@ def diagnose_command(
             raise LogError(_named(logs.current), str(error)) from error
         status.update("setting measured beside simulated ...")
         sample = (heldout or after).sample if out else None
-        beside = discrepancy_result(found.reference, found.measured, found.explained, sample, trends_beside(after))
+        beside = discrepancy_result(
+            found.reference, found.measured, found.explained, sample, trends_beside(after), health_result(found.health)
+        )
         diagnosis = _write(found.explained, structure_path, out, json_path)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)

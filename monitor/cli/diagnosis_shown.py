@@ -6,6 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.discrepancy import DiscrepancyResult, ModeBeside
+from monitor.sensors_said import health_text
 from monitor.words import cause_text, plain, share_text, verdict_text
 from updater import Cause, Diagnosis
 
@@ -23,7 +24,8 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> Non
     if diagnosis.next_measurement:
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))
-    for line in (_sensor(found), _gain(diagnosis)):
+    health = health_text({s.channel: s.health for s in found.sensors if s.health})
+    for line in (_sensor(found), health, _gain(diagnosis)):
         if line:
             console.print(escape(line))
     _refused(console, diagnosis)

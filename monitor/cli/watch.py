@@ -11,6 +11,7 @@ from monitor.live import LiveView, live_view
 from monitor.mending import mend_logs
 from monitor.replay import replay
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.sensors_said import health_text
 from monitor.words import change_text
 from monitor.worker import Result
 
@@ -38,6 +39,8 @@ def _window_line(window: WindowResult) -> str:
     text = f"{start} {len(window.modes)} modes"
     if window.novelty:
         text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
+    if window.sensors:
+        text += f"; {health_text(window.sensors)}"
     return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text
 
 

@@ -13,6 +13,7 @@ from monitor.report.evidence import evidence_figure
 from monitor.report.measured import measured_content
 from monitor.report.picture import Picture, optional, picture
 from monitor.results import MassAnswer, MassIncrements, ReferenceResult, WindowResult
+from monitor.sensors_said import health_rows
 from monitor.story import Story, find_mode
 from monitor.words import (
     cause_text,
@@ -47,6 +48,7 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
         "pictures": _pictures(story),
         "increments": _increments(story),
         "modes": _modes(story),
+        "sensors": _sensors(story),
         "diagnosis": diagnosis_content(diagnosis, story.reference, found) if diagnosis else None,
         "quality": _quality(run),
         "settings": run.site_text,
@@ -57,6 +59,12 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Return the versions of what made the page."""
     return {"python": platform.python_version()} | {name: version(name) for name in _VERSIONS}
+
+
+def _sensors(story: Story) -> list[dict[str, str]]:
+    """Return how the sensors fared when they were last looked at."""
+    looked = [w.sensors for w in story.windows if w.sensors]
+    return health_rows(looked[-1]) if looked else []
 
 
 def last_diagnosis(story: Story) -> Diagnosis | None:

@@ -1,0 +1,70 @@
+"""Health of the sensors as it is logged, and said: gain, polarity and delay of every channel."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from monitor.discrepancy import ChannelHealth
+from updater import SensorHealth
+
+_SURE = 4.0  # standard deviations from which a channel is named
+_GAIN = 0.03  # from which a change of gain matters [-]
+_DELAY = 1e-4  # from which a delay matters [s]
+
+
+def health_result(health: SensorHealth) -> dict[str, ChannelHealth]:
+    """Return plain values, channel by channel."""
+    columns = zip(health.channels, health.gain, health.gain_std, health.delay, health.delay_std, strict=True)
+    return {
+        channel: ChannelHealth(
+            gain=float(gain),
+            gain_std=float(gain_std),
+            delay=float(delay) if np.isfinite(delay) else None,
+            delay_std=float(delay_std) if np.isfinite(delay_std) else None,
+        )
+        for channel, gain, gain_std, delay, delay_std in columns
+    }
+
+
+def health_text(sensors: Mapping[str, ChannelHealth]) -> str:
+    """Name the channels that are not as they should be; if all are, say how closely."""
+    if not sensors:
+        return ""
+    wrong = [f"{channel}: {fault}" for channel, own in sensors.items() if (fault := fault_text(own))]
+    if wrong:
+        return "sensors: " + "; ".join(wrong)
+    text = f"sensors: all gains within {100 * max(abs(s.gain - 1) for s in sensors.values()):.1f} %"
+    delays = [abs(s.delay) for s in sensors.values() if s.delay is not None]
+    return f"{text}, delays within {1e3 * max(delays):.2f} ms" if delays else text
+
+
+def fault_text(own: ChannelHealth) -> str:
+    """Say what is wrong with a channel, nothing if that is sure to nobody or does not matter."""
+    found = []
+    if own.gain < -_SURE * own.gain_std:
+        found.append("polarity turned")
+    if abs(abs(own.gain) - 1) > max(_GAIN, _SURE * own.gain_std):
+        found.append(f"gain {gain_text(own)}")
+    if own.delay is not None and own.delay_std is not None and abs(own.delay) > max(_DELAY, _SURE * own.delay_std):
+        found.append(f"{delay_text(own)} ms {'late' if own.delay > 0 else 'early'}")
+    return ", ".join(found)
+
+
+def gain_text(own: ChannelHealth) -> str:
+    """Return a gain with its deviation."""
+    return f"{own.gain:.3f} ± {own.gain_std:.3f}"
+
+
+def delay_text(own: ChannelHealth) -> str:
+    """Return a delay with its deviation [ms]."""
+    if own.delay is None or own.delay_std is None:
+        return "not known"
+    return f"{1e3 * own.delay:+.3f} ± {1e3 * own.delay_std:.3f}"
+
+
+def health_rows(sensors: Mapping[str, ChannelHealth]) -> list[dict[str, str]]:
+    """Return the rows of a table."""
+    return [
+        {"channel": channel, "gain": gain_text(own), "delay": delay_text(own), "fault": fault_text(own)}
+        for channel, own in sensors.items()
+    ]

@@ -1,0 +1,37 @@
+"""What is said of the sensors: what is wrong with which, or how closely all are right."""
+
+import numpy as np
+
+from monitor.sensors_said import health_result, health_rows, health_text
+from updater import SensorHealth
+
+
+def health(gain: list[float], delay: list[float], std: float = 0.005) -> SensorHealth:
+    n = len(gain)
+    return SensorHealth(
+        channels=("left", "middle", "right")[:n],
+        gain=np.array(gain),
+        gain_std=np.full(n, std),
+        delay=np.array(delay),
+        delay_std=np.full(n, 1e-5),
+    )
+
+
+def test_all_as_they_were_is_one_short_line() -> None:
+    said = health_text(health_result(health([1.004, 0.99, 1.0], [2e-5, -1e-5, 0.0])))
+    assert said == "sensors: all gains within 1.0 %, delays within 0.02 ms"
+
+
+def test_what_is_wrong_is_named_with_its_deviation() -> None:
+    found = health_result(health([-0.8, 1.0, 1.0], [0.0, 4e-4, -3e-4]))
+    assert health_text(found) == (
+        "sensors: left: polarity turned, gain -0.800 ± 0.005; middle: +0.400 ± 0.010 ms late; "
+        "right: -0.300 ± 0.010 ms early"
+    )
+    assert [row["fault"] != "" for row in health_rows(found)] == [True, True, True]
+
+
+def test_what_is_not_sure_is_not_said() -> None:
+    found = health_result(health([0.85, 1.0, 1.0], [np.nan] * 3, std=0.05))
+    assert health_text(found) == "sensors: all gains within 15.0 %"
+    assert health_rows(found)[0] == {"channel": "left", "gain": "0.850 ± 0.050", "delay": "not known", "fault": ""}
