@@ -7,6 +7,8 @@ import sealed_chain as chain
 from sealed_draws import Do, added_mass, nothing
 from sealed_specimen import FrameBody, State, draw_state
 
+UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
 
 @dataclass(frozen=True)
 class Coarse:
@@ -17,7 +19,7 @@ class Coarse:
 
 
 def draw_as_filed(seed: int) -> State:
-    """Draw a frame with rigid foot and joint, no weld and nothing on it; E, density and walls are off by 0.1 %."""
+    """Draw a frame with rigid foot and joint, no weld, no load, no sensor askew; E and density are off by 0.1 %."""
     random, state = np.random.default_rng((seed, 12)), draw_state(seed)
     frame = replace(state.frame, foot=(1e8,) * 3, joint=(1e8,) * 3, lumps=())
     for bar in frame.bars:
@@ -33,7 +35,8 @@ def draw_as_filed(seed: int) -> State:
             zones=(),
         )
     body = FrameBody(frame)
-    return replace(state, body=body, drawn=body, solved={})
+    sensors = tuple(replace(s, direction=UNITS[s.channel[-1]]) for s in state.sensors)
+    return replace(state, body=body, drawn=body, sensors=sensors, solved={})
 
 
 def draw_mesh(seed: int) -> Coarse:
