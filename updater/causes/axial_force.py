@@ -14,7 +14,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import vector
+from updater.causes.stretches import MOST_MEMBERS, vector
 from updater.comparison import Comparison
 from updater.fe.element import Element
 from updater.reanalysis import Effect, no_effect
@@ -83,9 +83,9 @@ class AxialForce(Discrete):
 
 
 def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialForce | None:
-    """Return every member; none of matrices from elsewhere."""
+    """Return every member; none of very many or of matrices."""
     structure = reference.calibration.structure
-    if structure.external is not None:
+    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
         return None
     buckling, share, basis = _geometric(reference)
     return AxialForce(

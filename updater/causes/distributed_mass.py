@@ -14,7 +14,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import WITHIN, Kinds, Spread, everywhere, strength
+from updater.causes.stretches import MOST_MEMBERS, WITHIN, Kinds, Spread, everywhere, likeliest, strength
 from updater.comparison import Comparison
 from updater.fe.element import local_axes
 from updater.reanalysis import Effect, no_effect
@@ -90,9 +90,9 @@ class DistributedMass(Spread):
 
 
 def propose_distributed_mass(reference: Reference, comparison: Comparison) -> DistributedMass | None:
-    """Return stretches of a few lengths every few centimetres; none of matrices from elsewhere."""
+    """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
     structure = reference.calibration.structure
-    if structure.external is not None:
+    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
         return None
     cells, summed = _mass(reference)
     own = [structure.material[m.material].density * structure.section[m.section].area for m in structure.member]
@@ -105,17 +105,17 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
         own=np.array(own),
         **everywhere(cells, _LENGTHS, 3),
     )
-    found.start[:, 0] = _first_order(found)
-    return found
+    found.start[:, 0], explained = _first_order(found)
+    return likeliest(found, explained)
 
 
-def _first_order(cause: DistributedMass) -> FloatArray:
+def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -m/2 dM_ii, fitted to the log frequencies."""
     comparison = cause.comparison
     per_metre = cause.matrix(cause.summed, cause.start, np.arange(len(cause.member)))
     heavier = np.diagonal(per_metre, axis1=1, axis2=2)[:, comparison.paired]
-    mass = strength(comparison, -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None])
-    return np.clip(mass, cause.lower[:, 0] / 2, cause.prior_std[0])
+    mass, explained = strength(comparison, -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None])
+    return np.clip(mass, cause.lower[:, 0] / 2, cause.prior_std[0]), explained
 
 
 @lru_cache(maxsize=4)

@@ -14,7 +14,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import WITHIN, Kinds, Spread, everywhere, strength
+from updater.causes.stretches import MOST_MEMBERS, WITHIN, Kinds, Spread, everywhere, likeliest, strength
 from updater.comparison import Comparison
 from updater.internal_actions import weighted_actions
 from updater.reanalysis import Effect, no_effect
@@ -101,8 +101,9 @@ class LocalStiffness(Spread):
 
 
 def propose_local_stiffness(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
-    """Return stretches of a few lengths every few centimetres; none of matrices from elsewhere."""
-    if reference.calibration.structure.external is not None:
+    """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
+    structure = reference.calibration.structure
+    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
         return None
     cells, bent, sheared = _flexibility(reference)
     found = LocalStiffness(
@@ -114,18 +115,18 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
         sheared=sheared,
         **everywhere(cells, _LENGTHS, 4),
     )
-    found.start[:, 0] = _first_order(found)
-    return found
+    found.start[:, 0], explained = _first_order(found)
+    return likeliest(found, explained)
 
 
-def _first_order(cause: LocalStiffness) -> FloatArray:
+def _first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
     comparison = cause.comparison
     paired = comparison.paired
     softer = cause.matrix(cause.bent, cause.start, np.arange(len(cause.member)))
     gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
-    more = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
-    return np.asarray(np.log1p(np.clip(more, -0.5, np.e**2)))
+    more, explained = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
+    return np.log1p(np.clip(more, -0.5, np.e**2)), explained
 
 
 @lru_cache(maxsize=4)

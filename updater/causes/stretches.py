@@ -1,7 +1,7 @@
 """Stretches of members as alternatives: any middle, any of several lengths; common to what is spread over one."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.fit import Fit
 
+S = TypeVar("S", bound="Stretches")
+MOST_MEMBERS = 2000  #: of structures whose stretches are looked at
 RATIO = 1.2  #: about, from one length to the next
 WITHIN = 12**-0.5  #: standard deviation of a uniform prior over one step
+_MOST = 600  # alternatives that are all fitted; of more, on a structure of many members, the most likely are
+_KEPT = 240  # of those
 _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
@@ -213,11 +217,24 @@ def between(cells: Cells, table: FloatArray, member: IndexArray, number: FloatAr
     return np.asarray((1 - share) * table[edge] + share * table[edge + 1])
 
 
-def strength(comparison: Comparison, effect: FloatArray) -> FloatArray:
-    """Return how strong (n,) changes of log frequencies (n, n_compared) are in the data, each by itself."""
+def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how strong changes of log frequencies (n, n_compared) are in the data (n,), and what they explain (n,).
+
+    Each by itself, to first order; what is explained is of chi-square.
+    """
     whitener = comparison.drifting.matrix
-    white = effect @ whitener.T
-    return np.asarray(white @ (whitener @ comparison.log_ratio) / np.maximum((white**2).sum(1), 1e-12))
+    white, data = effect @ whitener.T, whitener @ comparison.log_ratio
+    found = white @ data / np.maximum((white**2).sum(1), 1e-12)
+    return np.asarray(found), np.asarray(found * (white @ data))
+
+
+def likeliest(cause: S, explained: FloatArray) -> S:
+    """Return a cause's alternatives, of very many those that explain the most (n,), as probable as they were."""
+    if len(explained) <= _MOST:
+        return cause
+    rows = np.sort(np.argpartition(-explained, _KEPT)[:_KEPT])
+    fields = ("member", "begin", "size", "kind", "step", "span", "log_prior", "start")
+    return replace(cause, **{name: getattr(cause, name)[rows] for name in fields})
 
 
 def everywhere(cells: Cells, kinds: Kinds, n_parameters: int) -> dict[str, Any]:

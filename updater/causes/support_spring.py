@@ -13,7 +13,17 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import WITHIN, Kinds, Stretches, between, everywhere, strength, vector
+from updater.causes.stretches import (
+    MOST_MEMBERS,
+    WITHIN,
+    Kinds,
+    Stretches,
+    between,
+    everywhere,
+    likeliest,
+    strength,
+    vector,
+)
 from updater.comparison import Comparison
 from updater.hinges import flexibility
 from updater.reanalysis import Effect, no_effect
@@ -27,7 +37,7 @@ if TYPE_CHECKING:
 
 _STD = 2.0  # of ln(1 + k f), while it is fitted
 _LEAST, _MOST = 0.003, 7.0  # of it: from what hardly shows to what stands still
-_LARGE = 5000  # DOFs, of which only the kept modes' flexibility is known
+_LARGE = 3e6  # points times DOFs, of which only the kept modes' flexibility is known
 _DIRECTIONS = Kinds(
     size={0: 0, 1: 0, 2: 0}, step={0: 12, 1: 12, 2: 12}, about={0: (0,), 1: (0,), 2: (0,)}
 )  # a point, along x, y or z
@@ -73,8 +83,9 @@ class SupportSpring(Stretches):
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the stiffness along the likeliest axis: its logarithm, averaged over positions."""
-        axis = self.kind[fit.best]
-        share = np.where(self.kind == axis, self.likely(fit), 0.0)
+        likely = self.likely(fit)
+        axis = int(np.argmax(np.bincount(self.kind, likely)))
+        share = np.where(self.kind == axis, likely, 0.0)
         share = share / share.sum()
         theta = np.clip(fit.theta[:, 0], _LEAST, _MOST)
         log = np.log(np.expm1(theta) / self.at(fit.theta, np.arange(len(theta)))[1])
@@ -95,8 +106,9 @@ class SupportSpring(Stretches):
 
 
 def propose_support_spring(reference: Reference, comparison: Comparison) -> SupportSpring | None:
-    """Return points every few centimetres, each along x, y and z; none of matrices from elsewhere."""
-    if reference.calibration.structure.external is not None:
+    """Return points every few centimetres, each along x, y and z; none of very many members or of matrices."""
+    structure = reference.calibration.structure
+    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
         return None
     cells, moved, give = _points(reference)
     found = SupportSpring(
@@ -108,17 +120,17 @@ def propose_support_spring(reference: Reference, comparison: Comparison) -> Supp
         give=give,
         **everywhere(cells, _DIRECTIONS, 2),
     )
-    found.start[:, 0] = _first_order(found)
-    return found
+    found.start[:, 0], explained = _first_order(found)
+    return likeliest(found, explained)
 
 
-def _first_order(cause: SupportSpring) -> FloatArray:
+def _first_order(cause: SupportSpring) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = s/2 omega_i^2 mu_i^2 / f, s = k f / (1 + k f), fitted to the log frequencies."""
     comparison = cause.comparison
     moved, give = cause.at(cause.start, np.arange(len(cause.member)))
     omega = 2 * np.pi * comparison.frequency[comparison.paired]
-    held = strength(comparison, 0.5 * (omega * moved[:, comparison.paired]) ** 2 / give[:, None])
-    return np.asarray(-np.log1p(-np.clip(held, 0.0, 0.9)))
+    held, explained = strength(comparison, 0.5 * (omega * moved[:, comparison.paired]) ** 2 / give[:, None])
+    return -np.log1p(-np.clip(held, 0.0, 0.9)), np.where(held > 0, explained, 0.0)
 
 
 @lru_cache(maxsize=4)
@@ -134,7 +146,7 @@ def _points(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
     own, updated = reader @ modes.shape, reader @ reference.shape
     omega = 2 * np.pi * reference.frequency
     give = ((updated / omega) ** 2).sum(1)
-    if model.n_dofs <= _LARGE:
+    if model.n_dofs * len(give) <= _LARGE:
         give += np.maximum(flexibility(model, reader) - ((own / modes.omega) ** 2).sum(1), 0.0)
     give = np.maximum(give, 1e-12 * give.max())
     return cells, (updated / omega**2).reshape(len(points), 3, -1), give.reshape(-1, 3)
