@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from updater.causes.base import Cause
-from updater.causes.catalogue import CATALOGUE
+from updater.causes.catalogue import CATALOGUE, RARITY
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Beside, Chosen
 from updater.causes.nothing import Nothing
@@ -94,10 +94,10 @@ class Weighing:
         """Chi-square if all frequencies have drifted alike and nothing else has changed."""
         return float(fit(self.data, Nothing(comparison=self.data, drifting=True)).chi_square[0])
 
-    @property
-    def log_prior(self) -> float:
-        """Log probability of each cause."""
-        return float(np.log((1 - PRIOR_NOTHING) / len(CATALOGUE)))
+    def log_prior(self, name: str) -> float:
+        """Return the log probability of a cause."""
+        whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE)
+        return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
 
     def drift_beside(self, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
         """Return the drift common to all frequencies that chosen causes leave, as a factor on stiffness.
@@ -126,7 +126,7 @@ class Weighing:
             whole = fit(self.data, cause)
             best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
             effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
-            evidence = whole.log_evidence + self.log_prior
+            evidence = whole.log_evidence + self.log_prior(name)
             found.append(
                 Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)
             )
@@ -155,7 +155,7 @@ class Weighing:
         cost = -foreseen(self.data, beside, theta, n_own)
         gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
         row = int(np.argmax(gain))
-        evidence = seed.log_evidence + float(gain[row]) + self.log_prior
+        evidence = seed.log_evidence + float(gain[row]) + self.log_prior(name)
         return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence)
 
     def together(self, promises: Sequence[Promise]) -> list[Candidate]:
@@ -182,5 +182,5 @@ class Weighing:
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
         open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
-        evidence = found.log_evidence - open_ones + len(chosen) * self.log_prior
+        evidence = found.log_evidence - open_ones + sum(self.log_prior(c.cause.name) for c in chosen)
         return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))

@@ -48,3 +48,7 @@ _OWN: dict[str, Propose[Cause]] = {
 }
 
 CATALOGUE: Mapping[str, Propose[Cause]] = Catalogue(_OWN)
+
+#: prior probability over that of any other cause: a body clamped on is far commoner than one laid along a member, and
+#: where modes are short of data the two are hard to tell apart
+RARITY: Mapping[str, float] = {"distributed_mass": 0.05}
