@@ -23,6 +23,7 @@ _NAMES = {
     "amplitude_softening": "softening with amplitude",
     "damping_change": "change of damping",
 }  # others are their own words
+_CLOCKS = frozenset({"sensor_delay"})  # taken out of all modes before a mass is located
 _MASSES = frozenset({"added_mass", "distributed_mass"})
 _LARGE = 10.0  # kg: smaller masses are told in grams
 
@@ -219,15 +220,16 @@ def _what(story: Story, diagnosis: Diagnosis | None) -> str:
 
 
 def is_one_mass(diagnosis: Diagnosis) -> bool:
-    """Tell whether one added or removed mass, and nothing else, explains what has changed.
+    """Tell whether one added or removed mass explains how the structure has changed, and nothing else.
 
-    A mass that may as well be spread over a short stretch is one: the data place and weigh both alike.
+    A mass that may as well be spread over a stretch is one, and so is one beside a clock that is late: the data place
+    and weigh it alike.
     """
-    if len(diagnosis.causes) != 1 or diagnosis.verdict not in {"explained", "ambiguous"}:
-        return False
-    (cause,) = diagnosis.causes
-    kinds = {cause.cause, *cause.cannot_be_told_from}
-    return "added_mass" in kinds and kinds <= _MASSES
+    structural = [c for c in diagnosis.causes if c.cause not in _CLOCKS]
+    kinds = {name for c in structural for name in (c.cause, *c.cannot_be_told_from)}
+    alternatives = diagnosis.verdict == "ambiguous" and sum(c.probability for c in structural) <= 1.0
+    one = len(structural) == 1 or alternatives
+    return bool(diagnosis.causes) and one and "added_mass" in kinds and kinds <= _MASSES
 
 
 def _when(story: Story) -> str:

@@ -70,3 +70,20 @@ def test_a_mass_is_claimed_only_where_nothing_but_a_mass_explains(
     first = answers.diagnosis().causes[0].model_copy(update={"cause": cause, "cannot_be_told_from": others})
     assert is_one_mass(answers.diagnosis().model_copy(update={"verdict": verdict, "causes": (first,)})) == one
     assert not is_one_mass(answers.diagnosis().model_copy(update={"verdict": verdict, "causes": (first, first)}))
+
+
+@pytest.mark.parametrize(("other", "one"), [("sensor_delay", True), ("sensor_gain", False), ("joint_stiffness", False)])
+def test_a_mass_beside_a_late_clock_is_one_mass(other: str, one: bool) -> None:
+    mass, beside = answers.diagnosis().causes
+    mass, beside = (c.model_copy(update={"cannot_be_told_from": ()}) for c in (mass, beside))
+    causes = (mass, beside.model_copy(update={"cause": other}))
+    assert is_one_mass(answers.diagnosis().model_copy(update={"causes": causes})) == one
+
+
+def test_alternatives_that_are_all_masses_are_one_mass() -> None:
+    mass = answers.diagnosis().causes[0].model_copy(update={"cannot_be_told_from": (), "probability": 0.4})
+    spread = mass.model_copy(update={"cause": "distributed_mass", "probability": 0.55})
+    either = answers.diagnosis().model_copy(update={"verdict": "ambiguous", "causes": (spread, mass)})
+    assert is_one_mass(either)
+    both = either.model_copy(update={"verdict": "explained"})
+    assert not is_one_mass(both)

@@ -10,6 +10,7 @@ import answers_helpers as answers
 import numpy as np
 import pytest
 import viewer_helpers as made
+from discrepancy_helpers import shown
 
 from monitor.errors import ResultsError
 from monitor.logged import DeviceQuality, Run, load_run
@@ -109,6 +110,14 @@ def test_foreign_texts_are_escaped(page: Page) -> None:
     assert "shifts all modes alike <unlike these>" in page.words
     assert "a = '<b>'" in page.words
     assert {"unlike", "indeed"}.isdisjoint(page.tags)
+
+
+def test_what_the_diagnosis_rests_on_is_shown(tmp_path: Path) -> None:
+    found = {"diagnosis": answers.diagnosis(), "discrepancy": shown(), "answer": None}
+    last = WHOLE["windows"][-1].model_copy(update=found)
+    page = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], last]}, tmp_path)
+    assert "Modes, measured beside simulated" in page.words
+    assert any(text.startswith("Forces left over") for text in page.pictures)
 
 
 def test_lost_data_are_told(page: Page) -> None:
