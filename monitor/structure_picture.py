@@ -13,6 +13,7 @@ from monitor.target import Plan
 
 _COLUMNS = 3  # of modes
 _MEMBER, _STILL, _SENSOR, _SUPPORT, _BODY, _JOINT = "#37474f", "#b0bec5", "#1565c0", "#2e7d32", "#c62828", "#ef6c00"
+_SEGMENT = "#8e24aa"
 _LABELS = 30  # sensors up to which each has its name
 
 
@@ -38,6 +39,10 @@ def draw_structure(sight: Sight, path: Path, planned: Plan | None = None, n_mode
 def _draw_parts(axes: Axes3D, sight: Sight) -> None:
     structure, extent = sight.model.structure, size(sight.model)
     lines(axes, sight.model.nodes, sight.model.spans, _MEMBER, 2.5)
+    segments = [(m, ends) for m in structure.member for *ends, _ in structure.segments_of(m)]
+    for number, (member, ends) in enumerate(segments):
+        x, y, z = member.point(np.array(ends)).T
+        axes.plot(x, y, z, color=_SEGMENT, linewidth=7, solid_capstyle="butt", label="" if number else "segment")
     for label, colour, marker, places in (
         ("support", _SUPPORT, "^", [s.at for s in structure.support]),
         ("joint", _JOINT, "o", [j.at for j in structure.joint]),
