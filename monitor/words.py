@@ -1,11 +1,13 @@
 """Findings in sentences: shared by the loop, the report, the viewer and the terminal."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from daq import FloatArray
 from monitor.alarms import State
+from monitor.discrepancy import SensorBeside
 from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from updater import Cause, Diagnosis, Quantity, Where
@@ -147,6 +149,22 @@ def change_text(diagnosis: Diagnosis) -> str:
 
 def _aliases(cause: Cause) -> str:
     return "".join(f" or {plain(name)}" for name in cause.cannot_be_told_from)
+
+
+def missed_text(sensors: Sequence[SensorBeside]) -> str:
+    """Say what the prediction of each sensor from the others misses of all signals; empty where none was made."""
+    missed = [s.missed for s in sensors if s.missed is not None]
+    if not missed:
+        return ""
+    text = f"Predicted from the other sensors, {100 * _root_mean_square(missed):.1f} % of a signal is missed"
+    after = [s.missed_after for s in sensors if s.missed_after is not None]
+    if after:
+        text += f" without the causes, {100 * _root_mean_square(after):.1f} % with them"
+    return text + "."
+
+
+def _root_mean_square(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:

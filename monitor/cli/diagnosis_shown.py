@@ -7,7 +7,7 @@ from rich.table import Table
 
 from monitor.discrepancy import DiscrepancyResult, ModeBeside
 from monitor.sensors_said import health_text
-from monitor.words import cause_text, plain, share_text, verdict_text
+from monitor.words import cause_text, missed_text, plain, share_text, verdict_text
 from updater import Cause, Diagnosis
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
@@ -25,7 +25,7 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> Non
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))
     health = health_text({s.channel: s.health for s in found.sensors if s.health})
-    for line in (_sensor(found), health, _gain(diagnosis)):
+    for line in (_sensor(found), health, missed_text(found.sensors), _gain(diagnosis)):
         if line:
             console.print(escape(line))
     _refused(console, diagnosis)

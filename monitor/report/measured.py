@@ -8,7 +8,7 @@ from monitor.report.evidence import density_figure
 from monitor.report.picture import optional, picture
 from monitor.results import ReferenceResult
 from monitor.sensors_said import health_rows
-from monitor.words import number_text, plain
+from monitor.words import missed_text, number_text, plain
 
 _CLEAR = 5.0  # log evidence from which only one reading of the forces left over is shown
 
@@ -22,6 +22,7 @@ def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None
         "mac": picture(beside.mac_figure(found), "MAC of simulated with measured modes"),
         "sensors": picture(beside.sensors_figure(found), "Residual, missed signal and COMAC of each sensor"),
         "worst": _worst(found.sensors),
+        "missed": missed_text(found.sensors),
         "health": health_rows({s.channel: s.health for s in found.sensors if s.health}),
         "balance": _balance(found, reference),
         "signals": [

@@ -32,7 +32,15 @@ def page_of(found: DiscrepancyResult, folder: Path) -> Page:
 
 def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
     page = page_of(shown(), tmp_path)
-    for words in ("-3.70 ± 0.10", "-37.0", "not seen", "71.500", "beam_left_z lies farthest", "8.0 times what noise"):
+    for words in (
+        "-3.70 ± 0.10",
+        "-37.0",
+        "not seen",
+        "71.500",
+        "beam_left_z lies farthest",
+        "8.0 times what noise",
+        "7.4 % of a signal is missed.",
+    ):
         assert words in page.words
     for start in ("Measured frequencies", "MAC of", "Residual", "Frequencies over temp", "Where along", "beam_left_z"):
         assert any(text.startswith(start) for text in page.pictures), start
