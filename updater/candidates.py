@@ -4,8 +4,9 @@ Compositions are found step by step: every cause of the catalogue is tried besid
 are fitted in turns, each over all its alternatives while the others give way in their parameters.
 """
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +23,7 @@ from updater.reference import Reference
 from updater.statistics import COMMON_STD
 
 PRIOR_NOTHING = 0.5
-_CLOSER = 4  # compositions that are fitted, of all that are foreseen to first order
+_CLOSER = 3  # compositions that are fitted, of all that are foreseen to first order
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
@@ -138,9 +139,31 @@ class Weighing:
             self._promise(seed, name, cause)
             for seed in seeds
             for name, cause in self.causes.items()
-            if not (cause.drifting and self._full(seed))
+            if not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
         ]
         return sorted(found, key=lambda p: -p.log_evidence)
+
+    @cached_property
+    def _same_factor(self) -> list[Cause]:
+        """Makers of a factor on all frequencies that nothing tells apart; the first one stands for all."""
+        return [c for c in self.causes.values() if isinstance(c, CommonFactor) and not c.informed]
+
+    def _said_already(self, seed: Candidate, cause: Cause) -> bool:
+        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one."""
+        if not isinstance(cause, CommonFactor):
+            return False
+        return cause in self._same_factor[1:] or any(isinstance(c.cause, CommonFactor) for c in seed.chosen)
+
+    def _with_other_makers(self, found: Sequence[Candidate]) -> list[Candidate]:
+        """Return candidates and the same with each other maker of a common factor in the place of the first."""
+        every = list(found)
+        for candidate, other in itertools.product(found, self._same_factor[1:]):
+            first = self._same_factor[0]
+            if first.name in candidate.names:
+                chosen = tuple(replace(c, cause=other) if c.cause is first else c for c in candidate.chosen)
+                parts = tuple(replace(p, hypotheses=other) if p.hypotheses is first else p for p in candidate.parts)
+                every.append(replace(candidate, chosen=chosen, parts=parts))
+        return every
 
     def _full(self, seed: Candidate) -> bool:
         """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
@@ -161,7 +184,7 @@ class Weighing:
     def together(self, promises: Sequence[Promise]) -> list[Candidate]:
         """Fit the best of what was foreseen; two causes of one kind are two."""
         found: dict[tuple[str, ...], Candidate] = {}
-        for promise in promises[: _CLOSER // (len(promises[0].chosen) - 1)]:
+        for promise in promises[: _CLOSER + 2 - len(promises[0].chosen)]:
             if promise.log_evidence < promises[0].log_evidence - _HOPELESS:
                 break
             fitted = self._settled(promise.chosen)
@@ -170,7 +193,7 @@ class Weighing:
                 found[key] = fitted
         best, *others = sorted(found.values(), key=lambda c: -c.log_evidence)
         again = self._settled(best.chosen)
-        return [again if again.log_evidence > best.log_evidence else best, *others]
+        return self._with_other_makers([again if again.log_evidence > best.log_evidence else best, *others])
 
     def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
         """Fit all alternatives of each cause beside the best of the others, the last one first."""

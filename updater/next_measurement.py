@@ -80,7 +80,7 @@ def _sigma(trial: _Trial, pairs: Sequence[tuple[int, int]]) -> str:
 
 def _names(open_ones: Sequence[Hypothesis], pairs: Sequence[tuple[int, int]]) -> str:
     """Return the hypotheses of pairs as words, those with the same partners together."""
-    words = [" and ".join(c.cause.name.replace("_", " ") for c in chosen) for chosen in open_ones]
+    words = _words(open_ones)
     left, said = {frozenset(pair) for pair in pairs}, []
     while left:
         partners = {i: frozenset(j for pair in left if i in pair for j in pair - {i}) for i in frozenset().union(*left)}
@@ -89,6 +89,15 @@ def _names(open_ones: Sequence[Hypothesis], pairs: Sequence[tuple[int, int]]) ->
         said.append(f"{' or '.join(words[i] for i in own)} from {' or '.join(words[j] for j in sorted(others))}")
         left -= {frozenset((i, j)) for i in own for j in others}
     return "; ".join(said)
+
+
+def _words(open_ones: Sequence[Hypothesis]) -> list[str]:
+    """Return what each hypothesis has that not all of them have."""
+    names = [[c.cause.name for c in chosen] for chosen in open_ones]
+    common = set.intersection(*map(set, names))
+    own = [[n for n in each if n not in common] for each in names]
+    chosen = own if all(own) else names
+    return [" and ".join(each).replace("_", " ") for each in chosen]
 
 
 def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
