@@ -24,6 +24,7 @@ from updater.statistics import COMMON_STD, ModalMean
 
 BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
+_NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
 _SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
@@ -57,7 +58,7 @@ class NewModes:
     damping: FloatArray  #: (n_extra,) [-], NaN where it is not known
     damping_std: FloatArray  #: (n_extra,)
     shape: FloatArray  #: (n_extra, n_channels) unit norm
-    weight: FloatArray  #: (n_extra, n_channels) one over the standard deviation, model error included
+    whitener: FloatArray  #: (n_extra, n_channels, n_channels) inverse Cholesky factors of its covariance
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,6 +91,15 @@ class Comparison:
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
     new: NewModes | None = None  #: of the circumstances, at the channels
+
+    @property
+    def heard_at_channels(self) -> FloatArray:
+        """The reference's modes (n_channels, n_modes) as the channels say them, whose faults the baseline has seen."""
+        heard = self.at_channels.copy()
+        length = np.linalg.norm(heard[:, self.paired], axis=0)
+        sign = np.where((self.base * self.model_base).sum(1) < 0, -1.0, 1.0)
+        heard[:, self.paired] = (sign * length) * self.base.T
+        return heard
 
     def freedom_of_new(self, n_new: int) -> float:
         """Return how many data new modes are, to a hypothesis that says there are `n_new`."""
@@ -194,12 +204,22 @@ def compare(
         across=reference.across_channels(channels),
         frequency=reference.frequency,
         circumstances=circumstances,
-        new=_new_modes(circumstances.extra, channels, overdispersion),
+        new=_new_modes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency),
     )
 
 
-def _new_modes(extra: ModalMean | None, channels: tuple[str, ...], overdispersion: float) -> NewModes | None:
-    """Return those whose shape is known at the channels."""
+def _new_modes(
+    extra: ModalMean | None,
+    channels: tuple[str, ...],
+    overdispersion: float,
+    at_channels: FloatArray,
+    frequency: FloatArray,
+) -> NewModes | None:
+    """Return those whose shape is known at the channels.
+
+    Their shapes are of what shakes the structure at one place: of each mode as much as that moves there, which the
+    reference gets wrong as for `_foreign`, and as it answers.
+    """
     if extra is None:
         return None
     extra = extra.at(channels)
@@ -207,14 +227,26 @@ def _new_modes(extra: ModalMean | None, channels: tuple[str, ...], overdispersio
     if not len(extra.log_frequency):
         return None
     variance = overdispersion * extra.shape_std**2 + _SHAPE_BIAS**2 + _MODEL_ERROR**2 / len(channels)
+    share = np.linalg.norm(at_channels, axis=0) * shaken(np.exp(extra.log_frequency)[:, None], frequency)
+    turned = 2 * _MODEL_ERROR * np.abs(share) / np.linalg.norm(share, axis=1, keepdims=True)
+    unit = at_channels / np.maximum(np.linalg.norm(at_channels, axis=0), 1e-300)
     return NewModes(
         log_frequency=extra.log_frequency,
         log_frequency_std=np.hypot(extra.log_frequency_std, _FREQUENCY_BIAS),
         damping=extra.damping,
         damping_std=extra.damping_std,
         shape=extra.shape,
-        weight=variance**-0.5,
+        whitener=shape_whiteners(variance, extra.shape, turned[:, :, None] * unit.T),
     )
+
+
+def shaken(at: FloatArray, frequency: FloatArray) -> FloatArray:
+    """Return how much modes of frequencies (n_modes,) answer to what shakes the structure at others [Hz].
+
+    1 / (omega_r^2 / omega^2 - 1), cut where a mode would resonate: then it takes over what shakes it.
+    """
+    gap = (frequency / at) ** 2 - 1
+    return np.asarray(1 / np.where(np.abs(gap) < _NARROW, np.copysign(_NARROW, gap), gap))
 
 
 def _whitener(covariance: FloatArray) -> Whitener:
@@ -253,5 +285,6 @@ def _off_new(new: NewModes, predicted: Prediction) -> FloatArray:
         off[every, nearest, 0] = away[every, nearest] / new.log_frequency_std[nearest]
         shape = predicted.new_shape[:, k]
         moves = np.linalg.norm(shape, axis=1, keepdims=True) > 0  # not what hangs on a foot
-        off[every, nearest, 1:] = beside(new.shape[nearest], np.where(moves, shape, 1.0)) * new.weight[nearest]
+        beside_it = beside(new.shape[nearest], np.where(moves, shape, 1.0))
+        off[every, nearest, 1:] = np.einsum("pij,pj->pi", new.whitener[nearest], beside_it)
     return off.reshape(n_alternatives, -1)

@@ -189,7 +189,9 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     effect : (n_alternatives,) of which chain, lag and damping enter here
     """
     n_compared, n_modes = len(comparison.paired), len(comparison.frequency)
-    new = np.einsum("cr,pri->pic", comparison.at_channels, vector[:, :n_modes, n_compared:])
+    new = np.zeros((len(value), 0, len(comparison.channels)))
+    if effect.own.shape[1]:
+        new = np.einsum("cr,pri->pic", comparison.heard_at_channels, vector[:, :n_modes, n_compared:])
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0

@@ -16,7 +16,7 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
-from updater.comparison import Comparison, NewModes
+from updater.comparison import Comparison, NewModes, shaken
 from updater.fe.element import local_axes
 from updater.posterior import credible, places
 from updater.reanalysis import Effect, no_effect
@@ -40,7 +40,6 @@ _LEAST_MASS = 1e-4  # of the structure's mass
 _LEAST_START = 1e-3  # of the structure's mass, from where a fit begins
 _TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
 _CHANCE = 0.1  # probability of a new mode that is nobody's, or was not seen before
-_NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates, and takes the oscillator's over
 _SAME_FREQUENCY, _SAME_SHAPE = 0.1, 0.6  # of ln f, and MAC: a mode of the reference that was not seen before
 
 
@@ -250,22 +249,20 @@ def _first_order(
     A mass m on a spring that answers at omega acts along its direction like m / (1 - omega_i^2 / omega^2) on a mode
     omega_i, and like m across it; the structure shaken there moves by the sum of phi phi_s / (omega_r^2 - omega^2).
     """
-    own = float((2 * np.pi * np.exp(new.log_frequency[mode])) ** 2)
-    gap = (2 * np.pi * comparison.frequency) ** 2 / own - 1
-    gap = np.where(np.abs(gap) < _NARROW, np.copysign(_NARROW, gap), gap)
-    shape = (translation / gap) @ comparison.at_channels.T
+    answer = shaken(np.exp(new.log_frequency[mode]), comparison.frequency)
+    shape = (translation * answer) @ comparison.heard_at_channels.T
     shape = np.where(np.linalg.norm(shape, axis=-1, keepdims=True) > 0, shape, 1.0)
-    off = ((beside(new.shape[mode], shape) * new.weight[mode]) ** 2).sum(-1)
+    off = ((beside(new.shape[mode], shape) @ new.whitener[mode].T) ** 2).sum(-1)
     squared = translation[:, :, comparison.paired] ** 2
     across = squared.sum(1, keepdims=True) - squared
     whitener = comparison.drifting.matrix
-    effect = -0.5 * (across - squared / gap[comparison.paired]) @ whitener.T
+    effect = -0.5 * (across - squared * answer[comparison.paired]) @ whitener.T
     shift = whitener @ comparison.log_ratio
     mass = effect @ shift / np.maximum((effect**2).sum(-1), 1e-12)
     mass = np.clip(mass, _LEAST_START * total, _MASS_STD * total)
     off += ((shift - mass[:, :, None] * effect) ** 2).sum(-1)
     # the structure's receptance at its foot: omega_o^2 = omega^2 / (1 - m sum phi_s^2 / (omega_r^2 / omega^2 - 1))
-    foot = np.clip(mass * (translation**2 / gap).sum(-1), -0.3, 0.3)
+    foot = np.clip(mass * (translation**2 * answer).sum(-1), -0.3, 0.3)
     return np.asarray(off), np.stack([mass, -0.5 * np.log(1 - foot)], axis=-1)
 
 
@@ -277,7 +274,7 @@ def _log_explained(new: NewModes, overdispersion: float) -> FloatArray:
     n = new.shape.shape[1]
     frequency = np.log(_TUNED / new.log_frequency_std)
     area = 0.5 * n * np.log(np.pi) - gammaln(n / 2)  # of half the unit sphere in n dimensions
-    peak = (n - 1) * (np.log(new.weight).mean(1) - 0.5 * np.log(2 * np.pi))
+    peak = (n - 1) * (np.linalg.slogdet(new.whitener)[1] / n - 0.5 * np.log(2 * np.pi))
     return np.asarray(frequency + (peak + area) / overdispersion - np.log(_CHANCE))
 
 
