@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes shown confusion confusion-records structural localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes shown confusion confusion-records structural sensors localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -67,6 +67,9 @@ confusion-records: $(VENV)/.done
 # How near stretches, props and axial forces are placed and sized, and whether their deviations hold: two minutes.
 structural: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/structural_causes.py
+
+sensors: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/sensor_faults.py
 
 # How often one and two masses are counted rightly, and how near the worse is placed: prints a table, half an hour.
 several: $(VENV)/.done

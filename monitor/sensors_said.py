@@ -9,6 +9,7 @@ from updater import SensorHealth
 
 _SURE = 4.0  # standard deviations from which a channel is named
 _GAIN = 0.03  # from which a change of gain matters [-]
+_NOTHING = 0.1  # gain under which a channel is as good as dead [-]
 _DELAY = 1e-4  # from which a delay matters [s]
 
 
@@ -41,6 +42,8 @@ def health_text(sensors: Mapping[str, ChannelHealth]) -> str:
 def fault_text(own: ChannelHealth) -> str:
     """Say what is wrong with a channel, nothing if that is sure to nobody or does not matter."""
     found = []
+    if abs(own.gain) < max(_NOTHING, _SURE * own.gain_std):
+        return "says nothing"
     if own.gain < -_SURE * own.gain_std:
         found.append("polarity turned")
     if abs(abs(own.gain) - 1) > max(_GAIN, _SURE * own.gain_std):

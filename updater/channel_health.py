@@ -20,7 +20,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
-from updater.causes.sensor_delay import likely_delays
+from updater.causes.sensor_delay import begin_at
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
 from updater.fit import fit
@@ -28,7 +28,7 @@ from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.statistics import ModalMean
 
-_WIDE = (1.0, 5e-3)  # of a gain's logarithm, and of a delay [s]: while the data speak for themselves
+_WIDE = (2.0, 5e-3)  # of a gain about one, and of a delay [s]: while the data speak for themselves
 _USUAL = (0.02, 5e-5)  # the same, of most channels
 _FREEDOM = 4.0  # of Student's t: how easily a channel is one of the few
 _REWEIGHTED = 30  # times
@@ -52,22 +52,20 @@ class SensorHealth:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Channels(Discrete):
-    """One alternative: every channel has a gain (its logarithm) and a delay [s] of its own."""
+    """One alternative: every channel has a gain (less one) and a delay [s] of its own."""
 
     comparison: Comparison
-    sign: FloatArray  #: (n_channels,)
     begin: FloatArray  #: (1, 2 n_channels)
 
     @property
     def start(self) -> FloatArray:
-        """No gain has changed; delays where phases, which repeat, put them."""
+        """Turned channels turned, and delays where phases, which repeat, put them."""
         return self.begin
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return gains and delays."""
-        none, n = no_effect(len(rows), self.comparison), len(self.sign)
-        gain = self.sign * np.exp(theta[:, :n])
-        return replace(none, chain=gain[:, :, None] * none.chain, lag=theta[:, n:])
+        none, n = no_effect(len(rows), self.comparison), len(self.comparison.channels)
+        return replace(none, chain=(1 + theta[:, :n, None]) * none.chain, lag=theta[:, n:])
 
 
 def sensor_health(reference: Reference, event: ModalMean, circumstances: Circumstances = NOTHING_KNOWN) -> SensorHealth:
@@ -86,8 +84,7 @@ def sensor_health(reference: Reference, event: ModalMean, circumstances: Circums
     """
     data = compare(reference, event, circumstances=circumstances)
     n = len(data.channels)
-    sign = _signs(data)
-    late = likely_delays(data, sign) if data.phased.any() else np.zeros(n)
+    sign, late = begin_at(reference, data)
     found = fit(
         data,
         _Channels(
@@ -95,25 +92,18 @@ def sensor_health(reference: Reference, event: ModalMean, circumstances: Circums
             lower=np.full((1, 2 * n), -np.inf),
             drifting=True,
             comparison=data,
-            sign=sign,
-            begin=np.r_[np.zeros(n), late][None],
+            begin=np.r_[sign - 1, late][None],
         ),
     )
     theta, std = _beside_most(found.theta[0], found.covariance[0], np.repeat(_WIDE, n), np.repeat(_USUAL, n))
     known = np.where(data.phased.any(), 1.0, np.nan)
     return SensorHealth(
         channels=data.channels,
-        gain=sign * np.exp(theta[:n]),
-        gain_std=np.exp(theta[:n]) * std[:n],
+        gain=1 + theta[:n],
+        gain_std=std[:n],
         delay=known * theta[n:],
         delay_std=known * std[n:],
     )
-
-
-def _signs(data: Comparison) -> FloatArray:
-    """Return the sign (n_channels,) of each channel: that of its regression on the baseline, over the shaped modes."""
-    agreement = (data.shape * data.base)[data.shaped]
-    return np.where(agreement.sum(0) < 0, -1.0, 1.0)
 
 
 def _beside_most(

@@ -65,3 +65,16 @@ def test_a_turned_and_a_late_channel_stand_out_whatever_the_foot_does(stiffness:
     assert np.all(np.abs(found.delay - late) < 4 * found.delay_std)
     assert found.gain_std[8] < 0.05
     assert found.delay_std[10] < 5e-5
+
+
+def test_device_that_is_most_of_a_period_late() -> None:
+    """Both channels of a device 2 ms late, half a period of the modes at 250 Hz; a third says nothing."""
+    gain, late = np.ones(12), np.zeros(12)
+    pair = [CHANNELS.index("beam_left_y"), CHANNELS.index("beam_left_z")]
+    gain[2], late[pair] = 0.0, 2e-3
+    found = health(41, gain, late)
+    assert not found.reversed
+    assert np.all(np.abs(found.gain - gain) < 4 * found.gain_std)
+    assert found.gain_std[2] < 0.05
+    speaking = gain > 0
+    assert np.all(np.abs(found.delay - late)[speaking] < 4 * found.delay_std[speaking])

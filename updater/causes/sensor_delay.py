@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 _STD = 2e-3  # s: filters of other settings, stations on a bus, clocks that are not disciplined
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
-_WORTH = 100.0  # of chi-square: what a delay must explain for several to begin at theirs together
+_WORTH = 100.0  # of chi-square: what a fault must explain for several to begin at theirs together
+_MOST_FAULTS = 8  # that are looked for so
 _PHASE_STEP = 0.5  # rad of the highest mode between them: a fit finds its way within one
 
 
@@ -64,39 +65,65 @@ def propose_sensor_delay(reference: Reference, comparison: Comparison) -> Sensor
         comparison=comparison,
         channels=tuple(groups),
         late=late,
-        begin=_search(comparison, late, np.ones(late.shape[1]))[0][:, None],
+        begin=_search(comparison, late, np.ones(late.shape[1]), np.zeros(late.shape[1]))[0][:, None],
     )
 
 
-def likely_delays(comparison: Comparison, sign: FloatArray) -> FloatArray:
-    """Return the delay [s] of each channel (n_channels,) that by itself explains most; 0 where none explains much.
+def begin_at(reference: Reference, comparison: Comparison) -> tuple[FloatArray, FloatArray]:
+    """Return gains (n_channels,) of 1, -1 or 0, and delays [s], to begin at where many channels are judged at once.
+
+    One by one, what explains most of what is left: a channel that is turned or says nothing, a channel or a device
+    that is late.
+    """
+    n = len(comparison.channels)
+    late = np.array([[float(c in group) for c in comparison.channels] for group in groups_of(reference, comparison)])
+    sign, lag = np.ones(n), np.zeros(n)
+    for _ in range(_MOST_FAULTS):
+        delay, gained = _search(comparison, late if comparison.phased.any() else late[:0], sign, lag)
+        other, better = _other_gain(comparison, sign, lag)
+        most = gained.max(initial=0.0)
+        if max(most, better) < _WORTH:
+            break
+        if better > most:
+            sign = other
+        else:
+            lag = lag + delay[np.argmax(gained)] * late[np.argmax(gained)]
+    return sign, lag
+
+
+def _other_gain(comparison: Comparison, gain: FloatArray, lag: FloatArray) -> tuple[FloatArray, float]:
+    """Return the gains (n_channels,) with the one channel turned or silent that explains most, and the chi-square."""
+    one = np.eye(len(gain))
+    tried = np.vstack([gain, gain * (1 - 2 * one), gain * (1 - one)])
+    cost = _costs(comparison, np.broadcast_to(lag, tried.shape), tried)
+    return tried[np.argmin(cost)], float(cost[0] - cost.min())
+
+
+def _search(
+    comparison: Comparison, late: FloatArray, sign: FloatArray, known: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the delay [s] of each alternative (n_alternatives,) that explains most, and the chi-square it gains.
 
     Parameters
     ----------
-    sign : (n_channels,) -1 for channels that are turned
+    late : (n_alternatives, n_channels) 1 for the channels of each
+    sign, known : (n_channels,) -1 for channels that are turned; delays that come on top [s]
     """
-    found, gained = _search(comparison, np.eye(len(sign)), sign)
-    return np.where(gained > _WORTH, found, 0.0)
-
-
-def _search(comparison: Comparison, late: FloatArray, sign: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the delay [s] of each alternative (n_alternatives,) that explains most, and the chi-square it gains."""
     highest = float(comparison.frequency[comparison.paired].max())
     step = _PHASE_STEP / (2 * np.pi * highest)
     tried = step * np.arange(-round(_FARTHEST / step), round(_FARTHEST / step) + 1)
-    value, vector = picked(reanalyse(comparison, no_effect(1, comparison)))
-    cost = np.array([_costs(comparison, value, vector, row * tried[:, None], sign) for row in late])
+    signs = np.broadcast_to(sign, (len(tried), len(sign)))
+    cost = np.array([_costs(comparison, known + row * tried[:, None], signs) for row in late]).reshape(-1, len(tried))
     cost = cost + (tried / _STD) ** 2
     best = np.argmin(cost, axis=1)
     return tried[best], cost[:, len(tried) // 2] - cost.min(axis=1)
 
 
-def _costs(
-    comparison: Comparison, value: FloatArray, vector: FloatArray, lag: FloatArray, sign: FloatArray
-) -> FloatArray:
-    """Return chi-squares (n,) of delays (n, n_channels) of the structure as it was, channels of signs (n_channels,)."""
+def _costs(comparison: Comparison, lag: FloatArray, sign: FloatArray) -> FloatArray:
+    """Return chi-squares (n,) of delays [s] and signs (n, n_channels) of the structure as it was."""
     n = len(lag)
+    value, vector = picked(reanalyse(comparison, no_effect(1, comparison)))
     effect = no_effect(n, comparison)
-    effect = replace(effect, lag=lag, chain=sign[:, None] * effect.chain)
+    effect = replace(effect, lag=lag, chain=sign[:, :, None] * effect.chain)
     same = np.broadcast_to(value, (n, *value.shape[1:])), np.broadcast_to(vector, (n, *vector.shape[1:]))
     return np.asarray((residual(comparison, predict(comparison, *same, effect), comparison.plain) ** 2).sum(1))
