@@ -9,6 +9,7 @@ from monitor.discrepancy import BalanceResult, DiscrepancyResult, SensorBeside, 
 from monitor.report.frame import Frame
 from monitor.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, new_figure
 from monitor.results import ReferenceResult
+from monitor.words import number_text
 
 WIDTH = 5.2  # inches: half of the page, all of a telephone's
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
@@ -199,9 +200,9 @@ def trends_figure(trends: tuple[TrendBeside, ...], over: str) -> Figure | None:
         axes.errorbar(at, change, np.array(trend.std_percent), fmt="o", markersize=3, linewidth=0.7, color=colour)
         ends, weight = np.array([at.min(), at.max()]), np.array(trend.std_percent) ** -2.0
         middle = float(weight @ at / weight.sum())  # the line goes through the weighted means
-        label = f"{trend.mode:.4g} Hz: {trend.slope:+.3g} ± {trend.slope_std:.2g} %/{trend.unit}"
+        label = f"{trend.mode:.4g} Hz: {number_text(trend.slope, trend.slope_std)} %/{trend.unit}"
         axes.plot(ends, trend.slope * (ends - middle), color=colour, linewidth=1.1, label=label)
-    axes.set_xlabel(f"{over} [{mine[0].unit}]")
+    axes.set_xlabel(f"{over} [{'°C' if mine[0].unit == 'K' else mine[0].unit}]")
     axes.set_ylabel("frequency from its mean [%]")
     axes.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     return figure

@@ -8,6 +8,7 @@ from monitor.viewer.draw import at, clock
 from monitor.words import cause_text, diagnosis_text, mass_text, plain, share_text
 from updater import Diagnosis
 
+_MOST_REFUSED = 6  # causes whose refusal is told one by one
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 
@@ -103,10 +104,13 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         where = "data not used" if diagnosis.gain.heldout else "the same data"
         if error.before is not None and error.after is not None:
             parts.append(f"Error of frequencies on {where}: {error.before:.3f} % without, {error.after:.3f} % with.")
-    if diagnosis.rejected:
-        parts.append("\n".join(["Refused:", "", *(f"- {plain(r.cause)}: {r.why}" for r in diagnosis.rejected)]))
     if diagnosis.next_measurement:
         parts.append(f"*Next: {diagnosis.next_measurement}*")
+    nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
+    if nearest:
+        lines = [f"- {plain(r.cause)}: {r.why}" for r in nearest[:_MOST_REFUSED]]
+        rest = ", ".join(plain(r.cause) for r in nearest[_MOST_REFUSED:])
+        parts.append("\n".join(["Refused:", "", *lines, *([f"- {rest}"] if rest else [])]))
     return "\n\n".join(parts)
 
 

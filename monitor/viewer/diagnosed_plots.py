@@ -15,6 +15,7 @@ from updater import Diagnosis
 
 _WIDTH, _HEIGHT = 200.0, 110.0
 BOUNDS = ((-40.0, 214.0), (-16.0, 132.0))  # of the drawings, x and y
+_MOST = 11  # refused causes that are drawn, the nearest
 _LEAST_EVIDENCE = 1.0  # of log evidence, from which the scale is logarithmic
 
 
@@ -26,7 +27,7 @@ def draw_evidence(recording: rr.RecordingStream, diagnosis: Diagnosis) -> None:
     """Draw a bar a cause: how much less likely than the best explanation, on a logarithmic scale of log evidence."""
     accepted = " + ".join(dict.fromkeys(plain(c.cause) for c in diagnosis.causes))
     bars = [(accepted, 0.0)] if accepted else []
-    bars += sorted(((plain(r.cause), -r.log_evidence) for r in diagnosis.rejected), key=lambda bar: bar[1])
+    bars += sorted(((plain(r.cause), -r.log_evidence) for r in diagnosis.rejected), key=lambda bar: bar[1])[:_MOST]
     if not bars:
         return
     far = np.log10(np.maximum([v for _, v in bars], _LEAST_EVIDENCE))
