@@ -47,6 +47,7 @@ def _draw_parts(axes: Axes3D, sight: Sight) -> None:
         ("support", _SUPPORT, "^", [s.at for s in structure.support]),
         ("joint", _JOINT, "o", [j.at for j in structure.joint]),
         ("body", _BODY, "s", [tuple(np.add(b.at, b.offset)) for b in structure.body]),
+        ("oscillator", _BODY, "D", [o.at for o in structure.oscillator]),
     ):
         if places:
             x, y, z = np.array(places, float).T
