@@ -18,6 +18,7 @@ from updater import (
     learn_reference,
     match_modes,
     matched,
+    nominal_reference,
     stack_tracks,
 )
 
@@ -127,3 +128,16 @@ def test_a_mode_seen_twice_is_nobodys(learnt: tuple[Reference, Model], seed: int
     twice = replace(twice, log_frequency=twice.log_frequency + off)
     diagnosis = diagnose(reference, event, circumstances=Circumstances(extra=twice)).diagnosis
     assert diagnosis.verdict == "nothing_to_explain"
+
+
+def test_the_extended_model_leaves_nothing_to_explain(learnt: tuple[Reference, Model]) -> None:
+    """Fresh modes of the same frame, against the structure file with the oscillator written in, taken at its word."""
+    model = hung(learnt[1], (-0.27, 0.0, 1.48), 2, 0.25, 30.0)
+    extended = explained(learnt, model, 863).extended
+    assert extended is not None
+    random = np.random.default_rng(913)
+    windows = stack_tracks([measure(model, random, GAIN, n_modes=9) for _ in range(5)], [np.arange(9)] * 5)
+    reference = nominal_reference(extended, windows)
+    fresh = reference.mean_of(windows)
+    assert (match_modes(reference.baseline, fresh) >= 0).sum() == 9
+    assert diagnose(reference, matched(reference.baseline, fresh)).diagnosis.verdict == "nothing_to_explain"
