@@ -9,9 +9,11 @@ from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from confusion_table import Result, read_results, version
-from sealed_cases import CAUSES, CELLS, Case
+from sealed_cases import CAUSES, CELLS, N_AFTER, N_BEFORE, Case
 from sealed_score import score
+from sealed_signals import BAND, N_MODES, modal_std
 
 from updater.causes.catalogue import CATALOGUE
 
@@ -49,8 +51,16 @@ def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: 
         true=case.done.hidden[0].parameters if case.done.hidden else {},
         before=gain["before"],
         after=gain["after"],
+        floor=None if noise.endswith(" s") else _floor(case, noise),
         seconds=seconds,
     )
+
+
+def _floor(case: Case, noise: str) -> float:
+    """Return the error of frequencies held out [%] that noise alone leaves: root mean square over the band's modes."""
+    seen = case.done.before.claimed_frequency(N_MODES) < BAND
+    std, _ = modal_std(case.done.before, N_MODES, noise)
+    return float(100 * np.sqrt((std[seen] ** 2).mean() * (1 / N_BEFORE + 1 / N_AFTER)))
 
 
 def run(

@@ -30,6 +30,7 @@ class Result(BaseModel):
     true: dict[str, float] = {}
     before: float | None = None  #: root mean square error of frequencies held out [%]
     after: float | None = None
+    floor: float | None = None  #: what noise alone would leave of it [%]
     seconds: float = 0.0  #: of processor time
 
 
@@ -131,6 +132,12 @@ def _accuracies(results: Sequence[Result]) -> str:
     gained = [r for r in results if r.outcome == "right" and r.before and r.after and r.before >= 1.0]
     if gained:
         ratio = [r.before / r.after for r in gained if r.before and r.after]
+        left = [r.after / r.floor for r in gained if r.after and r.floor]
+        if left:
+            rows.append(
+                f"| the same after, over what noise alone leaves | {len(left)} | {np.median(left):.2f} | "
+                f"{np.quantile(left, 0.9):.2f} | <= 1.5 |"
+            )
         rows.append(
             f"| error of held-out frequencies where it was 1 % or more: before over after | {len(ratio)} | "
             f"{np.median(ratio):.1f} | {np.quantile(ratio, 0.1):.1f} (90 % above) | >= 8 |"

@@ -12,7 +12,7 @@ from sealed_draws import Do, Done, Hidden
 from sealed_file import FILE, Coarse, draw_as_filed, draw_mesh
 from sealed_frame import Zone
 from sealed_outside import OUTSIDE
-from sealed_signals import N_MODES, WINDOW, modal_std
+from sealed_signals import BAND, N_MODES, WINDOW, modal_std
 from sealed_solid_draws import SOLID, draw_bar
 from sealed_specimen import Random, State, draw_state
 
@@ -57,7 +57,6 @@ FILES = tuple(f"file: {name}" for name in FILE)
 SOLIDS = tuple(f"solid: {name}" for name in SOLID)
 CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
-_BAND = 290.0  # Hz
 _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
 _TOGETHER = 3.0  # components of a shape that err as one
 _LEVEL, _POWER = 0.01, 0.99
@@ -205,7 +204,7 @@ def detection_power(done: Done, noise: str = "law") -> float:
     chain_alone = done.before.body is done.after.body and before.clock == after.clock
     cost = np.abs(np.log(f[:, None] / g)) * 10 + (0 if chain_alone else 1 - mac)
     mode, partner = linear_sum_assignment(cost)
-    kept = f[mode] < _BAND
+    kept = f[mode] < BAND
     mode, partner = mode[kept], partner[kept]
     share = 1 / N_BEFORE + 1 / N_AFTER
     std, shape_std = modal_std(before, n_modes, noise)

@@ -16,6 +16,7 @@ _NOISE = 2e-6  # m/s2/Hz^1/2
 _DENSITY = 5e-9  # of each force, N2/Hz
 START = 1_767_225_600_000_000_000
 N_MODES = 16  #: that are looked at
+BAND = 290.0  #: Hz, that is analysed
 WINDOW = 120.0  #: s, that the uncertainty law is taken at
 
 
@@ -34,7 +35,7 @@ def modal_std(state: State, n_modes: int, noise: str) -> tuple[FloatArray, float
 
 
 def estimated(
-    state: State, n_windows: int, random: Random, *, first: int = 0, band: float = 290.0, noise: str
+    state: State, n_windows: int, random: Random, *, first: int = 0, band: float = BAND, noise: str
 ) -> list[ModalEstimate]:
     """Return what analysis would say of windows; modes above `band` [Hz] or that hardly move a sensor are not seen."""
     total = N_MODES
