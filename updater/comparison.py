@@ -26,7 +26,7 @@ BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
-_SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
+SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def compare(
     # components that err together are so much less data: each is believed less, all together as much as they are worth
     overdispersion = reference.scatter.shape_overdispersion
     spread = np.where(shaped[:, None], event.shape_std, 0.0) ** 2 + base.shape_std**2
-    own = overdispersion * spread + _SHAPE_BIAS**2
+    own = overdispersion * spread + SHAPE_BIAS**2
     at_channels = reference.at_channels(event.channels)
     expected = at_channels[:, reference.paired[tracks]].T
     return Comparison(
@@ -226,7 +226,7 @@ def _new_modes(
     extra = extra.only(np.flatnonzero(np.isfinite(extra.shape + extra.shape_std).all(1)))
     if not len(extra.log_frequency):
         return None
-    variance = overdispersion * extra.shape_std**2 + _SHAPE_BIAS**2 + _MODEL_ERROR**2 / len(channels)
+    variance = overdispersion * extra.shape_std**2 + SHAPE_BIAS**2 + _MODEL_ERROR**2 / len(channels)
     share = np.linalg.norm(at_channels, axis=0) * shaken(np.exp(extra.log_frequency)[:, None], frequency)
     turned = 2 * _MODEL_ERROR * np.abs(share) / np.linalg.norm(share, axis=1, keepdims=True)
     unit = at_channels / np.maximum(np.linalg.norm(at_channels, axis=0), 1e-300)

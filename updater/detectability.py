@@ -15,7 +15,7 @@ from scipy.stats import chi2, ncx2
 from daq import FloatArray, IndexArray
 from updater.calibration import best_model
 from updater.causes.added_mass import AddedMass, propose_added_mass
-from updater.comparison import compare
+from updater.comparison import SHAPE_BIAS, compare
 from updater.errors import ModelError
 from updater.expected_noise import Record, shape_errors
 from updater.expected_reference import expected_reference, shape_covariance, told_apart
@@ -31,7 +31,6 @@ _USUAL = 0.01  # m between places
 _PLACES, _MOST_PLACES = 600, 2400  # on all members, more than a centimetre apart: usually, and where a target asks it
 _PLACES_WITHIN = 2.5  # places to a distance that is to be told apart
 _STILL = 1e-6  # of the largest signature: a body there moves nothing
-_SHAPE_BIAS = 1e-3  # of a unit shape: what identification errs beyond its noise
 _WHOLE = 1e3  # m: a place that nothing is known of
 _OFFSET_STD = 0.02  # m: how far a body's centre may lie beside the member's axis, unknown
 
@@ -105,7 +104,7 @@ class Outlook:
     @cached_property
     def _shape_covariance(self) -> FloatArray:
         """Of the change of shapes from one record to the other (n, n_channels, n_channels)."""
-        blur = np.hypot(np.sqrt(2) * self.record.blur(self.frequency), _SHAPE_BIAS)
+        blur = np.hypot(np.sqrt(2) * self.record.blur(self.frequency), SHAPE_BIAS)
         return shape_covariance(np.sqrt(2) * self.shape_error, blur)
 
     @cached_property

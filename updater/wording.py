@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
 _WORTH_NAMING = 0.05  # of the best one's posterior
-_WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
+_WORTH_AN_ALIAS = 0.02  # of it, if the data cannot tell the two apart: rarer places, the same effect
 
 
 def named_causes(
