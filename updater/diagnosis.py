@@ -3,7 +3,7 @@
 Laplace evidence with proper priors chooses (a cause that can be anywhere must earn its freedom); nothing at all is one
 of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or
 one more promises much to first order, more together are tried, up to three, while the evidence grows. If the best of
-them does not fit (p under 1e-3) the diagnosis says so and names nothing.
+them does not fit (p under 1e-3, of several together 0.03) the diagnosis says so and names nothing.
 """
 
 from collections.abc import Callable
@@ -29,6 +29,7 @@ from updater.wording import LEAST_P, modes_of, named_causes, oddest, rejected_ca
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
+_LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
@@ -89,7 +90,7 @@ def diagnose(
     if _nothing(weighing, singles):
         return _refused("nothing_to_explain", case, weighing.log_nothing, "None: the data are what the reference says.")
     found = _stepwise(weighing, [c for c in singles if c.effective])
-    if not found or found[0].p_value < LEAST_P:
+    if not found or found[0].p_value < (LEAST_P if len(found[0].chosen) == 1 else _LEAST_P_TOGETHER):
         every = sorted((*singles, *found), key=lambda c: -c.log_evidence)
         return _refused("unexplained", case, every[0].log_evidence, oddest(data, every[0].chosen))
     return _explained(case, found, compare(reference, heldout) if heldout else None)
