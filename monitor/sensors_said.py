@@ -36,7 +36,7 @@ def health_text(sensors: Mapping[str, ChannelHealth]) -> str:
         return "sensors: " + "; ".join(wrong)
     text = f"sensors: all gains within {100 * max(abs(s.gain - 1) for s in sensors.values()):.1f} %"
     delays = [abs(s.delay) for s in sensors.values() if s.delay is not None]
-    return f"{text}, delays within {1e3 * max(delays):.2f} ms" if delays else text
+    return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
 
 
 def fault_text(own: ChannelHealth) -> str:
