@@ -257,6 +257,8 @@ class WholeReads:
 
     def read(self, n: int) -> bytes:
         """Return `n` bytes."""
+        if n > _BUFFER and n > os.fstat(self._file.fileno()).st_size:
+            raise McapError(f"a length of {n} bytes is more than the file has")  # nor would memory hold it
         data = self._file.read(n)
         if len(data) < n:
             raise EndOfFile

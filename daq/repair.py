@@ -17,6 +17,7 @@ from daq.errors import LogError
 from daq.filelock import lock
 from daq.log import MAGIC, PROFILE, WholeReads
 
+_LAST_OPCODE = 0x0F  # of the format's records
 _DAMAGE = (McapError, ZstdError, struct.error, ValueError)
 
 
@@ -165,18 +166,41 @@ def _check_header(path: Path, record: object) -> None:
 
 
 def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
-    """Yield records as they stand in the file, until its end or the first one whose frame is damaged."""
-    records = StreamReader(cast(IO[bytes], WholeReads(file)), emit_chunks=True).records
+    """Yield records as they stand in the file, until its end or the first one whose frame is damaged.
+
+    A record that is damaged inside is stepped over, by its own length.
+    """
+    stream = cast(IO[bytes], WholeReads(file))
+    records = StreamReader(stream, emit_chunks=True).records
     while True:
+        start = file.tell()
         try:
             record = next(records)
         except StopIteration:
             survey.finished, survey.good = True, file.tell()
             return
         except (EndOfFile, *_DAMAGE):
-            return
+            if not _step_over(file, start):
+                return
+            survey.lost_chunks += 1
+            records = StreamReader(stream, emit_chunks=True, skip_magic=True).records
+            continue
         survey.good = file.tell()
         yield record
+
+
+def _step_over(file: IO[bytes], start: int) -> bool:
+    """Go to the record behind that at `start`; False if there is none."""
+    file.seek(start)
+    frame = file.read(9)
+    behind = start + 9 + int.from_bytes(frame[1:], "little")
+    file.seek(0, os.SEEK_END)
+    if len(frame) < 9 or behind + 9 > file.tell():
+        return False
+    file.seek(behind)
+    opcode = file.read(1)[0]
+    file.seek(behind)
+    return 0 < opcode <= _LAST_OPCODE
 
 
 def _opened(chunk: Chunk, survey: _Survey) -> list[object]:

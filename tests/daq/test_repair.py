@@ -90,6 +90,22 @@ def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataOb
     assert inspect_log(path).whole
 
 
+def test_a_damaged_length_does_not_take_all_memory(whole: Path) -> None:
+    """A bit of the length of a chunk's records turned: a terabyte, in a record whose own length is sound."""
+    content = bytearray(whole.read_bytes())
+    at = 8
+    while content[at] != 6:  # opcode of a chunk
+        at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+    name = at + 9 + 28  # after two times, a size and a checksum: the compression, by its length and letters
+    length = name + 4 + int.from_bytes(content[name : name + 4], "little")
+    content[length + 5] ^= 1
+    path = whole.with_name("damaged_length.mcap")
+    path.write_bytes(content)
+    assert not inspect_log(path).whole
+    assert len(contents(before(path))) < len(contents(some_items()))
+    assert repair_log(path).lost_chunks
+
+
 def test_a_whole_log_is_not_touched(whole: Path) -> None:
     was = whole.stat()
     state = repair_log(whole)
