@@ -5,6 +5,7 @@ are fitted in turns, each over all its alternatives while the others give way in
 """
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,7 +29,7 @@ _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
-_LEAST_GAIN = 10.0  # of chi-square over a common drift alone: a localized cause that gains less does nothing itself
+_LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
 
 
 def say_nothing(name: str) -> None:
@@ -51,6 +52,11 @@ class Candidate:
     def names(self) -> tuple[str, ...]:
         """Of the causes."""
         return tuple(c.cause.name for c in self.chosen)
+
+    def earned(self, fewer: "Sequence[Candidate]") -> bool:
+        """Tell whether all of its causes do something: a composition fits better than any of its parts does."""
+        parts = [c for c in fewer if len(c.chosen) < len(self.chosen) and Counter(c.names) <= Counter(self.names)]
+        return all(self.chi_square < part.chi_square - _LEAST_GAIN for part in parts)
 
 
 @dataclass(frozen=True, eq=False)

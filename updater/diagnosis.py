@@ -114,7 +114,8 @@ def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
             break
         if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
             break
-        found = sorted([*found, *weighing.together(promises)], key=lambda c: -c.log_evidence)
+        more = [c for c in weighing.together(promises) if c.earned(found)]
+        found = sorted([*found, *more], key=lambda c: -c.log_evidence)
     return found
 
 

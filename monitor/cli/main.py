@@ -154,7 +154,7 @@ def identify(
 @app.command()
 def diagnose(
     structure: Annotated[Path, typer.Argument(metavar="STRUCTURE.toml")],
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap|TABLE.csv...", help="Logs, or tables of modes.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Logs, or tables of modes (CSV).")],
     reference: Annotated[
         list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure as it was; may be repeated.")
     ] = None,

@@ -49,6 +49,6 @@ _OWN: dict[str, Propose[Cause]] = {
 
 CATALOGUE: Mapping[str, Propose[Cause]] = Catalogue(_OWN)
 
-#: prior probability over that of any other cause: a body clamped on is far commoner than one laid along a member, and
-#: where modes are short of data the two are hard to tell apart
-RARITY: Mapping[str, float] = {"distributed_mass": 0.05}
+#: prior probability over that of any other cause: a body clamped on is twenty times as common as one laid along a
+#: member, and what is laid there lies on the axis here, where a body must find its offsets (1 / 15, by what they cost)
+RARITY: Mapping[str, float] = {"distributed_mass": 1 / 300}
