@@ -42,6 +42,7 @@ class Block:
                 f"counts of {self.device}: expected int32 (n_scans, n_axes), found "
                 f"{self.counts.dtype} {self.counts.shape}"
             )
+        object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as the log stores it
 
     @property
     def n_scans(self) -> int:
