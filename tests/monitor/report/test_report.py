@@ -75,7 +75,7 @@ def test_page_of_the_recorded_log_says_what_its_last_window_says(tmp_path: Path)
     first = next(w for w in run.story.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
     clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
     assert f"and {clock} UTC." in headline(page)
-    assert len(page.pictures) == 9
+    assert len(page.pictures) == 12
     assert all(device in page.words for device in ("col_037", "beam_right"))
 
 
