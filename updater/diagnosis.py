@@ -137,11 +137,13 @@ def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) 
     best = found[0]
     chosen = (*best.chosen, *case.weighing.drift_beside(best.chosen))
     extended = case.reference.calibration.structure
-    for part in sorted(chosen, key=lambda c: c.cause.place_free):  # a factor on everything comes last
+    acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
+    for part in sorted(acting, key=lambda c: c.cause.place_free):  # a factor on everything comes last
         extended = part.cause.extend(extended, part.row, part.theta)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
-    gained = gain_on_heldout(heldout, chosen) if heldout else gain_left_out(case.data, chosen)
+    heard = heldout is not None and heldout.channels == case.data.channels
+    gained = gain_on_heldout(heldout, chosen) if heldout and heard else gain_left_out(case.data, chosen)
     diagnosis = Diagnosis(
         causes=named,
         rejected=rejected_causes(case.singles, accepted, best.log_evidence),

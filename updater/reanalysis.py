@@ -29,7 +29,7 @@ class Effect:
     #: along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
     chain: FloatArray
     lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
-    log_damping: FloatArray  #: (n_alternatives, n or 1) of the compared modes' damping to the baseline's
+    log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's
     coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
     own: FloatArray  #: (n_alternatives, n_own) their flexibility 1/omega_o^2 [s2]
 
@@ -84,7 +84,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
         flexibility=np.zeros((n_alternatives, n_modes, n_modes)),
         chain=np.tile(np.eye(n_channels, 3 * n_channels), (n_alternatives, 1, 1)),
         lag=np.zeros((n_alternatives, n_channels)),
-        log_damping=np.zeros((n_alternatives, len(comparison.paired))),
+        log_damping=np.zeros((n_alternatives, n_modes)),
         coupling=np.zeros((n_alternatives, n_modes, 0)),
         own=np.zeros((n_alternatives, 0)),
     )
@@ -211,7 +211,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         log_ratio=log_ratio,
         shape=shape,
         lag=lag,
-        log_damping=np.broadcast_to(effect.log_damping, log_ratio.shape),
+        log_damping=effect.log_damping[:, comparison.paired],
         new_frequency=new_frequency,
         new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
     )

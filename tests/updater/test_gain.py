@@ -30,6 +30,19 @@ def test_what_was_held_out_is_explained_to_its_noise(seed: int) -> None:
     assert after < before / 8
 
 
+def test_a_held_out_record_may_lack_a_mode_or_a_channel() -> None:
+    """A mode fewer is judged without it; other channels are not judged at all, and each mode is left out instead."""
+    reference, _, event = learnt(305)
+    found, kept = event(CHANGE), event(CHANGE)
+    fewer = replace(kept, log_frequency=np.where(np.arange(len(kept.n)) == 5, np.nan, kept.log_frequency))
+    gain = diagnose(reference, found, heldout=fewer).diagnosis.gain
+    assert gain is not None
+    assert gain.heldout
+    gain = diagnose(reference, found, heldout=kept.at(kept.channels[:-1])).diagnosis.gain
+    assert gain is not None
+    assert not gain.heldout
+
+
 def test_each_mode_is_foretold_by_the_others() -> None:
     """Left out, a mode is missed by no more than four deviations of what is stated; not by less than noise allows."""
     reference, _, event = learnt(303)

@@ -82,7 +82,7 @@ class AmplitudeSoftening(Discrete):
         return replace(
             no_effect(len(rows), data),
             flexibility=turned + change[:, :, None] * np.eye(len(data.frequency)),
-            log_damping=np.tile(self.trend.excess * rise, len(data.paired)),
+            log_damping=np.tile(self.trend.excess * rise, len(data.frequency)),
         )
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:

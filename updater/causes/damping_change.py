@@ -4,7 +4,7 @@ Friction in a loose bolt, a damper, what lies on the structure, the wind. The be
 extended structure is the same structure.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,7 +43,9 @@ class DampingChange(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return changes of log damping."""
-        return replace(no_effect(len(rows), self.comparison), log_damping=theta * self.chosen[rows])
+        none = no_effect(len(rows), self.comparison)
+        none.log_damping[:, self.comparison.paired] = theta * self.chosen[rows]
+        return none
 
     def where(self, fit: "Fit[Cause]") -> None:
         """Return none: modes are everywhere."""
