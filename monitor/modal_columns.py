@@ -57,6 +57,11 @@ def _of_csv(path: Path, text: str) -> Columns:
     """Read the columns of a table; empty cells are allowed in columns of deviations only."""
     reader = csv.DictReader(text.splitlines())
     names = [name.strip() for name in reader.fieldnames or ()]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise LogError(path, f"line 1, column {twice[0]}: named twice")
+    if len(names) == 1 and ";" in names[0]:
+        raise LogError(path, "line 1: columns are separated by ';', expected ','")
     rows: list[dict[str, complex]] = []
     line: list[int] = []
     for row in reader:

@@ -19,6 +19,7 @@ from updater import (
     Structure,
     build_model,
     foresee,
+    largest_motion,
     motion,
     one_more,
     seen_by,
@@ -45,8 +46,7 @@ class Sight:
     @property
     def motion(self) -> FloatArray:
         """Displacements (n_modes, n_nodes, 3) of the nodes, the largest of each mode 1 [-]."""
-        moved = motion(self.model, self.modes)
-        return np.asarray(moved / np.linalg.norm(moved, axis=2).max(axis=1)[:, None, None])
+        return np.asarray(motion(self.model, self.modes) / largest_motion(self.model, self.modes)[:, None, None])
 
     def alike(self, mode: int) -> tuple[int, ...]:
         """Return the other modes that are seen, but whose shapes the sensors cannot tell from this one's."""
@@ -108,7 +108,7 @@ def look(structure: Structure, n_modes: int, record: Record | None = None, withi
         modes=modes,
         at_sensors=at_sensors,
         seen=seen_by(model, modes),
-        auto_mac=_auto_mac(at_sensors, np.linalg.norm(motion(model, modes), axis=2).max(axis=1)),
+        auto_mac=_auto_mac(at_sensors, largest_motion(model, modes)),
         record=record,
         outlook=outlook,
         too_few=too_few,
@@ -138,7 +138,7 @@ def clearer(sight: Sight) -> tuple[Sensor, Sight] | None:
     if least[:2] == (0, 0):
         return None
     nodes = np.unique(np.linspace(0, len(sight.model.nodes) - 1, _NODES).astype(int))
-    largest = np.linalg.norm(motion(sight.model, sight.modes), axis=2).max(axis=1)
+    largest = largest_motion(sight.model, sight.modes)
     for node in nodes:
         for axis in range(3):
             moved = sight.motion[:, node, axis]

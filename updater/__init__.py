@@ -12,7 +12,7 @@ from updater.diagnosis import Explained, diagnose
 from updater.discrepancy import Discrepancy, as_before, as_extended, set_beside
 from updater.errors import MechanismError, ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.expected_noise import Record
-from updater.expected_reference import UNSEEN, motion, seen_by
+from updater.expected_reference import UNSEEN, largest_motion, motion, seen_by
 from updater.fe.assembly import build_model
 from updater.fe.matrices import Matrices, read_matrices, save_matrices
 from updater.fe.model import Model
@@ -161,6 +161,7 @@ __all__ = [
     "foresee",
     "hinges_of",
     "is_steady",
+    "largest_motion",
     "learn_delays",
     "learn_reference",
     "learn_scatter",

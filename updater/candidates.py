@@ -29,6 +29,8 @@ _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
+_TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
+_TWINS_MAC = 0.8
 _LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
 
 
@@ -101,6 +103,17 @@ class Weighing:
         """Chi-square if all frequencies have drifted alike and nothing else has changed."""
         return float(fit(self.data, Nothing(comparison=self.data, drifting=True)).chi_square[0])
 
+    @cached_property
+    def _new_for_certain(self) -> bool:
+        """Tell whether a new mode is no old one that identification took for two: near it, and of its shape."""
+        data = self.data
+        if data.new is None:
+            return False
+        now = np.log(data.frequency[data.paired]) + data.log_ratio
+        near = np.abs(data.new.log_frequency[:, None] - now) < _TWINS
+        alike = (data.new.shape @ data.shape.T) ** 2 > _TWINS_MAC
+        return bool((~(near & alike).any(1)).all())
+
     def log_prior(self, name: str) -> float:
         """Return the log probability of a cause."""
         whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE)
@@ -133,6 +146,8 @@ class Weighing:
             whole = fit(self.data, cause)
             best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
             effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
+            if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
+                effective = True  # its mode is measured: that is more than any drift does
             evidence = whole.log_evidence + self.log_prior(name)
             found.append(
                 Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)

@@ -13,13 +13,20 @@ from updater.reference import Reference
 from updater.statistics import ModalMean, Scatter, TrackedModes
 
 UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
+_STILL = 1e-6  # of a typical motion, 1 / sqrt(total mass): what moves less only turns, a bar about its axis
 _ALIKE = 0.9  # MAC at the sensors of two modes that are as good as one
 
 
 def seen_by(model: Model, modes: Modes) -> FloatArray:
     """Return each mode's largest motion at a sensor over its largest anywhere (n_modes,) [-]."""
     at_sensors = model.sensor_rows @ modes.shape
-    return np.asarray(np.abs(at_sensors).max(axis=0, initial=0.0) / np.linalg.norm(motion(model, modes), axis=2).max(1))
+    return np.asarray(np.abs(at_sensors).max(axis=0, initial=0.0) / largest_motion(model, modes))
+
+
+def largest_motion(model: Model, modes: Modes) -> FloatArray:
+    """Return each mode's largest motion of a node (n_modes,) [1/sqrt(kg)]; never nothing, of one that only turns."""
+    anywhere = np.linalg.norm(motion(model, modes), axis=2).max(1)
+    return np.asarray(np.maximum(anywhere, _STILL / np.sqrt(model.total_mass())))
 
 
 def told_apart(model: Model, modes: Modes, record: Record) -> IndexArray:

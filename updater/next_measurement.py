@@ -116,8 +116,9 @@ def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) ->
             effect = replace(effect, flexibility=effect.flexibility - own.flexibility, mass=effect.mass + heavier)
     if more is None:
         return reanalyse(data, effect)
-    both = replace(more, mass=more.mass + effect.mass, flexibility=more.flexibility + effect.flexibility)
-    return reanalyse(data, both)
+    added = {name: getattr(more, name) + getattr(effect, name) for name in ("mass", "flexibility")}
+    hung = {name: np.repeat(getattr(effect, name), len(more.mass), axis=0) for name in ("coupling", "own")}
+    return reanalyse(data, replace(more, **added, **hung))
 
 
 def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
@@ -144,7 +145,8 @@ def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones
 
 def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArray:
     """Return what new sensors (n_points, 3, n_modes) read of the compared modes (n_points, 3, n); unit at others."""
-    vector = picked(changed)[1][0]
+    n, n_modes = len(data.paired), len(data.frequency)  # what hangs on the structure has modes and motions of its own
+    vector = picked(changed)[1][0, :n_modes, :n]
     at = data.at_channels @ vector
     scale = np.linalg.norm(at, axis=0) * np.where((at * data.shape.T).sum(0) < 0, -1, 1)
     return np.asarray(rows @ vector / scale)
@@ -166,10 +168,10 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
     theta = np.zeros((len(rows), len(bodies.prior_std)))
     theta[:, 0] = mass
     on = bodies.effect(theta, rows)
-    shift = []
+    n, shift = len(data.paired), []
     for chosen in open_ones:
-        bare = picked(_solved(data, chosen))[0]
-        shift.append(-0.5 * np.log(picked(_solved(data, chosen, on))[0] / bare))
+        bare = picked(_solved(data, chosen))[0][:, :n]
+        shift.append(-0.5 * np.log(picked(_solved(data, chosen, on))[0][:, :n] / bare))
     shifts = np.array(shift)  # (n, n_rows, n_modes)
     std = np.sqrt(2) * data.log_frequency_std
     distance = np.stack(

@@ -87,6 +87,8 @@ def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tm
         ("frequency\n10\n-11\n30\n", "line 3, column frequency: expected a number over 0"),
         ("frequency,damping\n10,0.01\n11\n30,0.01\n", "line 3: expected 2 columns"),
         ("frequency\n10\n11\n", "expected at least 3 modes, found 2"),
+        ("frequency,beam_mid_x,beam_mid_x\n10,1,1\n11,1,1\n30,1,1\n", "line 1, column beam_mid_x: named twice"),
+        ("frequency;damping\n10;0.01\n", "line 1: columns are separated by ';'"),
         ("frequency,beam_mid_x\n10,1\n11,1\n30,1\n", "expected shapes at 2 sensors or more"),
         ("frequency,beam_mid_x,beam_mid_y\n10,1,1\n11,0,0\n30,1,1\n", "line 3: the shape is zero"),
         ("frequency\n10\n11\n5000\n", "the mode at 5000 Hz has no partner"),

@@ -21,6 +21,10 @@ from updater import (
     nominal_reference,
     stack_tracks,
 )
+from updater.candidates import Weighing
+from updater.causes.added_mass import AddedMass
+from updater.comparison import compare
+from updater.next_measurement import next_measurement
 
 GAIN = np.ones(12)
 
@@ -141,3 +145,24 @@ def test_the_extended_model_leaves_nothing_to_explain(learnt: tuple[Reference, M
     fresh = reference.mean_of(windows)
     assert (match_modes(reference.baseline, fresh) >= 0).sum() == 9
     assert diagnose(reference, matched(reference.baseline, fresh)).diagnosis.verdict == "nothing_to_explain"
+
+
+def test_a_body_too_light_to_move_any_mode_is_told_by_its_own(learnt: tuple[Reference, Model]) -> None:
+    """A mode that the baseline has not is no drift, and something is said of how to be surer of it."""
+    found = explained(learnt, hung(learnt[1], (0.3, 0.0, 1.48), 2, 0.006, 120.0), 871)
+    assert found.diagnosis.verdict != "nothing_to_explain"
+    assert "attached_oscillator" in [cause.cause for cause in found.diagnosis.causes]
+    assert found.diagnosis.next_measurement
+
+
+def test_what_to_measure_next_beside_an_oscillator(learnt: tuple[Reference, Model]) -> None:
+    """Hypotheses with and without motions of their own are set against each other."""
+    reference, bare = learnt
+    event, known = event_of(reference, hung(bare, (0.3, 0.0, 1.48), 2, 0.05, 120.0), 872)
+    weighing = Weighing(reference, compare(reference, event, circumstances=known))
+    singles = {c.names: c.chosen for c in weighing.singles()}
+    open_ones = [singles[("attached_oscillator",)], singles[("added_mass",)]]
+    bodies = weighing.causes["added_mass"]
+    assert isinstance(bodies, AddedMass)
+    said = next_measurement(reference, event, weighing.data, bodies, open_ones)
+    assert "standard deviations" in said

@@ -20,9 +20,12 @@ from updater import (
     Sensor,
     Structure,
     Target,
+    build_model,
     ever_fewer,
     foresee,
     one_more,
+    parse_structure,
+    seen_by,
     vagueness,
 )
 from updater.posterior import likeliest_place, places
@@ -234,3 +237,36 @@ def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
     both = foresee(round_bar, record).frequency
     np.testing.assert_allclose(frequency, both[::2], rtol=1e-6)
     np.testing.assert_allclose(both[::2], both[1::2], rtol=1e-6)
+
+
+def test_a_bar_that_twists_is_not_seen_on_its_axis() -> None:
+    """What sensors on the axis read of torsion is rounding, and so is how the axis moves: no share of it is seen."""
+    bar = parse_structure(BAR)
+    model = build_model(bar, shear_flexible=True, mass="consistent")
+    modes = model.modes(8)
+    seen = seen_by(model, modes)
+    shear, length = 80e9, 1.0
+    torsion = np.sqrt(shear * 0.2811 * 0.04 * 0.01**3 / (7850 * 0.04 * 0.01 * (0.04**2 + 0.01**2) / 12)) / (4 * length)
+    twists = np.abs(modes.frequency / torsion - 1) < 0.1
+    assert twists.sum() == 1
+    assert seen[twists].max() < 1e-3  # rounding, over a millionth of a typical motion
+    assert seen[~twists].min() > 0.5
+    foresee(bar, Record())
+
+
+BAR = """
+name = "bar"
+mesh = {element_length = 0.05}
+material = {steel = {youngs_modulus = 205e9, shear_modulus = 80e9, density = 7850}}
+section = {bar = {shape = "rectangle", width = 0.04, height = 0.01}}
+member = [{name = "bar", from = [0, 0, 0], to = [1, 0, 0], material = "steel", section = "bar"}]
+support = [{at = [0, 0, 0], fixed = ["x", "y", "z", "rx", "ry", "rz"]}]
+sensor = [
+    {channel = "y5", at = [0.5, 0, 0], direction = [0, 1, 0]},
+    {channel = "z5", at = [0.5, 0, 0], direction = [0, 0, 1]},
+    {channel = "y8", at = [0.8, 0, 0], direction = [0, 1, 0]},
+    {channel = "z8", at = [0.8, 0, 0], direction = [0, 0, 1]},
+    {channel = "y10", at = [1, 0, 0], direction = [0, 1, 0]},
+    {channel = "z10", at = [1, 0, 0], direction = [0, 0, 1]},
+]
+"""
