@@ -138,6 +138,8 @@ def read_columns(path: Path) -> Columns:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise LogError(path, f"cannot be read as text: {error}") from error
     return _of_json(path, text) if path.suffix.lower() == ".json" else _of_csv(path, text)

@@ -113,7 +113,7 @@ def _write(found: Explained, structure_path: Path, out: Path | None, json_path: 
             path.write_text(text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:
-        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror}") from error
+        raise ArgumentError("--out" if out else "--json", f"{folder}: cannot be written: {error.strerror}") from error
     for path in filter(None, (json_path, out and out / "diagnosis.json")):
         write_json(path, diagnosis.model_dump(mode="json"))
     return diagnosis

@@ -125,9 +125,10 @@ def _planned(sight: Sight, target: Target | None) -> Plan | None:
 
 def _say(sight: Sight, planned: Plan | None) -> None:
     structure = sight.model.structure
+    members = f"{len(structure.member)} member" + "s" * (len(structure.member) != 1)
     console.print(modes_table(sight))
     console.print(
-        f"{sight.model.total_mass():.3f} kg; {len(structure.member)} members, {sight.model.n_dofs} degrees of freedom, "
+        f"{sight.model.total_mass():.3f} kg; {members}, {sight.model.n_dofs} degrees of freedom, "
         f"{len(structure.sensor)} sensors"
     )
     console.print(f"seen: largest motion at a sensor over the largest anywhere; alike: MAC at the sensors over {ALIKE}")

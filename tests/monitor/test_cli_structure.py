@@ -180,7 +180,7 @@ def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) 
     assert done.code == 1
     assert f"{site}: no sensor of the structure for typo" in done.out
     assert f"{site}: no channel for s2, s3, left out above" in done.out
-    assert "1 members, 120 degrees of freedom, 2 sensors" in done.out
+    assert "1 member, 120 degrees of freedom, 2 sensors" in done.out
     bar.write_text(cantilever((0.5, "y"), (1.0, "y"), (1.0, "y")))
     with_channels(x="s0", y="s1", z="s2")
     done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
