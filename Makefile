@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames causes shown confusion confusion-records structural sensors localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -46,10 +46,6 @@ bench: $(VENV)/.done
 # Whether what `structure --target` foresees comes true: the tables in docs/foresight.md, a quarter of an hour.
 foresight: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/foresight.py
-
-# What `diagnose` says of 15 records of each cause: the table in docs/updater.md, a quarter of an hour.
-causes: $(VENV)/.done
-	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/causes.py
 
 # What a diagnosis shows on three records, and how near residual forces point: docs/diagnosis_shown.md, two minutes.
 shown: $(VENV)/.done
