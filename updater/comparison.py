@@ -26,7 +26,7 @@ BoolArray = npt.NDArray[np.bool_]
 _MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
-SHAPE_BIAS = 3e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
+SHAPE_BIAS = 6e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
 
 @dataclass(frozen=True, eq=False)

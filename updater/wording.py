@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
 _WORTH_NAMING = 0.05  # of the best one's posterior
-_WORTH_AN_ALIAS = 0.02  # of it, if the data cannot tell the two apart: rarer places, the same effect
+_BESIDE = 0.04  # m of a foot or joint: where a stretch is one with it
+_WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
 
 
 def named_causes(
@@ -57,6 +58,8 @@ def named_causes(
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
+    if _at_one_connection(one, other):
+        return True
     predicted = [prediction(data, c.chosen) for c in (one, other)]
     if data.new is not None and len({p.new_frequency.shape[1] for p in predicted}) > 1:
         return False  # one of them knows where the new mode is from
@@ -64,6 +67,31 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     whitener = data.drifting if both else data.plain
     first, second = (residual(data, p, whitener) for p in predicted)
     return bool(((first - second) ** 2).sum() < _SEPARATE)
+
+
+def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
+    """Tell whether two candidates are a foot or a joint and a stretch beside it, all else alike.
+
+    Nobody knows how a foot or a joint is made: what tells one from a stretch beside it is how the model joins them.
+    """
+    if sorted(one.names) == sorted(other.names):
+        return False
+    theirs = list(other.parts)
+    own = []
+    for part in one.parts:
+        same = next((p for p in theirs if p.hypotheses.name == part.hypotheses.name), None)
+        if same is None:
+            own.append(part)
+        else:
+            theirs.remove(same)
+    if len(own) != 1 or len(theirs) != 1:
+        return False
+    kinds = {own[0].hypotheses.name, theirs[0].hypotheses.name}
+    places = [part.hypotheses.where(part) for part in (own[0], theirs[0])]
+    if "local_stiffness" not in kinds or not kinds & {"support_stiffness", "joint_stiffness"}:
+        return False
+    first, second = (where.position if where else None for where in places)
+    return first is not None and second is not None and float(np.linalg.norm(np.subtract(first, second))) < _BESIDE
 
 
 def _informed(candidate: "Candidate") -> bool:
