@@ -211,7 +211,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         log_ratio=log_ratio,
         shape=shape,
         lag=lag,
-        log_damping=effect.log_damping[:, comparison.paired],
+        log_damping=np.broadcast_to(effect.log_damping[:, comparison.paired], log_ratio.shape),
         new_frequency=new_frequency,
         new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
     )
