@@ -8,15 +8,13 @@ Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/sensor_faults.p
 or make sensors
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from sealed_cases import draw
+from by_cause import print_rows
 from sealed_draws import Hidden
-from sealed_path import answer
 
 #: cause -> the parameter that is scored, its unit in the table, and how many of those the contract's unit is
 CELLS: dict[str, tuple[str, str, float] | None] = {
@@ -68,21 +66,10 @@ class Tally:
         yield f"{100 * np.mean(np.array(self.over_std) < 2):.0f} %"
 
 
-def main() -> None:
-    """Draw, ask and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--draws", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=9000)
-    given = parser.parse_args()
-    print("| cause | named | of these ambiguous | off by, median | 9 of 10 within | within two deviations |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: |")
-    for name in CELLS:
-        tally = Tally()
-        for seed in range(given.seed, given.seed + given.draws):
-            case = draw(name, seed)
-            tally.count(answer(case), case.done.hidden[0])
-        print("| " + " | ".join(tally.cells(name)) + " |", flush=True)
-
+HEAD = (
+    "| cause | named | of these ambiguous | off by, median | 9 of 10 within | within two deviations |\n"
+    "| --- | ---: | ---: | ---: | ---: | ---: |"
+)
 
 if __name__ == "__main__":
-    main()
+    print_rows(__doc__, CELLS, Tally, head=HEAD, seed=9_000)

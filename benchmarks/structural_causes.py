@@ -7,15 +7,13 @@ Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/structural_caus
 or make structural
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from sealed_cases import draw
+from by_cause import print_rows
 from sealed_draws import Hidden
-from sealed_path import answer
 
 CELLS = ("local_stiffness", "distributed_mass", "support_spring", "axial_force")
 _MARGIN = 0.0025  # m: regions are of cells of 5 mm
@@ -66,23 +64,10 @@ def _between(point: Any, start: Any, end: Any) -> bool:
     return bool(np.linalg.norm(np.asarray(start) + share * along - point) <= _MARGIN)
 
 
-def main() -> None:
-    """Draw, ask, count."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draws", type=int, default=20, help="of each cause")
-    parser.add_argument("--seed", type=int, default=700_000)
-    given = parser.parse_args()
-    print(
-        "| cause | named alone | place off, median / 90 % | in its 95 % region | off, median (within two deviations) |"
-    )
-    print("| --- | ---: | ---: | ---: | --- |")
-    for cell in CELLS:
-        tally = Tally()
-        for seed in range(given.seed, given.seed + given.draws):
-            case = draw(cell, seed)
-            tally.count(answer(case), case.done.hidden[0])
-        print("| " + " | ".join(tally.cells(cell)) + " |", flush=True)
-
+HEAD = (
+    "| cause | named alone | place off, median / 90 % | in its 95 % region | off, median (within two deviations) |\n"
+    "| --- | ---: | ---: | ---: | --- |"
+)
 
 if __name__ == "__main__":
-    main()
+    print_rows(__doc__, CELLS, Tally, head=HEAD, seed=700_000)

@@ -4,8 +4,16 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from daq import FloatArray
+
 Vector = tuple[float, float, float]
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
+
+
+def vector(values: FloatArray) -> Vector:
+    """Return three plain numbers."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
 
 
 class _Part(BaseModel):

@@ -1,5 +1,6 @@
 """A diagnosis put into the plain values of its contract."""
 
+from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from updater.prediction import mac_of, prediction
 from updater.reference import Reference
 from updater.shape_errors import beside
 from updater.statistics import ModalMean
-from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected
+from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected, Vector
 
 if TYPE_CHECKING:
     from updater.candidates import Candidate
@@ -74,24 +75,21 @@ def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
 
     Nobody knows how a foot or a joint is made: what tells one from a stretch beside it is how the model joins them.
     """
-    if sorted(one.names) == sorted(other.names):
+    own, theirs = Counter(one.names) - Counter(other.names), Counter(other.names) - Counter(one.names)
+    if own.total() != 1 or theirs.total() != 1:
         return False
-    theirs = list(other.parts)
-    own = []
-    for part in one.parts:
-        same = next((p for p in theirs if p.hypotheses.name == part.hypotheses.name), None)
-        if same is None:
-            own.append(part)
-        else:
-            theirs.remove(same)
-    if len(own) != 1 or len(theirs) != 1:
-        return False
-    kinds = {own[0].hypotheses.name, theirs[0].hypotheses.name}
-    places = [part.hypotheses.where(part) for part in (own[0], theirs[0])]
+    kinds = {*own, *theirs}
     if "local_stiffness" not in kinds or not kinds & {"support_stiffness", "joint_stiffness"}:
         return False
-    first, second = (where.position if where else None for where in places)
+    (name,), (other_name,) = own, theirs
+    first, second = _position(one, name), _position(other, other_name)
     return first is not None and second is not None and float(np.linalg.norm(np.subtract(first, second))) < _BESIDE
+
+
+def _position(candidate: "Candidate", name: str) -> Vector | None:
+    """Return the place [m] of a candidate's cause, the last of its name."""
+    where = [part.hypotheses.where(part) for part in candidate.parts if part.hypotheses.name == name][-1]
+    return where.position if where else None
 
 
 def _informed(candidate: "Candidate") -> bool:

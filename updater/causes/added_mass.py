@@ -21,7 +21,7 @@ from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.screening import most_likely
 from updater.structure import Body, Member, Structure
-from updater.verdict import Quantity, Vector, Where
+from updater.verdict import Quantity, Vector, Where, vector
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -135,10 +135,10 @@ class AddedMass:
         probability = fit.probability
         return Where(
             member=members[place.member].name,
-            position=_vector(members[place.member].point(distance)),
+            position=vector(members[place.member].point(distance)),
             position_std=std,
             region=tuple(
-                (_vector(members[m].point(a)), _vector(members[m].point(b)))
+                (vector(members[m].point(a)), vector(members[m].point(b)))
                 for m, a, b in credible(self.member, self.position, probability / self.weight, probability)
             ),
         )
@@ -177,9 +177,9 @@ class AddedMass:
         """Add the body."""
         member = self._member(row)
         offset = theta[1:3] @ local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
-        at = _vector(member.point(self.position[row]))
-        inertia = _vector(np.full(3, theta[0] * theta[3]))
-        return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=_vector(offset), inertia=inertia)])
+        at = vector(member.point(self.position[row]))
+        inertia = vector(np.full(3, theta[0] * theta[3]))
+        return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=vector(offset), inertia=inertia)])
 
 
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float = _COARSE) -> AddedMass:
@@ -249,7 +249,7 @@ def along(
 
 def _axes_of(member: Member) -> FloatArray:
     direction = np.subtract(member.end, member.start) / member.length
-    return _axes_along(_vector(np.round(direction, 12)), member.local_y)
+    return _axes_along(vector(np.round(direction, 12)), member.local_y)
 
 
 @lru_cache(maxsize=1024)
@@ -279,8 +279,3 @@ def _closer(position: FloatArray, near: FloatArray, gap: float, spacing: float) 
     steps = np.arange(-gap, gap + spacing / 2, spacing)
     fine = np.clip((position[near][:, None] + steps).ravel(), position[0], position[-1])
     return np.unique(np.round(np.concatenate([position, fine]), 6))
-
-
-def _vector(values: FloatArray) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -23,7 +23,7 @@ from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.shape_errors import beside
 from updater.structure import Oscillator, Structure
-from updater.verdict import Quantity, Vector, Where
+from updater.verdict import Quantity, Where, vector
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -147,10 +147,10 @@ class AttachedOscillator:
         members = self.reference.calibration.structure.member
         return Where(
             member=members[place.member].name,
-            position=_vector(members[place.member].point(mean)),
+            position=vector(members[place.member].point(mean)),
             position_std=std,
             region=tuple(
-                (_vector(members[m].point(a)), _vector(members[m].point(b)))
+                (vector(members[m].point(a)), vector(members[m].point(b)))
                 for m, a, b in credible(member, position, probability, probability)
             ),
         )
@@ -179,8 +179,8 @@ class AttachedOscillator:
         member = self.reference.calibration.structure.member[self.member[row]]
         way = local_axes(np.subtract(member.end, member.start), member.local_y)[self.axis[row]]
         oscillator = Oscillator(
-            at=_vector(member.point(float(self.position[row]))),
-            direction=_vector(np.round(way, 9)),
+            at=vector(member.point(float(self.position[row]))),
+            direction=vector(np.round(way, 9)),
             mass=float(theta[0]),
             frequency=float(np.exp(self.new.log_frequency[self.mode[row]] + theta[1])),
         )
@@ -276,8 +276,3 @@ def _log_explained(new: NewModes, overdispersion: float) -> FloatArray:
     area = 0.5 * n * np.log(np.pi) - gammaln(n / 2)  # of half the unit sphere in n dimensions
     peak = (n - 1) * (np.linalg.slogdet(new.whitener)[1] / n - 0.5 * np.log(2 * np.pi))
     return np.asarray(frequency + (peak + area) / overdispersion - np.log(_CHANCE))
-
-
-def _vector(values: FloatArray) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

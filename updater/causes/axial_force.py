@@ -14,13 +14,13 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import MOST_MEMBERS, vector
+from updater.causes.stretches import may_be_cut
 from updater.comparison import Comparison
 from updater.fe.element import Element
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Member, Structure
-from updater.verdict import Quantity, Where
+from updater.verdict import Quantity, Where, vector
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -85,7 +85,7 @@ class AxialForce(Discrete):
 def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialForce | None:
     """Return every member; none of very many or of matrices."""
     structure = reference.calibration.structure
-    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
+    if not may_be_cut(structure):
         return None
     buckling, share, basis = _geometric(reference)
     return AxialForce(

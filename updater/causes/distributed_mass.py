@@ -14,7 +14,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import MOST_MEMBERS, WITHIN, Kinds, Spread, everywhere, likeliest, strength
+from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
 from updater.comparison import Comparison
 from updater.fe.element import local_axes
 from updater.reanalysis import Effect, no_effect
@@ -92,7 +92,7 @@ class DistributedMass(Spread):
 def propose_distributed_mass(reference: Reference, comparison: Comparison) -> DistributedMass | None:
     """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
     structure = reference.calibration.structure
-    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
+    if not may_be_cut(structure):
         return None
     cells, summed = _mass(reference)
     own = [structure.material[m.material].density * structure.section[m.section].area for m in structure.member]
@@ -105,8 +105,7 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
         own=np.array(own),
         **everywhere(cells, _LENGTHS, 3),
     )
-    found.start[:, 0], explained = _first_order(found)
-    return likeliest(found, explained)
+    return begun(found, _first_order(found))
 
 
 def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:

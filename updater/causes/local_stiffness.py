@@ -14,7 +14,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
-from updater.causes.stretches import MOST_MEMBERS, WITHIN, Kinds, Spread, everywhere, likeliest, strength
+from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
 from updater.comparison import Comparison
 from updater.internal_actions import weighted_actions
 from updater.reanalysis import Effect, no_effect
@@ -103,7 +103,7 @@ class LocalStiffness(Spread):
 def propose_local_stiffness(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
     """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
     structure = reference.calibration.structure
-    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
+    if not may_be_cut(structure):
         return None
     cells, bent, sheared = _flexibility(reference)
     found = LocalStiffness(
@@ -115,8 +115,7 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
         sheared=sheared,
         **everywhere(cells, _LENGTHS, 4),
     )
-    found.start[:, 0], explained = _first_order(found)
-    return likeliest(found, explained)
+    return begun(found, _first_order(found))
 
 
 def _first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:

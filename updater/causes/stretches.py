@@ -10,14 +10,15 @@ from updater.causes.cells import Cells
 from updater.comparison import Comparison
 from updater.posterior import credible, places
 from updater.reference import Reference
-from updater.verdict import Vector, Where
+from updater.structure import Structure
+from updater.verdict import Vector, Where, vector
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.fit import Fit
 
 S = TypeVar("S", bound="Stretches")
-MOST_MEMBERS = 2000  #: of structures whose stretches are looked at
+_MOST_MEMBERS = 2000  # of structures whose stretches are looked at
 RATIO = 1.2  #: about, from one length to the next
 WITHIN = 12**-0.5  #: standard deviation of a uniform prior over one step
 _MOST = 600  # alternatives that are all fitted; of more, on a structure of many members, the most likely are
@@ -228,8 +229,21 @@ def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, Fl
     return np.asarray(found), np.asarray(found * (white @ data))
 
 
-def likeliest(cause: S, explained: FloatArray) -> S:
-    """Return a cause's alternatives, of very many those that explain the most (n,), as probable as they were."""
+def may_be_cut(structure: Structure) -> bool:
+    """Tell whether stretches of a structure are looked at: none of very many members, or of matrices."""
+    return structure.external is None and len(structure.member) <= _MOST_MEMBERS
+
+
+def begun(cause: S, first: tuple[FloatArray, FloatArray]) -> S:
+    """Return a cause that starts as strong as it is to first order; of very many alternatives the most likely.
+
+    These are as probable as they were.
+
+    Parameters
+    ----------
+    first : how strong each is (n,), and what it explains (n,); written into `cause.start`
+    """
+    cause.start[:, 0], explained = first
     if len(explained) <= _MOST:
         return cause
     rows = np.sort(np.argpartition(-explained, _KEPT)[:_KEPT])
@@ -274,9 +288,3 @@ def _fields(cells: Cells, kinds: Kinds, rows: FloatArray, *, first: bool) -> dic
         "span": np.array([kinds.span(k) if first else np.log(RATIO) for k in kind]),
         "log_prior": np.log(weight),
     }
-
-
-def vector(values: FloatArray) -> Vector:
-    """Return three plain numbers."""
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -14,22 +14,21 @@ from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import (
-    MOST_MEMBERS,
     WITHIN,
     Kinds,
     Stretches,
+    begun,
     between,
     everywhere,
-    likeliest,
+    may_be_cut,
     strength,
-    vector,
 )
 from updater.comparison import Comparison
 from updater.hinges import flexibility
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import AXES, Structure, Support
-from updater.verdict import Quantity
+from updater.verdict import Quantity, vector
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -108,7 +107,7 @@ class SupportSpring(Stretches):
 def propose_support_spring(reference: Reference, comparison: Comparison) -> SupportSpring | None:
     """Return points every few centimetres, each along x, y and z; none of very many members or of matrices."""
     structure = reference.calibration.structure
-    if structure.external is not None or len(structure.member) > MOST_MEMBERS:
+    if not may_be_cut(structure):
         return None
     cells, moved, give = _points(reference)
     found = SupportSpring(
@@ -120,8 +119,7 @@ def propose_support_spring(reference: Reference, comparison: Comparison) -> Supp
         give=give,
         **everywhere(cells, _DIRECTIONS, 2),
     )
-    found.start[:, 0], explained = _first_order(found)
-    return likeliest(found, explained)
+    return begun(found, _first_order(found))
 
 
 def _first_order(cause: SupportSpring) -> tuple[FloatArray, FloatArray]:
