@@ -2,6 +2,7 @@
 
 import json
 import os
+import select
 import subprocess
 import sys
 import threading
@@ -29,6 +30,14 @@ def pty() -> Iterator[tuple[int, str]]:
     finally:
         os.close(slave)
         os.close(master)
+
+
+def read(line: int, size: int) -> bytes:
+    """Read so many bytes: a pty hands what was written over in pieces, when it likes."""
+    found = b""
+    while len(found) < size and select.select([line], [], [], 5.0)[0]:
+        found += os.read(line, size - len(found))
+    return found
 
 
 @contextmanager

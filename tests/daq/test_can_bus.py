@@ -5,7 +5,7 @@ import re
 
 import can
 import pytest
-from can_helpers import pty
+from can_helpers import pty, read
 
 from daq.can_bus import SlcanBus, frames_of, messages_of, read_frames
 from daq.protocol.frames import can_frames
@@ -58,7 +58,8 @@ def test_opening_and_sending_say_what_an_adapter_expects() -> None:
             bus.send(can.Message(arbitration_id=0x1ABCDE, is_remote_frame=True, dlc=4))
             with pytest.raises(can.CanOperationError, match="CAN FD"):
                 bus.send(can.Message(arbitration_id=1, is_fd=True))
-        assert os.read(device, 1000) == b"\rC\rZ0\rS6\rO\rt6033400810\rR001ABCDE4\rC\r"
+        expected = b"\rC\rZ0\rS6\rO\rt6033400810\rR001ABCDE4\rC\r"
+        assert read(device, len(expected)) == expected
 
 
 def test_messages_survive_the_way_through_blocks() -> None:

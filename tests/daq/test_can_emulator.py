@@ -9,7 +9,7 @@ import time
 import can
 import canopen
 import pytest
-from can_helpers import served
+from can_helpers import read, served
 from canopen.sdo.exceptions import SdoAbortedError
 from daq_helpers import START
 from emulated_ports import Ramp
@@ -81,7 +81,8 @@ def test_an_adapter_answers_as_adapters_do() -> None:
     host = os.open(emulated.port, os.O_RDWR | os.O_NOCTTY)
     os.write(host, b"\rV\rN\rF\rt0000\rS8\rO\rt0000\rT000000010\rt9\rq\r")
     emulated.serve()
-    assert os.read(host, 200) == b"\rV1013\rN0042\rF00\r\x07\r\rz\rZ\r\x07\x07"
+    expected = b"\rV1013\rN0042\rF00\r\x07\r\rz\rZ\r\x07\x07"
+    assert read(host, len(expected)) == expected
     os.close(host)
     emulated.close()
     emulated.serve()  # unplugged: does nothing
