@@ -261,6 +261,7 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
         extra=event.only(extra) if len(extra) else None,
         trend=trend_of(now.modes.tracks(found), now.rms, earlier),
         devices=now.lateness.devices,
+        wander=now.lateness.delays.wander,
         faults={c: fault for c, fault in _given_up(now).items() if not before or c not in _given_up(before)},
         steady=is_steady(now.modes, reference.scatter, now.rms, now.temperature),
     )

@@ -78,6 +78,7 @@ def explain_windows(
         extra=extra,
         trend=trend_of(modes, now.rms, (reference.windows, before.rms)),
         devices=windows.devices,
+        wander=windows.delays.wander,
         faults={c: fault for c, fault in now.faults.items() if c not in there and c not in before.faults},
     )
     event = reference.mean_of(stack_tracks(heard, tracks))
@@ -97,7 +98,9 @@ def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexAr
     heard = windows.heard(reference.delays) or windows.estimates
     event = reference.mean_of(stack_tracks(heard, tracks))
     try:
-        return health_result(sensor_health(reference, event, Circumstances(devices=windows.devices)))
+        return health_result(
+            sensor_health(reference, event, Circumstances(devices=windows.devices, wander=windows.delays.wander))
+        )
     except ValueError:
         return {}
 

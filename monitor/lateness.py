@@ -13,6 +13,7 @@ from oma import ModalEstimate
 from updater import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, remove_delays
 
 Delays = Mapping[str, float]
+_NEWS = 3.0  # times what is not known of a device's delay, from where on it is news
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +26,21 @@ class InTime:
     delays: DeviceDelays = NO_DELAYS  #: in all, that the windows share
 
     def heard(self, known: DeviceDelays) -> tuple[ModalEstimate, ...] | None:
-        """Return the windows with what devices are late by beyond known constants; None if none of these is known.
+        """Return the windows with what devices are late by beyond known constants; None if none of them is.
 
-        The mean over the windows is put back, not each window's wander about it.
+        The mean over the windows is put back, not each window's wander about it; and only where that wander does not
+        explain it for every device: the noise of a host's clock is no evidence, but would spoil the shapes.
         """
-        news = {
-            d: float(np.mean([r[d] for r in self.removed])) - late for d, late in known.seconds.items() if self._has(d)
-        }
-        if not news:
+        news, astray = self._beyond(known), known.astray(self.delays.wander)
+        if all(abs(late) <= _NEWS * astray[device] for device, late in news.items()):
             return None
         back = dict.fromkeys(self.devices.values(), 0.0) | {d: -late for d, late in news.items()}
         return tuple(remove_delays(e, self.devices, back) for e in self.estimates)
+
+    def _beyond(self, known: DeviceDelays) -> dict[str, float]:
+        """Return what each device is late by beyond its constant [s], the mean over the windows."""
+        mean = {d: float(np.mean([r[d] for r in self.removed])) for d in known.seconds if self._has(d)}
+        return {d: late - known.seconds[d] for d, late in mean.items()}
 
     def _has(self, device: str) -> bool:
         return bool(self.removed) and all(device in window for window in self.removed)
@@ -47,25 +52,18 @@ NOT_LATE = InTime(())
 def in_time(estimates: Sequence[ModalEstimate], removed: Sequence[Delays], devices: Mapping[str, str]) -> InTime:
     """Take devices' delays out of the windows of one state.
 
-    Identification has removed what it saw of them in each window; here all windows lose the same first, the median.
-
     Parameters
     ----------
     estimates, removed : of each window: modes, and device -> what has been taken out of them already [s]
     devices : of each channel
     """
-    typical = {d: float(np.median([r.get(d, 0.0) for r in removed])) for d in sorted(set(devices.values()))}
-    alike = [
-        remove_delays(e, devices, {d: late - r.get(d, 0.0) for d, late in typical.items()})
-        for e, r in zip(estimates, removed, strict=True)
-    ]
-    shared = learn_delays(alike, devices)
-    late = [estimate_delays(e, devices, shared) for e in alike]
+    shared = learn_delays(estimates, devices, removed)
+    late = [estimate_delays(e, devices, shared.beyond(r)) for e, r in zip(estimates, removed, strict=True)]
     return InTime(
-        estimates=tuple(remove_delays(e, devices, tau) for e, tau in zip(alike, late, strict=True)),
+        estimates=tuple(remove_delays(e, devices, tau) for e, tau in zip(estimates, late, strict=True)),
         devices=devices,
-        removed=tuple({d: typical[d] + seconds for d, seconds in tau.items()} for tau in late),
-        delays=shared.beyond({d: -late for d, late in typical.items()}),
+        removed=tuple({d: r.get(d, 0.0) + tau[d] for d in tau} for r, tau in zip(removed, late, strict=True)),
+        delays=shared,
     )
 
 

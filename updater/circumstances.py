@@ -42,6 +42,7 @@ class Circumstances:
     trend: Trend | None = None
     devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
     faults: Mapping[str, str] = field(default_factory=dict)  #: channel given up in most windows -> what is wrong
+    wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
     steady: bool = True  #: whether the event's windows are of one state (`updater.steadiness`)
 
 

@@ -173,7 +173,11 @@ def compare(
     # components that err together are so much less data: each is believed less, all together as much as they are worth
     overdispersion = reference.scatter.shape_overdispersion
     spread = np.where(shaped[:, None], event.shape_std, 0.0) ** 2 + base.shape_std**2
-    own = overdispersion * spread + SHAPE_BIAS**2 + (_blurred(reference, event)[:, None] * before) ** 2
+    own = (
+        overdispersion * spread
+        + SHAPE_BIAS**2
+        + (_blurred(event, max(reference.delays.wander, circumstances.wander))[:, None] * before) ** 2
+    )
     at_channels = reference.at_channels(event.channels)
     expected = at_channels[:, reference.paired[tracks]].T
     return Comparison(
@@ -249,12 +253,12 @@ def shaken(at: FloatArray, frequency: FloatArray) -> FloatArray:
     return np.asarray(1 / np.where(np.abs(gap) < _NARROW, np.copysign(_NARROW, gap), gap))
 
 
-def _blurred(reference: Reference, event: ModalMean) -> FloatArray:
-    """Return the share of a shape's component (n,) that a clock's wander takes, here and there: 1 - cos(omega tau).
+def _blurred(event: ModalMean, wander: float) -> FloatArray:
+    """Return the share of a shape's component (n,) that a clock's wander [s] takes, here and there: 1 - cos(omega tau).
 
     What a window's delay strays by is also what it strays by within the window, which no constant delay mends.
     """
-    return np.asarray(1 - np.cos(2 * np.pi * np.exp(event.log_frequency) * reference.delays.wander))
+    return np.asarray(1 - np.cos(2 * np.pi * np.exp(event.log_frequency) * wander))
 
 
 def _whitener(covariance: FloatArray) -> Whitener:

@@ -6,7 +6,7 @@ cable, its place on the bus); what is left beside it is the wander of the fit of
 window to window. The baseline teaches both: the constants, and how far windows stray from them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from oma import ComplexArray, ModalEstimate
 
 _ITERATIONS = 8
 _LEAST_STD = 1e-6  # of a shape's entry, whatever is stated
+_ASTRAY = 3.0  # times their wander: what the mean of a stretch of time may differ by from that of another
 _LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
 
 
@@ -28,9 +29,22 @@ class DeviceDelays:
     wander: float  #: standard deviation of a window's delay about the constant [s]
     noise_factor: float  #: real over stated standard deviation of phases [-]
 
+    def astray(self, wander: float = 0.0) -> dict[str, float]:
+        """Return by how much a device may differ from its constant [s], in the mean of a stretch of time of its own.
+
+        Clocks wander as a random walk does: the means of two stretches of time that follow each other differ by twice
+        what windows stray within one, however many these are; and the host may be busier in the one.
+
+        Parameters
+        ----------
+        wander : of that stretch [s], where it is more than the baseline's: a busy host reads its ports late
+        """
+        late = _ASTRAY * max(self.wander, wander)
+        return {name: float(np.hypot(self.std.get(name, 0.0), late)) for name in self.seconds}
+
     def beyond(self, removed: Mapping[str, float]) -> "DeviceDelays":
         """Return what is left of them where delays [s] have been removed already."""
-        return replace(self, seconds={name: late - removed[name] for name, late in self.seconds.items()})
+        return replace(self, seconds={name: late - removed.get(name, 0.0) for name, late in self.seconds.items()})
 
 
 NO_DELAYS = DeviceDelays(seconds={}, std={}, wander=0.0, noise_factor=1.0)
@@ -53,8 +67,7 @@ def estimate_delays(
     """Return the delay of each device [s], relative to their mean.
 
     Least squares on phase(i, c) = theta_i - 2 pi f_i tau_device(c) modulo pi, weighted by amplitude over its standard
-    deviation; right for delays (or, with constants known, deviations from them) under a quarter period of the
-    highest mode.
+    deviation; right for delays, or deviations from known constants, under a quarter period of the highest mode.
 
     Parameters
     ----------
@@ -66,19 +79,31 @@ def estimate_delays(
     return dict(zip(fit.names, fit.delay.tolist(), strict=True))
 
 
-def learn_delays(estimates: Sequence[ModalEstimate], devices: Mapping[str, str]) -> DeviceDelays:
+def learn_delays(
+    estimates: Sequence[ModalEstimate], devices: Mapping[str, str], removed: Sequence[Mapping[str, float]] = ()
+) -> DeviceDelays:
     """Return the constant delays that the windows of a baseline share, and how far these stray from them.
 
     A window's delays are the constants, its clocks' wander, and the noise of its phases; the variance of the wander is
     what the windows scatter beyond that noise (DerSimonian & Laird 1986, moments of a random-effects model). Devices
     that some windows lack have no constant.
+
+    Parameters
+    ----------
+    estimates : modes of each window
+    devices : channel name -> device name
+    removed : of each window, device -> what has been taken out of its modes already [s]; nothing where it is empty
     """
-    fits = [_fit(e, devices, NO_DELAYS) for e in estimates]
+    removed = removed or ({},) * len(estimates)
+    typical = _typical(sorted(set(devices.values())), removed)
+    fits = [_fit(e, devices, typical.beyond(r)) for e, r in zip(estimates, removed, strict=True)]
     everywhere = sorted(set.intersection(*(set(fit.names) for fit in fits)))
     if len(everywhere) < 2:
         return NO_DELAYS
     pick = [[fit.names.index(name) for name in everywhere] for fit in fits]
-    delay = np.array([fit.delay[p] - fit.delay[p].mean() for fit, p in zip(fits, pick, strict=True)])
+    before = np.array([[r.get(name, 0.0) for name in everywhere] for r in removed])
+    delay = before + np.array([fit.delay[p] for fit, p in zip(fits, pick, strict=True)])
+    delay = delay - delay.mean(1, keepdims=True)
     noise_factor2 = sum(f.misfit for f in fits) / max(sum(f.degrees_of_freedom for f in fits), 1)
     free = len(everywhere) - 1  # delays are relative to their mean
     noise = noise_factor2 * np.array([np.trace(f.covariance) / free for f in fits])
@@ -95,7 +120,14 @@ def learn_delays(estimates: Sequence[ModalEstimate], devices: Mapping[str, str])
     )
 
 
+def _typical(names: Sequence[str], removed: Sequence[Mapping[str, float]]) -> DeviceDelays:
+    """Return delays to begin at, which draw to nothing: the medians of what has been removed."""
+    median = {name: float(np.median([r.get(name, 0.0) for r in removed])) for name in names}
+    return replace(NO_DELAYS, seconds=median, wander=float("inf"))
+
+
 def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> _Fit:
+    """Fit delays from the constants and from none, as phases repeat; return what costs less."""
     names = tuple(sorted({devices[c] for c in estimate.channels}))
     column = np.array([names.index(devices[c]) for c in estimate.channels])
     n_modes, n_channels = estimate.shape.shape
@@ -107,24 +139,34 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
     design[row, np.repeat(np.arange(n_modes), n_channels)] = 1
     design[row, n_modes + np.tile(column, n_modes)] = -np.repeat(estimate.frequency, n_channels) * 2 * np.pi * unit
     prior, start = _prior(names, known)
-    solution = np.r_[np.zeros(n_modes), start / unit]
+    constant = np.r_[np.zeros(n_modes), start / unit]
     rows = np.pad(prior * unit * known.noise_factor, ((0, 0), (n_modes, 0)))
-    matrix = np.concatenate([design * weight[:, None], rows])
-    for _ in range(_ITERATIONS):
-        residual = np.angle(estimate.shape).ravel() - design @ solution
-        residual = (residual + np.pi / 2) % np.pi - np.pi / 2
-        target = np.r_[residual * weight, rows @ (np.r_[np.zeros(n_modes), start / unit] - solution)]
-        solution = solution + np.linalg.lstsq(matrix, target, rcond=1e-8)[0]
-    delay = solution[n_modes:] * unit
+    inverse = np.linalg.pinv(np.concatenate([design * weight[:, None], rows]), rcond=1e-8)
+
+    def off(solution: FloatArray) -> FloatArray:
+        residual = (np.angle(estimate.shape).ravel() - design @ solution + np.pi / 2) % np.pi - np.pi / 2
+        return np.concatenate([residual * weight, rows @ (constant - solution)])
+
+    solution = min(
+        (_settled(inverse, off, start) for start in (constant, np.zeros(len(constant)))),
+        key=lambda end: float((off(end) ** 2).sum()),
+    )
     centre = np.eye(len(names)) - 1 / len(names)
-    covariance = np.linalg.pinv(matrix.T @ matrix, rcond=1e-12, hermitian=True)[n_modes:, n_modes:] * unit**2
     return _Fit(
         names=names,
-        delay=centre @ delay,
-        covariance=centre @ covariance @ centre,
-        misfit=float(((residual * weight) ** 2).sum()),
+        delay=centre @ solution[n_modes:] * unit,
+        covariance=centre @ (inverse @ inverse.T)[n_modes:, n_modes:] @ centre * unit**2,
+        misfit=float((off(solution)[: len(weight)] ** 2).sum()),
         degrees_of_freedom=max(len(weight) - n_modes - len(names) + 1, 0),
     )
+
+
+def _settled(inverse: FloatArray, off: Callable[[FloatArray], FloatArray], start: FloatArray) -> FloatArray:
+    """Return where steps of least squares end whose residuals repeat."""
+    solution = start
+    for _ in range(_ITERATIONS):
+        solution = solution + inverse @ off(solution)
+    return solution
 
 
 def _prior(names: tuple[str, ...], known: DeviceDelays) -> tuple[FloatArray, FloatArray]:

@@ -12,7 +12,6 @@ from updater.shape_errors import beside, shape_covariances
 from updater.statistics import ModalMean, Scatter
 
 _PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
-_ASTRAY = 2.0  # times their wander: what devices may be late by beyond the baseline's mean
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
 
 
@@ -48,16 +47,10 @@ def lags_of(
 
 
 def unsure_of(reference: Reference, base: ModalMean, event: ModalMean, circumstances: Circumstances) -> FloatArray:
-    """Return imaginary parts (n_devices, n, n_channels) by what is not known of each device's delay: its wander.
-
-    Clocks wander as a random walk does: the means of two stretches of time that follow each other differ by twice what
-    windows stray within one, however many these are.
-    """
-    delays = reference.delays
+    """Return imaginary parts (n_devices, n, n_channels) by what is not known of each device's delay."""
     owner = [circumstances.devices.get(c) for c in event.channels]
     found = []
-    for device, std in delays.std.items():
-        late = np.hypot(std, _ASTRAY * delays.wander)
+    for device, late in reference.delays.astray(circumstances.wander).items():
         members = np.array([float(name == device) for name in owner])
         found.append(-2 * np.pi * np.exp(base.log_frequency)[:, None] * late * base.shape * members)
     return np.array(found).reshape(-1, *base.shape.shape)
