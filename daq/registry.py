@@ -1,17 +1,30 @@
 """Drivers by name; nothing is imported until asked for."""
 
+from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
 
 from daq.can_address import OURS, CanAddress
 from daq.drivers.base import Driver
 
-#: name -> (where it is, what its devices are connected to)
-_DRIVERS: dict[str, tuple[str, type]] = {
-    "epson-can": ("daq.drivers.epson_can:EpsonCan", CanAddress),
-    "epson-uart": ("daq.drivers.epson_uart:EpsonUart", str),
+Place = str | CanAddress  #: what a device is connected to: a serial port, or a node on a bus
+_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can"}  # what a kind of place is called in the settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverKind:
+    """A row of the table of drivers."""
+
+    where: str  #: module:class, made of (place, rate)
+    place: type  #: of what its devices are connected to
+
+
+_DRIVERS = {
+    "epson-can": DriverKind(where="daq.drivers.epson_can:EpsonCan", place=CanAddress),
+    "epson-uart": DriverKind(where="daq.drivers.epson_uart:EpsonUart", place=str),
 }
-_GROUP = "modalwatch.drivers"
+_GROUP = "modalwatch.drivers"  # of entry points: drivers of others
 
 
 def driver_names() -> tuple[str, ...]:
@@ -24,30 +37,48 @@ def can_interfaces() -> tuple[str, ...]:
     return tuple(sorted({OURS, *import_module("can.interfaces").BACKENDS}))
 
 
-def make_driver(name: str, place: str | CanAddress, rate: float) -> Driver:
+def make_driver(name: str, place: Place, rate: float) -> Driver:
     """Return an unopened driver.
 
     Parameters
     ----------
-    name : of the driver
+    name : of the driver; one of ours is never replaced by a plug-in
     place : path of a serial port, or node on a CAN bus
     rate : scans a second [Hz]
 
     Raises
     ------
     ValueError
-        If there is no such driver, its devices are not found at such a place, or it has no such rate.
+        If there is no such driver, its devices are not found at such a place, or it has no such rate; or if a plug-in
+        cannot be loaded or is no driver.
     """
     if name in _DRIVERS:
-        path, kind = _DRIVERS[name]
-        if not isinstance(place, kind):
-            expected, found = ("can", "port") if kind is CanAddress else ("port", "can")
-            raise ValueError(f"driver {name}: expected `{expected}`, found `{found}`: {place}")
-        module, _, attribute = path.partition(":")
-        make = getattr(import_module(module), attribute)
+        make = _own(name, place)
     elif name in entry_points(group=_GROUP).names:
-        make = entry_points(group=_GROUP)[name].load()
+        make = _plugged_in(entry_points(group=_GROUP)[name])
     else:
         raise ValueError(f"driver: expected one of {', '.join(driver_names())}, found {name!r}")
     driver: Driver = make(place, rate)
     return driver
+
+
+def _own(name: str, place: Place) -> Any:  # noqa: ANN401 - a class of any driver
+    kind = _DRIVERS[name]
+    if not isinstance(place, kind.place):
+        raise ValueError(
+            f"driver {name}: expected `{_SETTINGS[kind.place]}`, found `{_SETTINGS[type(place)]}`: {place}"
+        )
+    module, _, attribute = kind.where.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def _plugged_in(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of any driver
+    """Return what an entry point names; `Driver` says what its objects must have."""
+    try:
+        found = entry.load()
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"driver {entry.name}: {entry.value} cannot be loaded: {error}") from error
+    lacking = [what for what in ("open", "read", "close") if not callable(getattr(found, what, None))]
+    if lacking:
+        raise ValueError(f"driver {entry.name}: {entry.value} is no driver: it has no {', '.join(lacking)}")
+    return found

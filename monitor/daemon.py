@@ -21,6 +21,7 @@ from daq import (
     LogWriter,
     ScaledClock,
     SystemClock,
+    driver_names,
     make_driver,
 )
 from monitor.errors import SettingsError, StartError
@@ -61,11 +62,16 @@ def load_site(path: Path) -> Site:
     Raises
     ------
     SettingsError, StructureError
-        Naming file and key; also if a channel is not a sensor of the structure.
+        Naming file and key; also if a channel is not a sensor of the structure, or there is no such driver.
     """
     settings = load_settings(path)
     structure_path = path.parent / settings.structure
     structure = load_structure(structure_path)
+    for device in settings.device:
+        if device.driver not in (drivers := driver_names()):
+            raise SettingsError(
+                path, f"device {device.name!r}: driver: expected one of {', '.join(drivers)}, found {device.driver!r}"
+            )
     for channel in settings.channels:
         if channel.name not in structure.channels:
             known = ", ".join(structure.channels)

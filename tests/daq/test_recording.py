@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from daq_helpers import START, make_block
 
-from daq import Block, Channel, IntArray, Recording, driver_names, make_driver
+from daq import Block, Channel, IntArray, Recording
 
 CHANNELS = (Channel(name="x", device="a", axis=0), Channel(name="y", device="a", axis=1))
 
@@ -43,33 +43,3 @@ def test_recording_refuses_a_rate_that_is_none(rate: float) -> None:
 def test_recording_knows_its_end() -> None:
     assert recording().duration == 2.5
     assert recording().end == START + 2_500_000_000
-
-
-class PluggedIn:
-    """A driver that an installed package brings."""
-
-    def __init__(self, port: str, rate: float) -> None:
-        self.port, self.rate = port, rate
-
-
-class Entry:
-    """An entry point of it."""
-
-    def load(self) -> type[PluggedIn]:
-        return PluggedIn
-
-
-class Entries(dict[str, Entry]):
-    """Entry points of a group by name."""
-
-    @property
-    def names(self) -> set[str]:
-        return set(self)
-
-
-def test_installed_driver_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daq.registry.entry_points", lambda group: Entries({group + ".mine": Entry()}))
-    assert driver_names() == ("epson-can", "epson-uart", "modalwatch.drivers.mine")
-    driver: object = make_driver("modalwatch.drivers.mine", "COM3", 42.0)
-    assert isinstance(driver, PluggedIn)
-    assert (driver.port, driver.rate) == ("COM3", 42.0)
