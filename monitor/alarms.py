@@ -1,29 +1,128 @@
-"""When a window's novelty becomes an alarm: a pure state machine."""
+"""When windows beyond the limit become an alarm, and when it ends: a pure state machine."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
 
 State = Literal["normal", "watch", "alarm"]
+Condition = Literal["normal", "watch", "alarm", "acknowledged", "latched"]
+Kind = Literal["state", "acknowledged", "latched", "reopened", "flapping", "steady"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlarmRules:
+    """What raises an alarm, what clears it, and how often that is told."""
+
+    hold_windows: int = 2  #: windows in a row over the limit that raise it
+    clear_windows: int = 2  #: calm windows in a row that clear it
+    clear_ratio: float = 1.0  #: a window is calm under this share of the limit; between the two it decides nothing [-]
+    latch: bool = False  #: whether an alarm stands until it is acknowledged, calm or not
+    cooldown: int = 0  #: an alarm raised again this soon after its end goes on instead of being a new one [ns]
+    flapping_changes: int = 6  #: alarms raised and cleared within `flapping_span` from which on it flaps
+    flapping_span: int = 0  #: [ns]
+
+    def __post_init__(self) -> None:
+        """Refuse rules by which an alarm could never be raised or never end."""
+        for name in ("hold_windows", "clear_windows", "flapping_changes"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected at least 1, found {getattr(self, name)}")
+        if not 0 < self.clear_ratio <= 1:
+            raise ValueError(f"clear_ratio: expected more than 0, at most 1, found {self.clear_ratio}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What a window or a person changed."""
+
+    kind: Kind  #: "state": what `state` says; others leave or repeat it
+    state: State  #: from now on
+    lasted: int | None = None  #: of an alarm that ends: from when it was raised [ns]
+    quiet: bool = False  #: nobody need be woken: it flaps, or goes on
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
-    """State after some windows."""
+    """Condition after some windows.
 
-    hold_windows: int  #: windows in a row that raise it, and that clear it
-    state: State = "normal"
-    run: int = 0  #: windows in a row that speak against the present state
+    `acknowledged`: raised, and a person knows. `latched`: over, but a person must say so. Both are the state "alarm".
+    """
 
-    def consider(self, *, over: bool) -> "Alarm":
-        """Return the state after one more window, whose novelty was over its limit or not.
+    rules: AlarmRules
+    condition: Condition = "normal"
+    run: int = 0  #: windows in a row that speak against the present condition
+    raised: int | None = None  #: when the present or last alarm was [ns UTC]
+    cleared: int | None = None  #: when the last alarm was [ns UTC]
+    flips: tuple[int, ...] = ()  #: when alarms were raised and cleared of late [ns UTC]
+    flapping: bool = False
 
-        The first window over the limit puts a normal structure under watch; `hold_windows` in a row raise the alarm;
-        as many in a row under the limit clear it. A watch is over with the first window under the limit.
+    @property
+    def state(self) -> State:
+        """What the structure is to be taken for."""
+        return self.condition if self.condition in ("normal", "watch") else "alarm"
+
+    def consider(self, time: int, level: float) -> tuple["Alarm", tuple[Change, ...]]:
+        """Return the condition after one more window, and what it changed.
+
+        Parameters
+        ----------
+        time : end of the window [ns UTC]; not before that of the last one
+        level : its novelty over the limit [-]; not-a-number decides nothing, but breaks every run
         """
-        if self.state == "alarm":
-            run = 0 if over else self.run + 1
-            return replace(self, state="normal" if run >= self.hold_windows else "alarm", run=run % self.hold_windows)
+        over, calm = level > 1, level < self.rules.clear_ratio
+        if self.condition in ("normal", "watch"):
+            after, changes = self._rise(time, over=over, calm=calm)
+        elif self.condition == "latched":
+            after, changes = self._relapse(over=over)
+        else:
+            after, changes = self._fall(time, calm=calm)
+        return after._look_for_flapping(time, changes)
+
+    def acknowledge(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
+        """Return the condition once a person has said that they know; nothing changes where there is no alarm."""
+        if self.condition == "alarm":
+            return replace(self, condition="acknowledged"), (Change(kind="acknowledged", state="alarm"),)
+        if self.condition == "latched":
+            after, changes = self._clear(time)
+            return after._look_for_flapping(time, changes)
+        return self, ()
+
+    def _rise(self, time: int, *, over: bool, calm: bool) -> tuple["Alarm", tuple[Change, ...]]:
         run = self.run + 1 if over else 0
-        if run >= self.hold_windows:
-            return replace(self, state="alarm", run=0)
-        return replace(self, state="watch" if over else "normal", run=run)
+        if run >= self.rules.hold_windows:
+            return self._raise(time)
+        stays = not over and not calm
+        condition = self.condition if stays else "watch" if over else "normal"
+        after = replace(self, condition=condition, run=run)
+        said = () if condition == self.condition else (Change(kind="state", state=after.state),)
+        return after, said
+
+    def _raise(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
+        again = self.cleared is not None and time - self.cleared < self.rules.cooldown
+        raised = self.raised if again else time
+        after = replace(self, condition="alarm", run=0, raised=raised, flips=(*self.flips, time))
+        return after, (Change(kind="reopened" if again else "state", state="alarm", quiet=again or self.flapping),)
+
+    def _fall(self, time: int, *, calm: bool) -> tuple["Alarm", tuple[Change, ...]]:
+        run = self.run + 1 if calm else 0
+        if run < self.rules.clear_windows:
+            return replace(self, run=run), ()
+        if self.rules.latch and self.condition == "alarm":
+            return replace(self, condition="latched", run=0), (Change(kind="latched", state="alarm"),)
+        return self._clear(time)
+
+    def _clear(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
+        after = replace(self, condition="normal", run=0, cleared=time, flips=(*self.flips, time))
+        lasted = None if self.raised is None else time - self.raised
+        return after, (Change(kind="state", state="normal", lasted=lasted, quiet=self.flapping),)
+
+    def _relapse(self, *, over: bool) -> tuple["Alarm", tuple[Change, ...]]:
+        run = self.run + 1 if over else 0
+        if run < self.rules.hold_windows:
+            return replace(self, run=run), ()
+        return replace(self, condition="alarm", run=0), (Change(kind="reopened", state="alarm", quiet=True),)
+
+    def _look_for_flapping(self, time: int, changes: tuple[Change, ...]) -> tuple["Alarm", tuple[Change, ...]]:
+        flips = tuple(flip for flip in self.flips if time - flip < self.rules.flapping_span)
+        flapping = len(flips) >= self.rules.flapping_changes
+        if flapping != self.flapping:
+            changes = (*changes, Change(kind="flapping" if flapping else "steady", state=self.state))
+        return replace(self, flips=flips, flapping=flapping), changes

@@ -25,6 +25,7 @@ from daq import (
     make_driver,
 )
 from monitor.errors import SettingsError, StartError
+from monitor.inbox import taken
 from monitor.live import LiveView
 from monitor.results import (
     TOPIC_ALARM,
@@ -54,6 +55,11 @@ class Site:
     def folder(self) -> Path:
         """Folder that relative paths in the settings start from."""
         return self.path.parent
+
+    @property
+    def state(self) -> Path:
+        """Folder for what outlives a run."""
+        return self.folder / self.settings.state
 
 
 def load_site(path: Path) -> Site:
@@ -141,6 +147,8 @@ def run(
         readers = _start_readers(settings, clock, log)
         while not stop.is_set():
             _report(worker, log, on_result, clock)
+            for topic, payload in taken(site.state):
+                log.put(Event(topic=topic, time=clock.now(), payload=payload))
         for reader in readers:
             reader.stop()
         for reader in readers:

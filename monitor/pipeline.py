@@ -1,5 +1,6 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -7,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from daq import Assembler, Block, Event, FloatArray, Recording
-from monitor.alarms import Alarm
+from monitor.alarm_words import acknowledged_said, change_said
+from monitor.alarms import Alarm, Change
 from monitor.describe import (
     increment_result,
     mass_answer,
@@ -17,10 +19,11 @@ from monitor.describe import (
 )
 from monitor.explaining import Seen, explain_windows, seen_in, sensors_seen
 from monitor.fusion import choose_tracks
+from monitor.inbox import TOPIC_ACKNOWLEDGE
 from monitor.lateness import InTime, in_time, without_known
 from monitor.results import AlarmResult, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
-from monitor.words import alarm_text, is_one_mass
+from monitor.words import is_one_mass
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
 from updater import (
     NO_DELAYS,
@@ -79,7 +82,7 @@ class Pipeline:
             window_seconds=analysis.window_seconds,
             step_seconds=analysis.window_seconds * (1 - analysis.overlap),
         )
-        self._alarm = Alarm(hold_windows=settings.alarm.hold_windows)
+        self._alarm = Alarm(rules=settings.alarm.rules)
         self._n_windows = 0
         self._baseline: list[_Window] = []
         self._watch: _Watch | None = None
@@ -89,6 +92,8 @@ class Pipeline:
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Take one item in the log's order; yield what it lets be said."""
+        if isinstance(item, Event) and item.topic == TOPIC_ACKNOWLEDGE:
+            yield from self._acknowledge(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
         for recording in windows:
             yield from self._analyse(recording)
@@ -154,7 +159,8 @@ class Pipeline:
     def _judge(self, window: _Window, watch: _Watch) -> Iterator[Result]:
         score = judge(window.estimate, watch, self._settings.window_false_alarm_probability)
         over = score.t2 > score.limit
-        before, self._alarm = self._alarm, self._alarm.consider(over=over)
+        level = score.t2 / score.limit if score.modes else math.nan
+        self._alarm, changes = self._alarm.consider(window.recording.end, level)
         self._out = [*self._out, window] if over else []
         self._calm = [] if over else [*self._calm, window]
         result = self._result(window, watch).model_copy(update={"novelty": score, "phase": self._phase()})
@@ -166,8 +172,24 @@ class Pipeline:
             tracks = [watch.tracker.assign(w.estimate) for w in calm]
             result = result.model_copy(update={"sensors": sensors_seen(watch.reference, lateness, tracks)})
         yield result
-        if self._alarm.state != before.state:
-            yield self._said(window, alarm_text(self._alarm.state, result, watch.reference.calibration.model.nodes))
+        nodes = watch.reference.calibration.model.nodes
+        yield from (self._changed(window.recording.end, c, change_said(c, result, nodes)) for c in changes)
+
+    def _acknowledge(self, event: Event) -> Iterator[Result]:
+        """Obey a person who knows of the alarm."""
+        self._alarm, changes = self._alarm.acknowledge(event.time)
+        yield from (self._changed(event.time, change, acknowledged_said(change, event.payload)) for change in changes)
+
+    def _changed(self, time: int, change: Change, text: str) -> AlarmResult:
+        return AlarmResult(
+            time=time,
+            state=change.state,
+            text=text,
+            window=max(0, self._n_windows - 1),
+            kind=change.kind,
+            lasted=None if change.lasted is None else change.lasted * 1e-9,
+            quiet=change.quiet,
+        )
 
     def _explain(self, watch: _Watch) -> dict[str, Any]:
         """Explain by the windows that begin after the first one over the limit: that one may hold both states.

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from monitor.alarms import Kind, State
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from updater import Diagnosis
 
@@ -179,9 +180,17 @@ class ReferenceResult(_Result):
 
 
 class AlarmResult(_Result):
-    """A transition of the alarm."""
+    """A change of the alarm."""
 
-    time: int  #: end of the window that caused it [ns UTC]
-    state: Literal["normal", "watch", "alarm"]
+    time: int  #: end of the window that caused it, or when a person acknowledged it [ns UTC]
+    state: State  #: from now on
     text: str
-    window: Annotated[int, Field(ge=0)]
+    window: Annotated[int, Field(ge=0)]  #: the last one analysed by then
+    kind: Kind = "state"  #: what happened, if not just that
+    lasted: float | None = None  #: of an alarm that ends [s]
+    quiet: bool = False  #: nobody need be woken: it flaps, or goes on
+
+    @property
+    def raised(self) -> bool:
+        """Tell whether this is an alarm's beginning."""
+        return self.state == "alarm" and self.kind == "state"

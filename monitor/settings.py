@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from daq import CanAddress, Channel, can_interfaces
+from monitor.alarms import AlarmRules
 from monitor.errors import SettingsError
 
 Positive = Annotated[float, Field(gt=0)]
@@ -77,7 +78,26 @@ class AlarmSettings(_Section):
     """When to wake somebody."""
 
     false_alarms_per_year: Positive = 1.0
-    hold_windows: Annotated[int, Field(ge=1)] = 2  #: windows in a row over the limit
+    hold_windows: Annotated[int, Field(ge=1)] = 2  #: windows in a row over the limit that raise it
+    clear_windows: Annotated[int, Field(ge=1)] = 2  #: calm windows in a row that clear it
+    clear_ratio: Annotated[float, Field(gt=0, le=1)] = 0.8  #: a window is calm under this share of the limit
+    latch: bool = False  #: whether an alarm stands until it is acknowledged
+    cooldown_minutes: Annotated[float, Field(ge=0)] = 60.0  #: raised again this soon, an alarm goes on
+    flapping_changes: Annotated[int, Field(ge=3)] = 6  #: alarms raised and cleared within ...
+    flapping_hours: Annotated[float, Field(ge=0)] = 24.0  #: ... this time, from which on nobody is woken by them
+
+    @property
+    def rules(self) -> AlarmRules:
+        """The same for the state machine."""
+        return AlarmRules(
+            hold_windows=self.hold_windows,
+            clear_windows=self.clear_windows,
+            clear_ratio=self.clear_ratio,
+            latch=self.latch,
+            cooldown=round(self.cooldown_minutes * 60e9),
+            flapping_changes=self.flapping_changes,
+            flapping_span=round(self.flapping_hours * 3600e9),
+        )
 
 
 class ViewerSettings(_Section):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq import FloatArray
-from monitor.alarms import State
 from monitor.discrepancy import SensorBeside
 from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
@@ -174,18 +173,6 @@ def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:
         return "one-step update flags no node"
     x, y, z = nodes[increments.flagged[0].node]
     return f"one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
-
-
-def alarm_text(state: State, result: WindowResult, nodes: FloatArray) -> str:
-    """Say why the alarm changed its state, and where, at nodes (n_nodes, 3) [m] of the reference."""
-    score = result.novelty
-    figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
-    if state == "alarm":
-        found = [change_text(result.diagnosis)] if result.diagnosis else []
-        found += [increment_text(result.increments, nodes)] if result.increments else []
-        where = f": {'; '.join(found)}" if found else "; where, the next windows will tell"
-        return f"ALARM: the structure has changed ({figures}){where}"
-    return f"over the limit once: {figures}" if state == "watch" else f"back to normal: {figures}"
 
 
 def utc(time: int, *, date: bool = True) -> str:

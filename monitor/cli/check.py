@@ -56,7 +56,8 @@ def _say_plan(site: Site) -> None:
     console.print(f"baseline:  {analysis.baseline_windows} windows, {learning:.2g} h")
     console.print(
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
-        f"after {settings.alarm.hold_windows} windows over the limit"
+        f"after {settings.alarm.hold_windows} windows over the limit; "
+        f"over after {settings.alarm.clear_windows} calm ones" + (", once acknowledged" if settings.alarm.latch else "")
     )
     console.print(f"log:       {escape(str(folder))}, {free / 1e9:.1f} GB free", soft_wrap=True)
 

@@ -63,6 +63,18 @@ def run(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
 
 
 @app.command()
+def acknowledge(
+    site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
+    by: Annotated[str, typer.Option(help="Who knows of the alarm.")] = "",
+    note: Annotated[str, typer.Option(help="What they know.")] = "",
+) -> None:
+    """Tell a running monitor that a person knows of its alarm."""
+    from monitor.cli.watch import acknowledge_command
+
+    raise typer.Exit(acknowledge_command(site, by, note))
+
+
+@app.command()
 def replay(
     log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
     site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from monitor.daemon import load_site, run, stop_on_signals
+from monitor.inbox import Acknowledgement, leave
 from monitor.live import LiveView, live_view
 from monitor.mending import mend_logs
 from monitor.replay import replay
@@ -56,6 +57,13 @@ def run_command(path: Path) -> int:
     console.print(f"log: {report.log}", soft_wrap=True)
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
+    return 0
+
+
+def acknowledge_command(path: Path, by: str, note: str) -> int:
+    """Leave word for the monitor of a site that a person knows of its alarm."""
+    leave(load_site(path).state, Acknowledgement(by=by, note=note))
+    console.print("left for the monitor; it takes it within a second, or when it starts")
     return 0
 
 

@@ -101,7 +101,7 @@ def _facts(story: Story) -> list[tuple[str, str]]:
     judged = [w.novelty for w in story.watched if w.novelty]
     if judged:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
-    alarms = [a for a in story.alarms if a.state == "alarm"]
+    alarms = [a for a in story.alarms if a.raised]
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
     return facts
 

@@ -120,7 +120,7 @@ def _poles(axes: Axes, spectrum: Spectrum) -> None:
 
 def _alarm_line(axes: Axes, story: Story) -> None:
     for alarm in story.alarms:
-        if alarm.state == "alarm":
+        if alarm.raised:
             axes.axvline(_dates([alarm.time])[0], color=ALARM, linewidth=0.9, linestyle=":")
 
 

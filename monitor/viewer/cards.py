@@ -56,7 +56,8 @@ def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
     since = [a for a in alarms if a.time <= window.end]
     state = since[-1].state if since else "normal"
     if window.phase == "alarm":
-        return f"ALARM since {clock(since[-1].time)}" if state == "alarm" else "ALARM"
+        raised = [a for a in since if a.raised]
+        return f"ALARM since {clock(raised[-1].time)}" if raised else "ALARM"
     return "Watch: over the limit" if state == "watch" else "Normal"
 
 

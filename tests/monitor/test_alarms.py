@@ -1,52 +1,201 @@
 """The alarm as a state machine: every transition, and what no sequence may bring about."""
 
+from dataclasses import replace
+
 import pytest
-from hypothesis import given
+from hypothesis import settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from monitor.alarms import Alarm
+from monitor.alarms import Alarm, AlarmRules, Change, Condition
+
+MINUTE = 60 * 10**9
+OVER, BETWEEN, CALM, UNKNOWN = 1.5, 0.9, 0.2, float("nan")
+RULES = AlarmRules(
+    hold_windows=2,
+    clear_windows=3,
+    clear_ratio=0.8,
+    cooldown=60 * MINUTE,
+    flapping_changes=4,
+    flapping_span=999 * MINUTE,
+)
+LATCHING = replace(RULES, latch=True)
 
 
-def after(overs: list[bool], hold: int) -> Alarm:
-    alarm = Alarm(hold_windows=hold)
-    for over in overs:
-        alarm = alarm.consider(over=over)
-    return alarm
+def play(rules: AlarmRules, levels: list[float | str], step: int = 10 * MINUTE) -> tuple[Alarm, list[Change]]:
+    """Return the alarm after windows of these levels, one every `step`, and acknowledgements ("ack")."""
+    alarm = Alarm(rules=rules)
+    said: list[Change] = []
+    for i, level in enumerate(levels, 1):
+        alarm, changes = alarm.acknowledge(i * step) if isinstance(level, str) else alarm.consider(i * step, level)
+        said += changes
+    return alarm, said
+
+
+RAISED: list[float | str] = [OVER, OVER]
+LATCHED: list[float | str] = [*RAISED, CALM, CALM, CALM]
 
 
 @pytest.mark.parametrize(
-    ("overs", "state"),
+    ("rules", "levels", "condition", "run"),
     [
-        ([], "normal"),
-        ([False], "normal"),
-        ([True], "watch"),
-        ([True, False], "normal"),
-        ([True, True], "alarm"),
-        ([True, False, True], "watch"),
-        ([True, True, False], "alarm"),
-        ([True, True, False, True, False], "alarm"),
-        ([True, True, False, False], "normal"),
-        ([True, True, False, False, True], "watch"),
+        (RULES, [], "normal", 0),
+        (RULES, [CALM], "normal", 0),
+        (RULES, [BETWEEN], "normal", 0),
+        (RULES, [UNKNOWN], "normal", 0),
+        (RULES, ["ack"], "normal", 0),
+        (RULES, [OVER], "watch", 1),
+        (RULES, [OVER, "ack"], "watch", 1),
+        (RULES, [OVER, CALM], "normal", 0),
+        (RULES, [OVER, BETWEEN], "watch", 0),
+        (RULES, [OVER, UNKNOWN], "watch", 0),
+        (RULES, [OVER, BETWEEN, OVER], "watch", 1),
+        (RULES, [OVER, BETWEEN, CALM], "normal", 0),
+        (RULES, RAISED, "alarm", 0),
+        (RULES, [OVER, BETWEEN, OVER, OVER], "alarm", 0),
+        (RULES, [*RAISED, OVER], "alarm", 0),
+        (RULES, [*RAISED, CALM, CALM], "alarm", 2),
+        (RULES, [*RAISED, CALM, CALM, BETWEEN], "alarm", 0),
+        (RULES, [*RAISED, CALM, CALM, UNKNOWN], "alarm", 0),
+        (RULES, [*RAISED, CALM, CALM, OVER, CALM], "alarm", 1),
+        (RULES, [*RAISED, CALM, CALM, CALM], "normal", 0),
+        (RULES, [*RAISED, "ack"], "acknowledged", 0),
+        (RULES, [*RAISED, CALM, "ack", CALM], "acknowledged", 2),
+        (RULES, [*RAISED, "ack", "ack"], "acknowledged", 0),
+        (RULES, [*RAISED, "ack", CALM, CALM, BETWEEN], "acknowledged", 0),
+        (RULES, [*RAISED, "ack", CALM, CALM, CALM], "normal", 0),
+        (LATCHING, [*RAISED, "ack", CALM, CALM, CALM], "normal", 0),
+        (LATCHING, LATCHED, "latched", 0),
+        (LATCHING, [*LATCHED, CALM, BETWEEN, UNKNOWN], "latched", 0),
+        (LATCHING, [*LATCHED, OVER], "latched", 1),
+        (LATCHING, [*LATCHED, OVER, BETWEEN], "latched", 0),
+        (LATCHING, [*LATCHED, OVER, OVER], "alarm", 0),
+        (LATCHING, [*LATCHED, "ack"], "normal", 0),
+        (replace(RULES, hold_windows=1), [OVER], "alarm", 0),
+        (replace(RULES, clear_windows=1), [*RAISED, CALM], "normal", 0),
     ],
 )
-def test_two_windows_raise_and_two_clear(overs: list[bool], state: str) -> None:
-    assert after(overs, 2).state == state
+def test_every_transition(rules: AlarmRules, levels: list[float | str], condition: Condition, run: int) -> None:
+    alarm, _ = play(rules, levels)
+    assert (alarm.condition, alarm.run) == (condition, run)
 
 
-def test_hold_of_one_raises_at_once() -> None:
-    assert after([True], 1).state == "alarm"
-    assert after([True, False], 1).state == "normal"
+@pytest.mark.parametrize(
+    ("rules", "levels", "said"),
+    [
+        (RULES, [OVER, CALM], [("state", "watch"), ("state", "normal")]),
+        (RULES, [OVER, BETWEEN, BETWEEN], [("state", "watch")]),
+        (RULES, [*RAISED, OVER, CALM], [("state", "watch"), ("state", "alarm")]),
+        (RULES, [*RAISED, "ack", "ack"], [("state", "watch"), ("state", "alarm"), ("acknowledged", "alarm")]),
+        (LATCHING, LATCHED, [("state", "watch"), ("state", "alarm"), ("latched", "alarm")]),
+        (
+            LATCHING,
+            [*LATCHED, OVER, OVER],
+            [("state", "watch"), ("state", "alarm"), ("latched", "alarm"), ("reopened", "alarm")],
+        ),
+        (
+            LATCHING,
+            [*LATCHED, "ack"],
+            [("state", "watch"), ("state", "alarm"), ("latched", "alarm"), ("state", "normal")],
+        ),
+    ],
+)
+def test_what_is_said(rules: AlarmRules, levels: list[float | str], said: list[tuple[str, str]]) -> None:
+    assert [(change.kind, change.state) for change in play(rules, levels)[1]] == said
 
 
-@given(st.lists(st.booleans(), max_size=40), st.integers(1, 5))
-def test_alarm_holds_exactly_from_a_run_over_to_a_run_under(overs: list[bool], hold: int) -> None:
-    alarm, expected = Alarm(hold_windows=hold), False
-    for i, over in enumerate(overs):
-        alarm = alarm.consider(over=over)
-        run = overs[max(0, i + 1 - hold) : i + 1]
-        if len(run) == hold and all(run):
-            expected = True
-        elif expected and len(run) == hold and not any(run):
-            expected = False
-        assert (alarm.state == "alarm") == expected
-        assert (alarm.state == "watch") == (not expected and over)
+def test_end_says_how_long_it_lasted() -> None:
+    """Raised by the second window, cleared by the fifth: three steps later."""
+    _, said = play(RULES, [*RAISED, CALM, CALM, CALM])
+    assert said[-1] == Change(kind="state", state="normal", lasted=30 * MINUTE)
+
+
+def test_alarm_raised_again_within_the_cooldown_goes_on() -> None:
+    """It ends at 50 min; raised at 70 min it goes on, from its beginning, and wakes nobody; at 120 min it is new."""
+    soon, said = play(RULES, [*RAISED, CALM, CALM, CALM, OVER, OVER])
+    assert (said[-1], soon.raised) == (Change(kind="reopened", state="alarm", quiet=True), 20 * MINUTE)
+    late, said = play(RULES, [*RAISED, *(8 * [CALM]), OVER, OVER])
+    assert (said[-1], late.raised) == (Change(kind="state", state="alarm"), 120 * MINUTE)
+
+
+def test_flapping_is_said_once_then_quiet_then_steady() -> None:
+    """Two alarms that come and go are four changes."""
+    cycle: list[float | str] = [OVER, OVER, CALM, CALM, CALM]
+    rules = replace(RULES, cooldown=0)
+    alarm, said = play(rules, 3 * cycle)
+    assert [change.kind for change in said].count("flapping") == 1
+    assert alarm.flapping
+    assert [c.quiet for c in said if c.kind == "state" and c.state != "watch"] == [
+        False,
+        False,
+        False,
+        False,
+        True,
+        True,
+    ]
+    steady, changes = alarm.consider(150 * MINUTE + rules.flapping_span, CALM)
+    assert not steady.flapping
+    assert changes == (Change(kind="steady", state="normal"),)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("hold_windows", 0), ("clear_windows", 0), ("flapping_changes", 0), ("clear_ratio", 0.0), ("clear_ratio", 1.1)],
+)
+def test_rules_that_cannot_be(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{field}: expected"):
+        AlarmRules(**{field: value})  # type: ignore[arg-type]
+
+
+class AnySequence(RuleBasedStateMachine):
+    """An alarm beside what its whole past says by definition, through any windows and acknowledgements."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.alarm = Alarm(rules=LATCHING)
+        self.now = 0
+        self.levels: list[float] = []
+
+    @rule(level=st.sampled_from([OVER, BETWEEN, CALM, UNKNOWN]), step=st.integers(1, 100))
+    def window(self, level: float, step: int) -> None:
+        self.now += step * MINUTE
+        self.levels.append(level)
+        before = self.alarm
+        self.alarm, changes = before.consider(self.now, level)
+        if before.condition != "alarm" and self.alarm.condition == "alarm":
+            assert self.levels[-2:] == 2 * [OVER]
+        if before.state == "alarm" and self.alarm.condition in ("latched", "normal") and before.condition != "latched":
+            assert self.levels[-3:] == 3 * [CALM]
+        if before.state == "alarm" and self.alarm.state == "normal":
+            assert before.condition == "acknowledged"  # a latching alarm never ends by itself
+        said = [change for change in changes if change.kind not in ("flapping", "steady")]
+        assert len(said) == (before.condition != self.alarm.condition)
+
+    @rule()
+    def acknowledge(self) -> None:
+        before = self.alarm
+        self.alarm, changes = before.acknowledge(self.now)
+        after = {"alarm": "acknowledged", "latched": "normal"}.get(before.condition, before.condition)
+        assert self.alarm.condition == after
+        assert bool(changes) == (after != before.condition)
+
+    @precondition(lambda self: self.alarm.state == "alarm")
+    @rule()
+    def always_a_way_out(self) -> None:
+        """Whatever happened, a person and calm windows end it."""
+        alarm, _ = self.alarm.acknowledge(self.now)
+        for i in range(1, LATCHING.clear_windows + 1):
+            alarm, _ = alarm.consider(self.now + i * MINUTE, CALM)
+        assert alarm.condition == "normal"
+
+    @invariant()
+    def counts_stay_below_their_limits(self) -> None:
+        limit = {"alarm": 3, "acknowledged": 3}.get(self.alarm.condition, 2)
+        assert 0 <= self.alarm.run < limit
+        if self.alarm.state == "alarm":
+            assert self.alarm.raised is not None
+        assert all(self.now - flip < LATCHING.flapping_span for flip in self.alarm.flips)
+
+
+TestAnySequence = AnySequence.TestCase
+TestAnySequence.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)

@@ -1,0 +1,61 @@
+"""What is said of the alarm's changes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from daq import FloatArray
+from monitor.alarms import Change
+from monitor.results import WindowResult
+from monitor.words import change_text, increment_text
+
+_UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
+
+
+def change_said(change: Change, result: WindowResult, nodes: FloatArray) -> str:
+    """Say what a window changed, and where, at nodes (n_nodes, 3) [m] of the reference."""
+    score = result.novelty
+    figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
+    if change.kind == "latched":
+        return f"calm again, but the alarm stands until it is acknowledged: {figures}"
+    if change.kind in ("flapping", "steady"):
+        return _FLAPPING[change.kind]
+    if change.state == "alarm":
+        again = " still, after a pause" if change.kind == "reopened" else ""
+        return f"ALARM{again}: the structure has changed ({figures}){_where(result, nodes)}"
+    if change.state == "watch":
+        return f"over the limit once: {figures}"
+    after = "" if change.lasted is None else f" after {duration_text(change.lasted * 1e-9)} of alarm"
+    return f"back to normal{after}: {figures}"
+
+
+def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
+    """Say what a person who knows of the alarm changed; they may have left name and note."""
+    if change.kind in ("flapping", "steady"):
+        return _FLAPPING[change.kind]
+    by, note = (str(said.get(name) or "") for name in ("by", "note"))
+    who = f" by {by}" if by else ""
+    why = f": {note}" if note else ""
+    after = "" if change.lasted is None else f", back to normal after {duration_text(change.lasted * 1e-9)} of alarm"
+    return f"acknowledged{who}{after}{why}"
+
+
+def duration_text(seconds: float) -> str:
+    """Return a duration in its largest two units, such as 3 h 20 min."""
+    for (unit, name), (smaller, below) in zip(_UNITS, (*_UNITS[1:], (1.0, "s")), strict=True):
+        if seconds >= unit:
+            whole = int(seconds // unit)
+            rest = int((seconds - whole * unit) // smaller)
+            return f"{whole} {name} {rest} {below}" if rest else f"{whole} {name}"
+    return f"{seconds:.0f} s"
+
+
+_FLAPPING = {
+    "flapping": "the alarm is raised and cleared again and again: until it is steady, nobody is told of that any more",
+    "steady": "the alarm has become steady",
+}
+
+
+def _where(result: WindowResult, nodes: FloatArray) -> str:
+    found = [change_text(result.diagnosis)] if result.diagnosis else []
+    found += [increment_text(result.increments, nodes)] if result.increments else []
+    return f": {'; '.join(found)}" if found else "; where, the next windows will tell"
