@@ -13,9 +13,13 @@ from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unpluggi
 from daq.emulator.slcan import EmulatedSlcan
 from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
 from daq.hostclock import HostClock, ScaledClock, SystemClock
-from daq.log import Event, Item, LogThread, LogWriter, read_attachments, read_log
+from daq.log import Event, Item, LogWriter, read_attachments, read_log
+from daq.log_names import as_logs, newest_log
+from daq.log_thread import LogThread
+from daq.parts import AnyLog, PartedLog, files_of
 from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import load_recordings, read_channel_map
+from daq.recorder import LogRecorder, Rotation
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import can_interfaces, driver_names, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
@@ -24,6 +28,7 @@ from daq.timebase import ClockFit
 __all__ = [
     "CHANNELS",
     "EPSON_SCALE",
+    "AnyLog",
     "Assembler",
     "Block",
     "CanAddress",
@@ -51,23 +56,29 @@ __all__ = [
     "Item",
     "LogError",
     "LogInfo",
+    "LogRecorder",
     "LogState",
     "LogThread",
     "LogWriter",
+    "PartedLog",
     "Recording",
+    "Rotation",
     "SampleSource",
     "ScaledClock",
     "Scans",
     "SystemClock",
+    "as_logs",
     "can_interfaces",
     "differentiated",
     "driver_names",
     "export_recording",
+    "files_of",
     "has_end",
     "inspect_log",
     "load_recordings",
     "log_info",
     "make_driver",
+    "newest_log",
     "read_attachments",
     "read_channel_map",
     "read_data",

@@ -1,13 +1,15 @@
 """What is in a log, counted."""
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from daq.errors import LogError
-from daq.log import read_attachments, read_log
+from daq.log import Item, read_attachments, read_log
+from daq.parts import AnyLog, files_of
 from daq.recording import Block, Flag
 from daq.repair import LogState, inspect_log
 
@@ -44,7 +46,7 @@ class LogInfo:
     """What is in a log."""
 
     state: LogState
-    size: int  #: of the file [bytes]
+    size: int  #: of its files [bytes]
     attachments: dict[str, int]  #: name -> characters
     devices: dict[str, DeviceInfo]
     events: dict[str, int]  #: topic -> number of messages; results are topics too
@@ -60,31 +62,43 @@ class LogInfo:
         return max((d.end for d in self.devices.values()), default=None)
 
 
-def log_info(path: Path) -> LogInfo:
-    """Count what is in a log, as far as it can be read.
+def log_info(log: AnyLog) -> LogInfo:
+    """Count what is in a log, as far as it can be read: in one file, or in all files of a run.
 
     Raises
     ------
     LogError
         If it cannot be read or is not a log.
     """
-    state = inspect_log(path)
+    states = []
     devices: dict[str, DeviceInfo] = {}
     ends: dict[str, int] = {}
     events: Counter[str] = Counter()
-    try:
-        for item in read_log(path):
+    for path in files_of(log):
+        states.append(inspect_log(path))
+        for item in _readable(path, states[-1]):
             if isinstance(item, Block):
                 info = devices.setdefault(item.device, _first(item))
                 info.add(item, ends.get(item.device, item.first_index))
                 ends[item.device] = item.end_index
             else:
                 events[item.topic] += 1
+    return LogInfo(
+        state=sum(states[1:], states[0]),
+        size=sum(path.stat().st_size for path in files_of(log)),
+        attachments={name: len(text) for name, text in _attachments(files_of(log)[0]).items()},
+        devices=devices,
+        events=dict(events),
+    )
+
+
+def _readable(path: Path, state: LogState) -> Iterator[Item]:
+    """Yield what is in a file; of one that is damaged amid what comes before."""
+    try:
+        yield from read_log(path)
     except LogError:
         if state.whole:
-            raise  # else damaged amid: what came before is counted
-    attachments = {name: len(text) for name, text in _attachments(path).items()}
-    return LogInfo(state=state, size=path.stat().st_size, attachments=attachments, devices=devices, events=dict(events))
+            raise
 
 
 def _attachments(path: Path) -> dict[str, str]:

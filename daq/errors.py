@@ -31,7 +31,7 @@ class LogError(DaqError):
 
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")
-        self.path = path
+        self.path, self.message = path, message
 
 
 class DataError(DaqError):

@@ -8,18 +8,17 @@ cut file has it.
 import contextlib
 import json
 import os
-import queue
 import struct
-import threading
+import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Self, cast
+from typing import IO, Any, cast
 
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Header, Message
+from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
@@ -28,6 +27,7 @@ from zstandard import ZstdError
 from daq.accel_block_pb2 import AccelBlock
 from daq.errors import LogError
 from daq.filelock import lock
+from daq.parts import PART, AnyLog, Part, files_of
 from daq.recording import Block, Flag
 
 ACCEL = "/accel/"
@@ -85,12 +85,13 @@ def decode_block(device: str, data: bytes) -> Block:
 
 
 class LogWriter:
-    """Writes one log; not for several threads (see `LogThread`).
+    """Writes one file of a log; not for several threads (see `LogThread`).
 
     Parameters
     ----------
     path : of the new file
     attachments : name -> text, written first
+    part : which file of which run it is, unless it stands for itself
 
     Raises
     ------
@@ -98,7 +99,7 @@ class LogWriter:
         If the file exists or cannot be made.
     """
 
-    def __init__(self, path: Path, attachments: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, attachments: Mapping[str, str], part: Part | None = None) -> None:
         try:
             self._file = path.open("xb", buffering=_BUFFER)
         except OSError as error:
@@ -108,12 +109,15 @@ class LogWriter:
         self._writer.start(profile=PROFILE, library="modalwatch")
         self._channels: dict[str, int] = {}
         self._written: dict[str, int] = {}
+        if part:
+            self._writer.add_metadata(PART, part.metadata())
         for name, text in attachments.items():
             self._writer.add_attachment(time.time_ns(), time.time_ns(), name, "text/plain", text.encode())
         descriptor = build_file_descriptor_set(AccelBlock).SerializeToString()
         self._accel = self._writer.register_schema("modalwatch.AccelBlock", "protobuf", descriptor)
         self._json = self._writer.register_schema("modalwatch.Event", "jsonschema", b'{"type": "object"}')
         self.flush()
+        _sync_folder(path.parent)
 
     def write(self, item: Item) -> None:
         """Append a block or an event to the open chunk."""
@@ -139,9 +143,16 @@ class LogWriter:
         os.fdatasync(self._file.fileno())
 
     def close(self) -> None:
-        """Write the summary and close the file."""
+        """Write the summary, bring it to the disk and close the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.flush()
+        os.fdatasync(self._file.fileno())
         self._file.close()
+
+    @property
+    def size(self) -> int:
+        """Length of the file up to the last flush [bytes]."""
+        return self._file.tell()
 
     def abandon(self) -> None:
         """Close the file as it is: the disk takes no more."""
@@ -149,72 +160,18 @@ class LogWriter:
             self._file.close()
 
 
-class LogThread:
-    """Writes a log in a thread of its own, so that a slow disk never stops a reader.
-
-    Parameters
-    ----------
-    writer : the log; closed at the end
-    on_written : called in the writer's thread with every item once it is in the log, in the log's order
-    chunk_seconds : of wall time between flushes
-    capacity : items the queue holds; what comes when it is full is dropped and counted
-    """
-
-    def __init__(
-        self,
-        writer: LogWriter,
-        on_written: Callable[[Item], None],
-        *,
-        chunk_seconds: float = 0.4,
-        capacity: int = 20_000,
-    ) -> None:
-        self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
-        self._queue: queue.Queue[Item | None] = queue.Queue(capacity)
-        self._thread = threading.Thread(target=self._run, name="log")
-        self.dropped = 0  #: items that found the queue full
-        self.failure: OSError | None = None  #: why writing stopped; items go on to `on_written`
-
-    def put(self, item: Item) -> None:
-        """Take one item from any thread; never blocks."""
-        try:
-            self._queue.put_nowait(item)
-        except queue.Full:
-            self.dropped += 1
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Write what is queued, finish the file."""
-        self._queue.put(None)
-        self._thread.join()
-
-    def _run(self) -> None:
-        due = time.monotonic() + self._chunk_seconds
-        while True:
-            with contextlib.suppress(queue.Empty):
-                item = self._queue.get(timeout=max(0.0, due - time.monotonic()))
-                if item is None:
-                    break
-                self._guarded(self._writer.write, item)
-                self._on_written(item)
-            if time.monotonic() >= due:
-                self._guarded(self._writer.flush)
-                due = time.monotonic() + self._chunk_seconds
-        self._guarded(self._writer.close)
-
-    def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
-        """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""
-        if self.failure is None:
-            try:
-                action(*arguments)
-            except OSError as error:
-                self.failure = error
-                self._writer.abandon()
+def _sync_folder(folder: Path) -> None:
+    """Bring the name of a new file to the disk, which its own sync does not."""
+    if sys.platform == "win32":
+        return  # folders cannot be opened there
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
 
 
-def read_log(path: Path) -> Iterator[Item]:
+def read_log(log: AnyLog) -> Iterator[Item]:
     """Yield blocks and events in the order in which they were written, in bounded memory.
 
     A file cut anywhere is read up to its last whole chunk.
@@ -224,6 +181,11 @@ def read_log(path: Path) -> Iterator[Item]:
     LogError
         If it cannot be read, is not a log, or is damaged amid (what comes before is yielded first).
     """
+    for path in files_of(log):
+        yield from _read_file(path)
+
+
+def _read_file(path: Path) -> Iterator[Item]:
     topics: dict[int, str] = {}
     for record in _records(path):
         if isinstance(record, Channel):
@@ -238,15 +200,28 @@ def _item(topic: str, message: Message) -> Item:
     return Event(topic=topic, time=message.log_time, payload=json.loads(message.data))
 
 
-def read_attachments(path: Path) -> dict[str, str]:
-    """Return name -> text of what is attached; errors as for `read_log`."""
+def read_attachments(log: AnyLog) -> dict[str, str]:
+    """Return name -> text of what is attached, of a run to its first file; errors as for `read_log`."""
     found: dict[str, str] = {}
-    for record in _records(path):
+    for record in _records(files_of(log)[0]):
         if isinstance(record, Attachment):
             found[record.name] = record.data.decode()
         elif isinstance(record, Message):
             break  # attachments come before the first message
     return found
+
+
+def read_part(path: Path) -> Part | None:
+    """Return which file of which run a log is, None if it stands for itself; errors as for `read_log`."""
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == PART:
+            try:
+                return Part.parse(record.metadata)
+            except (KeyError, ValueError) as error:
+                raise LogError(path, f"does not say which file of a run it is: {error}") from error
+        if isinstance(record, Attachment | Channel | Message):
+            break  # it would come before these
+    return None
 
 
 class WholeReads:

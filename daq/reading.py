@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from daq.assembly import Assembler
 from daq.channelmap import CHANNELS, ChannelMap, parse_channel_map
 from daq.errors import LogError
 from daq.log import Event, read_attachments, read_log
+from daq.parts import AnyLog, files_of
 from daq.recording import Block, Channel, Recording, find_gaps
 
 _LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
@@ -18,13 +18,13 @@ _PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
 
 
 def load_recordings(
-    path: Path, *, window_seconds: float | None = None, channels: tuple[Channel, ...] | None = None
+    log: AnyLog, *, window_seconds: float | None = None, channels: tuple[Channel, ...] | None = None
 ) -> Iterator[Recording]:
     """Yield the recordings of a log, cut in windows of equal length.
 
     Parameters
     ----------
-    path : of the log
+    log : its path, or all files of a run
     window_seconds : length of a window [s]; unless given, the whole log is one
     channels : which axis of which device is which sensor; unless given, as the log's own channel map says
 
@@ -44,41 +44,41 @@ def load_recordings(
     """
     if window_seconds is not None and not window_seconds > 0:
         raise ValueError(f"window_seconds: expected a positive number, found {window_seconds}")
-    stored = read_channel_map(path)
+    stored = read_channel_map(log)
     if channels is None and stored is None:
-        raise LogError(path, "does not say which channel is which sensor")
+        raise LogError(str(log), "does not say which channel is which sensor")
     known = ChannelMap(channels=channels or stored.channels, on_grid=bool(stored and stored.on_grid))  # type: ignore[union-attr]
-    rates = _rates(path, known.channels)
+    rates = _rates(log, known.channels)
     rate = min(rates.values())
     length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
-    pieces = _cut(path, known, rates, length / rate)
+    pieces = _cut(log, known, rates, length / rate)
     if window_seconds is None:
-        yield from _joined(path, pieces)
+        yield from _joined(log, pieces)
     else:
         yield from _whole(pieces, length)
 
 
-def read_channel_map(path: Path) -> ChannelMap | None:
+def read_channel_map(log: AnyLog) -> ChannelMap | None:
     """Return the channel map attached to a log, None if there is none; errors as for `read_log`."""
-    text = read_attachments(path).get(CHANNELS)
-    return None if text is None else parse_channel_map(text, path)
+    text = read_attachments(log).get(CHANNELS)
+    return None if text is None else parse_channel_map(text, files_of(log)[0])
 
 
-def _rates(path: Path, channels: tuple[Channel, ...]) -> dict[str, float]:
+def _rates(log: AnyLog, channels: tuple[Channel, ...]) -> dict[str, float]:
     """Return the rates of the channels' devices [Hz], as far as the log has them."""
     devices = {channel.device for channel in channels}
     rates: dict[str, float] = {}
-    for item in read_log(path):
+    for item in read_log(log):
         if isinstance(item, Block) and item.device in devices:
             rates.setdefault(item.device, item.rate)
         if len(rates) == len(devices):
             break
     if not rates:
-        raise LogError(path, f"holds no scan of {', '.join(sorted(devices))}")
+        raise LogError(str(log), f"holds no scan of {', '.join(sorted(devices))}")
     return rates
 
 
-def _cut(path: Path, known: ChannelMap, rates: dict[str, float], seconds: float) -> Iterator[Recording]:
+def _cut(log: AnyLog, known: ChannelMap, rates: dict[str, float], seconds: float) -> Iterator[Recording]:
     """Yield windows one after the other, the last one shorter."""
     missing = {c.device for c in known.channels} - rates.keys()
     all_rates = rates | dict.fromkeys(missing, min(rates.values()))
@@ -87,7 +87,7 @@ def _cut(path: Path, known: ChannelMap, rates: dict[str, float], seconds: float)
     )
     for device in missing:
         yield from assembler.push_event(Event(topic="/event/device_lost", time=0, payload={"device": device}))
-    for item in read_log(path):
+    for item in read_log(log):
         if isinstance(item, Event):
             yield from assembler.push_event(item)
         elif item.device in rates:
@@ -102,7 +102,7 @@ def _whole(pieces: Iterable[Recording], n: int) -> Iterator[Recording]:
     yield from (piece for piece in pieces if len(piece.data) == n)
 
 
-def _joined(path: Path, pieces: Iterable[Recording]) -> Iterator[Recording]:
+def _joined(log: AnyLog, pieces: Iterable[Recording]) -> Iterator[Recording]:
     """Yield pieces joined to one recording; nothing if there are none."""
     parts = list(pieces)
     if not parts:
@@ -111,7 +111,7 @@ def _joined(path: Path, pieces: Iterable[Recording]) -> Iterator[Recording]:
     places = [round((part.start - first.start) * 1e-9 * first.rate) for part in parts]
     held = sum(len(part.data) for part in parts)
     if places[-1] > _LARGEST_SHARE * held:
-        raise LogError(path, f"is {places[-1] / held:.0f} times as long as what it holds: give a window")
+        raise LogError(str(log), f"is {places[-1] / held:.0f} times as long as what it holds: give a window")
     data = np.full((places[-1] + len(parts[-1].data), len(first.channels)), np.nan)
     for place, part in zip(places, parts, strict=True):
         data[place : place + len(part.data)] = part.data

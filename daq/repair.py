@@ -35,6 +35,15 @@ class LogState:
         """Tell whether nothing needs to be mended."""
         return self.finished and not self.lost_chunks
 
+    def __add__(self, other: "LogState") -> "LogState":
+        """Return what two files are worth together."""
+        return LogState(
+            n_messages=self.n_messages + other.n_messages,
+            lost_chunks=self.lost_chunks + other.lost_chunks,
+            lost_bytes=self.lost_bytes + other.lost_bytes,
+            finished=self.finished and other.finished,
+        )
+
     def __str__(self) -> str:
         """Say it in a few words."""
         if self.whole:

@@ -2,7 +2,6 @@
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -17,8 +16,9 @@ from daq import (
     Event,
     HostClock,
     Item,
+    LogRecorder,
     LogThread,
-    LogWriter,
+    Rotation,
     ScaledClock,
     SystemClock,
     driver_names,
@@ -94,9 +94,14 @@ def load_site(path: Path) -> Site:
 class RunReport:
     """What a run leaves behind."""
 
-    log: Path
+    logs: tuple[Path, ...]  #: the files, in the order of writing
     dropped: int  #: items that the log's queue had no room for
     disk_failure: str | None
+
+    @property
+    def log(self) -> Path:
+        """The log, or the folder of its files if there is more than one."""
+        return self.logs[0] if len(self.logs) == 1 else self.logs[0].parent
 
 
 @contextmanager
@@ -131,14 +136,14 @@ def run(
     settings, clock = site.settings, _clock(site.settings)
     folder = site.folder / settings.recorder.folder
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(clock.now() // 10**9))}.mcap"
     channel_map = ChannelMap(channels=settings.channels, on_grid=False)
     attachments = {
         "site.toml": site.site_text,
         "structure.toml": site.structure_text,
         CHANNELS: channel_map.to_json(),
     }
-    writer = LogWriter(path, attachments)
+    rotation = Rotation(size=settings.recorder.rotate_mb * 1e6, seconds=settings.recorder.rotate_minutes * 60)
+    writer = LogRecorder(folder, attachments, clock.now(), rotation)
     with ExitStack() as stack:
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
         log = stack.enter_context(LogThread(writer, _both(worker, live), chunk_seconds=settings.recorder.chunk_seconds))
@@ -157,7 +162,7 @@ def run(
         while _report(worker, log, on_result, clock):
             pass
     failure = str(log.failure) if log.failure else None
-    return RunReport(log=path, dropped=log.dropped, disk_failure=failure)
+    return RunReport(logs=tuple(writer.paths), dropped=log.dropped, disk_failure=failure)
 
 
 def _both(worker: Worker, live: LiveView | None) -> Callable[[Item], None]:

@@ -9,7 +9,20 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.signal import resample_poly
 
-from daq import Assembler, Block, Channel, Event, Flag, Recording, read_attachments, read_log
+from daq import (
+    AnyLog,
+    Assembler,
+    Block,
+    Channel,
+    Event,
+    Flag,
+    LogError,
+    Recording,
+    files_of,
+    newest_log,
+    read_attachments,
+    read_log,
+)
 from monitor.daemon import event_result
 from monitor.errors import ResultsError, SettingsError
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
@@ -42,7 +55,7 @@ class DeviceQuality:
 class Run:
     """A log, read whole."""
 
-    log: Path
+    log: AnyLog
     story: Story
     devices: list[DeviceQuality]
     dropped: int | None  #: items that found the log's queue full; None if the log does not say
@@ -50,8 +63,8 @@ class Run:
     site_text: str  #: settings attached to the log, empty if there are none
 
 
-def find_log(path: Path) -> Path:
-    """Return the log that a path means: itself, or the newest one in a folder or in its `log` folder.
+def find_log(path: Path) -> AnyLog:
+    """Return the log that a path means: itself, or the newest run in a folder or in its `log` folder.
 
     Raises
     ------
@@ -60,12 +73,10 @@ def find_log(path: Path) -> Path:
     """
     if not path.exists():
         raise ResultsError(path, "there is no such file or folder")
-    if not path.is_dir():
-        return path
-    logs = [*path.glob("*.mcap"), *path.glob("log/*.mcap")]
-    if not logs:
-        raise ResultsError(path, "holds no log: expected *.mcap in it or in its folder log/")
-    return max(logs, key=lambda log: (log.stat().st_mtime_ns, log.name))
+    try:
+        return newest_log(path)
+    except LogError as error:
+        raise ResultsError(path, error.message) from error
 
 
 def load_run(path: Path) -> Run:
@@ -85,10 +96,10 @@ def load_run(path: Path) -> Run:
     except ValidationError as error:
         place = ".".join(str(part) for part in error.errors()[0]["loc"])
         message = f"holds a result that this version cannot read: {error.title}, {place}: {error.errors()[0]['msg']}"
-        raise ResultsError(log, message) from error
+        raise ResultsError(str(log), message) from error
     windows = tuple(r for r in found.results if isinstance(r, WindowResult))
     if not windows:
-        raise ResultsError(log, "holds no results: it was never watched, or stopped before its first window ended")
+        raise ResultsError(str(log), "holds no results: it was never watched, or stopped before its first window ended")
     site_text = attached.get("site.toml", "")
     story = Story(
         name=_name(attached.get("structure.toml", ""), log),
@@ -150,11 +161,11 @@ class _Reading:
             quality.lost += 1
 
 
-def _name(structure: str, log: Path) -> str:
+def _name(structure: str, log: AnyLog) -> str:
     try:
-        return parse_structure(structure).name if structure else log.stem
+        return parse_structure(structure).name if structure else files_of(log)[0].stem
     except StructureError:
-        return log.stem
+        return files_of(log)[0].stem
 
 
 def last_signals(blocks: Iterable[Block], site_text: str) -> Recording | None:

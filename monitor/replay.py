@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
-from daq import Block, Event, Item, LogError, read_attachments, read_log
+from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_log
 from monitor.daemon import Site, event_result
 from monitor.settings import parse_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
@@ -26,12 +25,12 @@ class ReplayReport:
         return [r.payload() for r in self.found[: len(self.logged)]] == [r.payload() for r in self.logged]
 
 
-def replay(path: Path, site: Site | None, on_result: Callable[[Result], None]) -> ReplayReport:
+def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) -> ReplayReport:
     """Run the monitoring loop over a log.
 
     Parameters
     ----------
-    path : of the log
+    log : its path, or all files of a run
     site : settings to use instead of those attached to the log
     on_result : called with everything that is found
 
@@ -42,15 +41,15 @@ def replay(path: Path, site: Site | None, on_result: Callable[[Result], None]) -
     SettingsError
         If the settings attached cannot be used.
     """
-    attached = read_attachments(path)
+    attached = read_attachments(log)
     if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
-        raise LogError(path, "has no settings attached: give --site")
+        raise LogError(str(log), "has no settings attached: give --site")
     texts = (site.structure_text, site.site_text) if site else (attached["structure.toml"], attached["site.toml"])
-    devices = tuple(device.name for device in parse_settings(texts[1], f"{path}: site.toml").device)
+    devices = tuple(device.name for device in parse_settings(texts[1], f"{log}: site.toml").device)
     logged: list[Result] = []
     found: list[Result] = []
     with Worker(*texts, capacity=_WAITING) as worker, ThreadPoolExecutor(1) as feeder:
-        feeding = feeder.submit(_feed, path, worker, logged, devices)
+        feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
             found.append(result)
             on_result(result)
@@ -58,13 +57,13 @@ def replay(path: Path, site: Site | None, on_result: Callable[[Result], None]) -
     return ReplayReport(found=found, logged=logged)
 
 
-def _feed(path: Path, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
+def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
     """Feed a log up to where it stopped, was cut or is damaged; the worker always gets its last item."""
     stopped = False
     try:
-        for item in read_log(path):
+        for item in read_log(log):
             if isinstance(item, Block) and item.device not in devices:
-                raise LogError(path, f"holds device {item.device!r}; the settings know {', '.join(devices)}")
+                raise LogError(str(log), f"holds device {item.device!r}; the settings know {', '.join(devices)}")
             result = event_result(item) if isinstance(item, Event) else None
             if result is not None:
                 logged.append(result)
@@ -88,9 +87,9 @@ def _until_last(worker: Worker) -> Iterator[Result]:
             yield result
 
 
-def logged_results(path: Path) -> Iterator[Result]:
+def logged_results(log: AnyLog) -> Iterator[Result]:
     """Yield the results that stand in a log; errors as for `read_log`."""
-    for item in read_log(path):
+    for item in read_log(log):
         result = event_result(item) if isinstance(item, Event) else None
         if result is not None:
             yield result

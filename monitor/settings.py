@@ -63,6 +63,8 @@ class RecorderSettings(_Section):
 
     folder: str = "log"
     chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.4  #: of wall time between writes to the file
+    rotate_mb: Positive = 512.0  #: size at which a new file is begun [MB]
+    rotate_minutes: Positive = 60.0  #: of data in a file at which a new one is begun
 
 
 class AnalysisSettings(_Section):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from daq import LogError, Recording, load_recordings
+from daq import AnyLog, LogError, Recording, as_logs, load_recordings
 from monitor.beside import discrepancy_result
 from monitor.cli.diagnosis_shown import say
 from monitor.cli.drawing import draw, written
@@ -83,21 +83,22 @@ def _observe(
     if tables:
         return read_tables(structure, paths)
     try:
-        seconds = window or window_seconds(structure, min(log_duration(path) for path in paths), len(paths))
-        return observe(_recordings(structure, paths, seconds), lambda _: on_window(next(number)), structure.delays)
+        logs = as_logs(paths)
+        seconds = window or window_seconds(structure, min(log_duration(log) for log in logs), len(logs))
+        return observe(_recordings(structure, logs, seconds), lambda _: on_window(next(number)), structure.delays)
     except (IdentificationError, ValueError) as error:
         raise LogError(_named(paths), str(error)) from error
 
 
-def _recordings(structure: Structure, paths: Sequence[Path], seconds: float) -> Iterator[Recording]:
+def _recordings(structure: Structure, logs: Sequence[AnyLog], seconds: float) -> Iterator[Recording]:
     """Yield the windows of logs; channels that are no sensors of the structure are left out."""
-    for path in paths:
-        found = log_channels(path)
+    for log in logs:
+        found = log_channels(log)
         channels = tuple(c for c in found if c.name in structure.speaking)
         if not channels:
             have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
-            raise LogError(path, f"expected channels named as the structure's sensors ({know}), found {have}")
-        yield from load_recordings(path, window_seconds=seconds, channels=channels)
+            raise LogError(str(log), f"expected channels named as the structure's sensors ({know}), found {have}")
+        yield from load_recordings(log, window_seconds=seconds, channels=channels)
 
 
 def _write(found: Explained, structure_path: Path, out: Path | None, json_path: Path | None) -> Diagnosis:

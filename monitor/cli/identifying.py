@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from daq import LogError, Recording, read_attachments
+from daq import AnyLog, LogError, Recording, as_logs, read_attachments
 from monitor.cli.files import write_json
 from monitor.cli.modes_shown import as_json, console, say_modes
 from monitor.errors import ArgumentError
@@ -34,13 +34,14 @@ class Options:
 
 
 def identify_command(
-    logs: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None, out: Path | None = None
+    paths: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None, out: Path | None = None
 ) -> int:
     """Print the modes; write them as JSON, draw them and fill a folder where asked."""
     if options.method not in METHODS:
         raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
     if options.band is not None and not 0 < options.band[0] < options.band[1]:
         raise ArgumentError("--band", f"expected 0 < low < high, found {options.band[0]:g} {options.band[1]:g}")
+    logs = as_logs(paths)
     if options.references and len(logs) < 2:
         raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
     settings = _settings(logs[0])
@@ -113,19 +114,19 @@ def _fill(
     console.print(f"{escape(str(folder))}: {', '.join(path.name for path in written)}", soft_wrap=True)
 
 
-def _settings(log: Path) -> Settings | None:
+def _settings(log: AnyLog) -> Settings | None:
     """Return the settings attached to a log."""
     text = read_attachments(log).get("site.toml")
     return None if text is None else parse_settings(text, f"{log}: site.toml")
 
 
-def _attached_structure(log: Path) -> Structure | None:
+def _attached_structure(log: AnyLog) -> Structure | None:
     text = read_attachments(log).get("structure.toml")
     return None if text is None else parse_structure(text, f"{log}: structure.toml")
 
 
 def _identify(
-    logs: Sequence[Path], window: float | None, method: Method, band: tuple[float, float] | None
+    logs: Sequence[AnyLog], window: float | None, method: Method, band: tuple[float, float] | None
 ) -> tuple[Windows, FusedModes]:
     named = ", ".join(map(str, logs))
     try:
@@ -142,7 +143,7 @@ def _identify(
 
 
 def _merged(
-    logs: Sequence[Path],
+    logs: Sequence[AnyLog],
     window: float | None,
     method: Method,
     band: tuple[float, float] | None,
@@ -156,18 +157,18 @@ def _merged(
         raise LogError(", ".join(map(str, logs)), str(error)) from error
 
 
-def _recordings(logs: Sequence[Path], window: float | None) -> Iterator[Recording]:
+def _recordings(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
     """Yield the windows of logs that have the same channels."""
     names = {channel.name for channel in log_channels(logs[0])}
     for log in logs:
         found = {channel.name for channel in log_channels(log)}
         if found != names:
             other = ", ".join(sorted(found ^ names))
-            raise LogError(log, f"expected the channels of {logs[0]}; only one of the two has {other}")
+            raise LogError(str(log), f"expected the channels of {logs[0]}; only one of the two has {other}")
         yield from log_recordings(log, window)
 
 
-def _model(estimate: ModalEstimate, log: Path, path: Path | None) -> ModelModes | None:
+def _model(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
     """Return the modes of the given or attached structure beside the measured ones; None if there is no structure."""
     structure = load_structure(path) if path else _attached_structure(log)
     if structure is None:

@@ -1,5 +1,6 @@
 """`repair`, `log info` and `log export`."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,21 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from daq import DeviceInfo, LogError, LogInfo, export_recording, log_info, repair_log
+from daq import (
+    AnyLog,
+    DeviceInfo,
+    LogError,
+    LogInfo,
+    as_logs,
+    export_recording,
+    files_of,
+    inspect_log,
+    log_info,
+    newest_log,
+    repair_log,
+)
 from monitor.cli.files import write_json
+from monitor.errors import ArgumentError
 from monitor.recordings import log_recordings
 
 console = Console(highlight=False)
@@ -26,20 +40,40 @@ def repair_command(path: Path) -> int:
     return 0
 
 
-def info_command(path: Path, json_path: Path | None) -> int:
+def info_command(paths: Sequence[Path], json_path: Path | None) -> int:
     """Say what is in a log."""
-    info = log_info(path)
-    _say(path, info)
+    log = one_log(paths)
+    info = log_info(log)
+    _say(log, info)
     if json_path:
-        write_json(json_path, as_json(path, info))
+        write_json(json_path, as_json(log, info))
     return 0
 
 
-def export_command(path: Path, out: Path) -> int:
+def one_log(paths: Sequence[Path]) -> AnyLog:
+    """Return the one log that paths mean: a file, files of one run, or of a folder the newest run.
+
+    Raises
+    ------
+    ArgumentError
+        If they are logs of more than one run.
+    LogError
+        If a folder holds no log.
+    """
+    if len(paths) == 1:
+        return newest_log(paths[0])
+    logs = as_logs(paths)
+    if len(logs) > 1:
+        raise ArgumentError("LOG", f"expected the files of one run, found those of {len(logs)}: {logs[0]}, {logs[1]}")
+    return logs[0]
+
+
+def export_command(paths: Sequence[Path], out: Path) -> int:
     """Write the signals of a log to a file of measurements."""
-    recordings = list(log_recordings(path))
+    log = one_log(paths)
+    recordings = list(log_recordings(log))
     if not recordings:
-        raise LogError(path, "holds less than the two seconds that the clocks need")
+        raise LogError(str(log), "holds less than the two seconds that the clocks need")
     export_recording(out, recordings[0])
     found = recordings[0]
     console.print(
@@ -50,10 +84,11 @@ def export_command(path: Path, out: Path) -> int:
     return 0
 
 
-def as_json(path: Path, info: LogInfo) -> dict[str, Any]:
+def as_json(log: AnyLog, info: LogInfo) -> dict[str, Any]:
     """Return what other programs read; times are ns UTC."""
     return {
-        "file": str(path),
+        "file": str(log),
+        "files": [str(path) for path in files_of(log)],
         "bytes": info.size,
         "state": str(info.state),
         "whole": info.state.whole,
@@ -85,8 +120,8 @@ def _mean(values: list[float]) -> float | None:
     return sum(values) / len(values) if values else None
 
 
-def _say(path: Path, info: LogInfo) -> None:
-    table = Table(title=escape(path.name), box=SIMPLE_HEAD)
+def _say(log: AnyLog, info: LogInfo) -> None:
+    table = Table(title=escape(log.name), box=SIMPLE_HEAD)
     for name in ("device", "Hz", "axes", "scans", "s", "gaps", "missing", "restarts", "°C"):
         table.add_column(name, justify="left" if name == "device" else "right", no_wrap=True)
     for name, device in info.devices.items():
@@ -103,7 +138,9 @@ def _say(path: Path, info: LogInfo) -> None:
     console.print(f"events and results: {escape(said) or 'none'}")
     console.print(f"attached: {escape(', '.join(info.attachments)) or 'nothing'}")
     if not info.state.whole:
-        console.print(f"mend it: modalwatch repair {escape(str(path))}", soft_wrap=True)
+        for path in files_of(log):
+            if not inspect_log(path).whole:
+                console.print(f"mend it: modalwatch repair {escape(str(path))}", soft_wrap=True)
 
 
 def _utc(time: int) -> str:

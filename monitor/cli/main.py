@@ -76,7 +76,7 @@ def acknowledge(
 
 @app.command()
 def replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
+    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
     site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,
     json: Annotated[Path | None, typer.Option(help="File that gets what was found.")] = None,
 ) -> None:
@@ -132,7 +132,7 @@ def import_(
 
 @app.command()
 def identify(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
     method: Annotated[str, typer.Option(help="Way of identification.")] = "ssi-data",
     window: Annotated[
         float | None,
@@ -166,7 +166,7 @@ def identify(
 @app.command()
 def diagnose(
     structure: Annotated[Path, typer.Argument(metavar="STRUCTURE.toml")],
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Logs, or tables of modes (CSV).")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
     reference: Annotated[
         list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure as it was; may be repeated.")
     ] = None,
@@ -244,7 +244,7 @@ app.add_typer(log_app, name="log")
 
 @log_app.command("info")
 def log_info(
-    log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
+    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
 ) -> None:
     """Say what is in a log: devices, scans, gaps, events, attachments, cut or whole."""
@@ -255,7 +255,7 @@ def log_info(
 
 @log_app.command("export")
 def log_export(
-    log: Annotated[Path, typer.Argument(metavar="LOG.mcap")],
+    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz or .mat.")],
 ) -> None:
     """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""

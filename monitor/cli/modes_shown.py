@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from daq import AnyLog
 from monitor.fusion import FusedModes, Windows
 from monitor.model_modes import ModelPartner
 from oma import mpc, mpd
@@ -56,7 +56,7 @@ def _mode_json(fused: FusedModes, i: int, partner: ModelPartner | None) -> dict[
 
 
 def say_modes(
-    logs: Sequence[Path],
+    logs: Sequence[AnyLog],
     windows: Windows,
     fused: FusedModes,
     partners: Sequence[ModelPartner | None],

@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 from rich.console import Console
 
+from daq import AnyLog, files_of
 from monitor.errors import ArgumentError, ResultsError
 from monitor.logged import load_run
 from monitor.report import load_diagnosis, run_report
@@ -56,9 +57,9 @@ def _write(path: Path, file: Path, *, in_cache: bool) -> None:
         raise ResultsError(file, f"cannot be written: {error.strerror}") from error
 
 
-def _spare(log: Path, out: Path) -> None:
+def _spare(log: AnyLog, out: Path) -> None:
     """Refuse to write over the log."""
-    if out.exists() and out.samefile(log):
+    if out.exists() and any(out.samefile(path) for path in files_of(log)):
         raise ArgumentError("--out", f"{out} is the log itself")
 
 

@@ -1,11 +1,13 @@
 """`run` and `replay`."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 
+from monitor.cli.logs import one_log
 from monitor.daemon import load_site, run, stop_on_signals
 from monitor.inbox import Acknowledgement, leave
 from monitor.live import LiveView, live_view
@@ -54,7 +56,8 @@ def run_command(path: Path) -> int:
         tell_live(console, live)
         report = run(site, stop, say, live)
     tell_live_end(console, live)
-    console.print(f"log: {report.log}", soft_wrap=True)
+    for path in report.logs:
+        console.print(f"log: {path}", soft_wrap=True)
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
     return 0
@@ -81,9 +84,9 @@ def tell_live_end(console: Console, live: LiveView) -> None:
         )
 
 
-def replay_command(log: Path, site: Path | None, json_path: Path | None) -> int:
+def replay_command(logs: Sequence[Path], site: Path | None, json_path: Path | None) -> int:
     """Run the loop over a log; 1 if it ends in an alarm."""
-    report = replay(log, load_site(site) if site else None, say)
+    report = replay(one_log(logs), load_site(site) if site else None, say)
     if json_path:
         found = {"same_as_live": report.same, "results": [result.payload() for result in report.found]}
         json_path.write_text(json.dumps(found), encoding="utf-8")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from daq import files_of
 from monitor.discrepancy import DiscrepancyResult
 from monitor.logged import Run
 from monitor.report import fits, places, trends
@@ -199,7 +200,7 @@ def _quality(run: Run) -> dict[str, Any]:
     ]
     return {
         "log": run.log.name,
-        "size": f"{run.log.stat().st_size / 1e6:.1f} MB",
+        "size": f"{sum(path.stat().st_size for path in files_of(run.log)) / 1e6:.1f} MB",
         "ended": run.ended,
         "dropped": run.dropped,
         "devices": devices,

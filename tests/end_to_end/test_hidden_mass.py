@@ -31,7 +31,7 @@ def hidden(tmp_path: Path, seed: int, *, added: bool) -> tuple[Path, np.ndarray,
 def test_replay_finds_the_hidden_mass(tmp_path: Path, seed: int) -> None:
     """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band."""
     log, at, mass = hidden(tmp_path, seed, added=True)
-    assert replay_command(log, None, tmp_path / "found.json") == 1  # an alarm: a person is needed
+    assert replay_command([log], None, tmp_path / "found.json") == 1  # an alarm: a person is needed
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["results"]
     alarms = [r for r in found if r.get("state") == "alarm"]
     assert len(alarms) == 1

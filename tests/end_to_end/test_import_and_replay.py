@@ -25,7 +25,7 @@ def test_a_table_of_the_recorded_log_holds_the_same_change(tmp_path: Path) -> No
     table, log, found = tmp_path / "table.csv", tmp_path / "log.mcap", tmp_path / "found.json"
     assert export_command(recorded, table) == 0
     assert import_command(table, log, ImportOptions(site=tmp_path / "site.toml")) == 0
-    assert replay_command(log, None, found) == 1  # it ends in an alarm
+    assert replay_command([log], None, found) == 1  # it ends in an alarm
 
     windows = [r for r in json.loads(found.read_text(encoding="utf-8"))["results"] if "modes" in r and "index" in r]
     answer = [window["answer"] for window in windows if window["answer"]][-1]

@@ -8,7 +8,7 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from daq_helpers import START, make_block
 
-from daq import Block, Event, Flag, LogWriter, inspect_log, read_data
+from daq import Block, Event, Flag, LogRecorder, LogWriter, Rotation, inspect_log, read_data
 from monitor.mending import mend_logs
 from monitor.recordings import log_recordings
 
@@ -123,3 +123,21 @@ def test_what_is_no_log(
     if content is not None:
         path.write_bytes(content)
     assert_refused(modalwatch(*command, path), f"{path}: {says}")
+
+
+def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_path: Path) -> None:
+    recorder = LogRecorder(tmp_path, {}, START, Rotation(size=1.0))
+    for k in range(3):
+        recorder.write(block(250 * k))
+        recorder.flush()
+    recorder.close()
+    for arguments in ([tmp_path], recorder.paths[::-1]):
+        done = modalwatch("log", "info", *arguments, "--json", tmp_path / "info.json")
+        assert (done.code, done.err) == (0, "")
+        found = json.loads((tmp_path / "info.json").read_text())
+        assert found["files"] == list(map(str, recorder.paths))
+        assert (found["devices"]["beam"]["scans"], found["devices"]["beam"]["gaps"]) == (750, 0)
+    other = LogRecorder(tmp_path, {}, START + 10**9)
+    other.close()
+    done = modalwatch("log", "info", recorder.paths[0], other.paths[0])
+    assert_refused(done, "LOG: expected the files of one run, found those of 2", other.paths[0])

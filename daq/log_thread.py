@@ -1,0 +1,91 @@
+"""The log's thread: a slow disk never stops a reader."""
+
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol, Self
+
+from daq.log import Item
+
+
+class ItemWriter(Protocol):
+    """What takes items to a disk: a `LogWriter` or a `LogRecorder`."""
+
+    def write(self, item: Item) -> None:
+        """Take an item."""
+
+    def flush(self) -> None:
+        """Bring what was taken to the disk."""
+
+    def close(self) -> None:
+        """Bring it all to the disk; nothing more comes."""
+
+    def abandon(self) -> None:
+        """Leave it as it is: the disk takes no more."""
+
+
+class LogThread:
+    """Writes a log in a thread of its own, so that a slow disk never stops a reader.
+
+    Parameters
+    ----------
+    writer : the log; closed at the end
+    on_written : called in the writer's thread with every item once it is in the log, in the log's order
+    chunk_seconds : of wall time between flushes
+    capacity : items the queue holds; what comes when it is full is dropped and counted
+    """
+
+    def __init__(
+        self,
+        writer: ItemWriter,
+        on_written: Callable[[Item], None],
+        *,
+        chunk_seconds: float = 0.4,
+        capacity: int = 20_000,
+    ) -> None:
+        self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
+        self._queue: queue.Queue[Item | None] = queue.Queue(capacity)
+        self._thread = threading.Thread(target=self._run, name="log")
+        self.dropped = 0  #: items that found the queue full
+        self.failure: OSError | None = None  #: why writing stopped; items go on to `on_written`
+
+    def put(self, item: Item) -> None:
+        """Take one item from any thread; never blocks."""
+        try:
+            self._queue.put_nowait(item)
+        except queue.Full:
+            self.dropped += 1
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Write what is queued, finish the file."""
+        self._queue.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        due = time.monotonic() + self._chunk_seconds
+        while True:
+            with contextlib.suppress(queue.Empty):
+                item = self._queue.get(timeout=max(0.0, due - time.monotonic()))
+                if item is None:
+                    break
+                self._guarded(self._writer.write, item)
+                self._on_written(item)
+            if time.monotonic() >= due:
+                self._guarded(self._writer.flush)
+                due = time.monotonic() + self._chunk_seconds
+        self._guarded(self._writer.close)
+
+    def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
+        """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""
+        if self.failure is None:
+            try:
+                action(*arguments)
+            except OSError as error:
+                self.failure = error
+                self._writer.abandon()

@@ -1,0 +1,83 @@
+"""The log of a run in files of bounded size: what one file no longer takes, the next one begins with."""
+
+import math
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq.log import Item, LogWriter
+from daq.log_names import log_path
+from daq.parts import Part
+from daq.recording import Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rotation:
+    """When a new file is begun; the first limit that is reached counts."""
+
+    size: float = math.inf  #: of a file [bytes]
+    seconds: float = math.inf  #: of data in a file [s]
+
+
+class LogRecorder:
+    """Writes one run as a sequence of files, each with all attachments; not for several threads (see `LogThread`).
+
+    Files change between two items after a flush, the new one being there before the old one is finished: all that is
+    written stands in one of them, once, and in order.
+
+    Parameters
+    ----------
+    folder : of the files; they are named by the time of their first data
+    attachments : name -> text, written to each
+    started : time of the start [ns UTC]
+    rotation : when a new file is begun
+
+    Raises
+    ------
+    LogError
+        If the first file exists or cannot be made.
+    """
+
+    def __init__(
+        self, folder: Path, attachments: Mapping[str, str], started: int, rotation: Rotation | None = None
+    ) -> None:
+        self._folder, self._attachments, self._rotation = folder, attachments, rotation or Rotation()
+        self._part = Part(run=uuid.uuid4().hex, started=started, number=0)
+        self._newest = self._first = started  # data times of the open file [ns UTC]
+        self._holds, self._full = 0, False  # items in the open file; whether it takes no more
+        self.paths = [log_path(folder, started)]  #: of all files so far
+        self._writer = LogWriter(self.paths[0], attachments, self._part)
+
+    def write(self, item: Item) -> None:
+        """Append a block or an event to the open chunk."""
+        if isinstance(item, Block):  # events may lie behind or ahead
+            self._newest = max(self._newest, item.pair_time)
+        if self._full:
+            self._begin_next()
+        self._writer.write(item)
+        self._holds += 1
+
+    def flush(self) -> None:
+        """Close the chunk and bring it to the disk; if the file is full now, what comes next begins a new one."""
+        self._writer.flush()
+        seconds = (self._newest - self._first) * 1e-9
+        large = self._writer.size >= self._rotation.size or seconds >= self._rotation.seconds
+        self._full = large and self._holds > 0
+
+    def _begin_next(self) -> None:
+        part = Part(run=self._part.run, started=self._part.started, number=self._part.number + 1)
+        path = log_path(self._folder, self._newest)
+        writer = LogWriter(path, self._attachments, part)
+        finished, self._writer = self._writer, writer
+        self._part, self._first, self._holds, self._full = part, self._newest, 0, False
+        self.paths.append(path)
+        finished.close()
+
+    def close(self) -> None:
+        """Finish the open file."""
+        self._writer.close()
+
+    def abandon(self) -> None:
+        """Close the open file as it is: the disk takes no more."""
+        self._writer.abandon()
