@@ -23,7 +23,7 @@ def test_a_table_of_the_recorded_log_holds_the_same_change(tmp_path: Path) -> No
     (tmp_path / "t_structure.toml").write_text(attached["structure.toml"], encoding="utf-8")
 
     table, log, found = tmp_path / "table.csv", tmp_path / "log.mcap", tmp_path / "found.json"
-    assert export_command(recorded, table) == 0
+    assert export_command([recorded], table) == 0
     assert import_command(table, log, ImportOptions(site=tmp_path / "site.toml")) == 0
     assert replay_command([log], None, found) == 1  # it ends in an alarm
 
