@@ -6,6 +6,7 @@ from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import export_recording, read_data, with_channels, write_recording
 from daq.derivative import differentiated
+from daq.disk_guard import DiskGuard, Retention
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan
@@ -14,6 +15,7 @@ from daq.emulator.slcan import EmulatedSlcan
 from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogWriter, read_attachments, read_log
+from daq.log_keeper import LogKeeper
 from daq.log_names import as_logs, newest_log
 from daq.log_thread import LogThread
 from daq.parts import AnyLog, PartedLog, files_of
@@ -40,6 +42,7 @@ __all__ = [
     "DeviceInfo",
     "DeviceLost",
     "DeviceReader",
+    "DiskGuard",
     "Driver",
     "DriverError",
     "EmulatedEpson",
@@ -56,12 +59,14 @@ __all__ = [
     "Item",
     "LogError",
     "LogInfo",
+    "LogKeeper",
     "LogRecorder",
     "LogState",
     "LogThread",
     "LogWriter",
     "PartedLog",
     "Recording",
+    "Retention",
     "Rotation",
     "SampleSource",
     "ScaledClock",

@@ -104,8 +104,19 @@ class LogWriter:
             self._file = path.open("xb", buffering=_BUFFER)
         except OSError as error:
             raise LogError(path, f"cannot be written: {error.strerror}") from error
+        self._path = path
         lock(self._file)  # for as long as it is open: see `repair_log`
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._safe = 0  # length after the last flush
+        try:
+            self._begin(attachments, part)
+        except OSError as error:
+            self.abandon()
+            path.unlink(missing_ok=True)
+            raise LogError(path, f"cannot be written: {error.strerror}") from error
+
+    def _begin(self, attachments: Mapping[str, str], part: Part | None) -> None:
+        """Write what stands in front of the first item."""
         self._writer.start(profile=PROFILE, library="modalwatch")
         self._channels: dict[str, int] = {}
         self._written: dict[str, int] = {}
@@ -117,7 +128,7 @@ class LogWriter:
         self._accel = self._writer.register_schema("modalwatch.AccelBlock", "protobuf", descriptor)
         self._json = self._writer.register_schema("modalwatch.Event", "jsonschema", b'{"type": "object"}')
         self.flush()
-        _sync_folder(path.parent)
+        _sync_folder(self._path.parent)
 
     def write(self, item: Item) -> None:
         """Append a block or an event to the open chunk."""
@@ -141,6 +152,7 @@ class LogWriter:
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
         os.fdatasync(self._file.fileno())
+        self._safe = self._file.tell()
 
     def close(self) -> None:
         """Write the summary, bring it to the disk and close the file."""
@@ -152,12 +164,14 @@ class LogWriter:
     @property
     def size(self) -> int:
         """Length of the file up to the last flush [bytes]."""
-        return self._file.tell()
+        return self._safe
 
     def abandon(self) -> None:
-        """Close the file as it is: the disk takes no more."""
+        """Close the file as it was after its last flush: the disk takes no more."""
         with contextlib.suppress(OSError):
             self._file.close()
+        with contextlib.suppress(OSError):
+            os.truncate(self._path, self._safe)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -44,7 +44,8 @@ class LogRecorder:
     ) -> None:
         self._folder, self._attachments, self._rotation = folder, attachments, rotation or Rotation()
         self._part = Part(run=uuid.uuid4().hex, started=started, number=0)
-        self._newest = self._first = started  # data times of the open file [ns UTC]
+        self.newest = started  #: time of the newest data [ns UTC]
+        self._first = started  # the same of the first data in the open file
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
         self.paths = [log_path(folder, started)]  #: of all files so far
         self._writer = LogWriter(self.paths[0], attachments, self._part)
@@ -52,27 +53,39 @@ class LogRecorder:
     def write(self, item: Item) -> None:
         """Append a block or an event to the open chunk."""
         if isinstance(item, Block):  # events may lie behind or ahead
-            self._newest = max(self._newest, item.pair_time)
+            self.newest = max(self.newest, item.pair_time)
         if self._full:
-            self._begin_next()
+            finished = self._writer
+            self.begin_next()
+            _finish(finished)
         self._writer.write(item)
         self._holds += 1
 
     def flush(self) -> None:
         """Close the chunk and bring it to the disk; if the file is full now, what comes next begins a new one."""
         self._writer.flush()
-        seconds = (self._newest - self._first) * 1e-9
+        seconds = (self.newest - self._first) * 1e-9
         large = self._writer.size >= self._rotation.size or seconds >= self._rotation.seconds
         self._full = large and self._holds > 0
 
-    def _begin_next(self) -> None:
+    def begin_next(self) -> None:
+        """Begin a new file beside the open one, which is neither finished nor closed here.
+
+        Raises
+        ------
+        LogError
+            If it cannot be made; nothing of it is left.
+        """
         part = Part(run=self._part.run, started=self._part.started, number=self._part.number + 1)
-        path = log_path(self._folder, self._newest)
-        writer = LogWriter(path, self._attachments, part)
-        finished, self._writer = self._writer, writer
-        self._part, self._first, self._holds, self._full = part, self._newest, 0, False
+        path = log_path(self._folder, self.newest)
+        self._writer = LogWriter(path, self._attachments, part)
+        self._part, self._first, self._holds, self._full = part, self.newest, 0, False
         self.paths.append(path)
-        finished.close()
+
+    def discard(self) -> None:
+        """Take the open file away again: the disk did not take what it was begun with."""
+        self._writer.abandon()
+        self.paths.pop().unlink(missing_ok=True)
 
     def close(self) -> None:
         """Finish the open file."""
@@ -81,3 +94,11 @@ class LogRecorder:
     def abandon(self) -> None:
         """Close the open file as it is: the disk takes no more."""
         self._writer.abandon()
+
+
+def _finish(writer: LogWriter) -> None:
+    """Finish a file; one whose summary finds no room stays as it was after its last flush, to be mended."""
+    try:
+        writer.close()
+    except OSError:
+        writer.abandon()

@@ -1,5 +1,6 @@
 """The monitoring service: start, loop, stop."""
 
+import math
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -11,13 +12,16 @@ from daq import (
     CHANNELS,
     ChannelMap,
     DeviceReader,
+    DiskGuard,
     Driver,
     DriverError,
     Event,
     HostClock,
     Item,
+    LogKeeper,
     LogRecorder,
     LogThread,
+    Retention,
     Rotation,
     ScaledClock,
     SystemClock,
@@ -35,7 +39,7 @@ from monitor.results import (
     ReferenceResult,
     WindowResult,
 )
-from monitor.settings import DeviceSettings, Settings, load_settings
+from monitor.settings import DeviceSettings, RecorderSettings, Settings, load_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
 from updater import load_structure, portable_text
 
@@ -142,11 +146,12 @@ def run(
         "structure.toml": site.structure_text,
         CHANNELS: channel_map.to_json(),
     }
-    rotation = Rotation(size=settings.recorder.rotate_mb * 1e6, seconds=settings.recorder.rotate_minutes * 60)
-    writer = LogRecorder(folder, attachments, clock.now(), rotation)
+    recorder = LogRecorder(folder, attachments, clock.now(), _rotation(settings.recorder))
     with ExitStack() as stack:
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
-        log = stack.enter_context(LogThread(writer, _both(worker, live), chunk_seconds=settings.recorder.chunk_seconds))
+        take = _both(worker, live)
+        keeper = LogKeeper(recorder, DiskGuard(folder, _retention(settings.recorder)), take)
+        log = stack.enter_context(LogThread(keeper, take, chunk_seconds=settings.recorder.chunk_seconds))
         if live and live.problem:
             log.put(Event(topic="/event/no_viewer", time=clock.now(), payload={"why": live.problem}))
         readers = _start_readers(settings, clock, log)
@@ -161,8 +166,19 @@ def run(
         log.put(Event(topic=TOPIC_STOPPED, time=clock.now(), payload={"dropped": log.dropped}))
         while _report(worker, log, on_result, clock):
             pass
-    failure = str(log.failure) if log.failure else None
-    return RunReport(logs=tuple(writer.paths), dropped=log.dropped, disk_failure=failure)
+    return RunReport(logs=tuple(recorder.paths), dropped=log.dropped, disk_failure=keeper.problem)
+
+
+def _rotation(recorder: RecorderSettings) -> Rotation:
+    return Rotation(size=recorder.rotate_mb * 1e6, seconds=recorder.rotate_minutes * 60)
+
+
+def _retention(recorder: RecorderSettings) -> Retention:
+    return Retention(
+        seconds=(recorder.keep_days or math.inf) * 86400,
+        size=(recorder.keep_gb or math.inf) * 1e9,
+        least_free=recorder.min_free_gb * 1e9,
+    )
 
 
 def _both(worker: Worker, live: LiveView | None) -> Callable[[Item], None]:

@@ -65,6 +65,9 @@ class RecorderSettings(_Section):
     chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.4  #: of wall time between writes to the file
     rotate_mb: Positive = 512.0  #: size at which a new file is begun [MB]
     rotate_minutes: Positive = 60.0  #: of data in a file at which a new one is begun
+    keep_days: Positive | None = None  #: files that were written longer ago are deleted; all are kept unless given
+    keep_gb: Positive | None = None  #: of all files that runs have recorded here; beyond it the oldest are deleted
+    min_free_gb: Annotated[float, Field(ge=0)] = 1.0  #: room left on the disk: the oldest files are deleted for it
 
 
 class AnalysisSettings(_Section):

@@ -1,0 +1,165 @@
+"""Recording goes on when the disk fails: what it did not take is kept, told, and written once it takes more."""
+
+import contextlib
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+
+from daq.disk_guard import DiskGuard, Surplus
+from daq.errors import LogError
+from daq.log import Event, Item
+from daq.recorder import LogRecorder
+from daq.recording import Block
+
+_KEPT = 20_000  # items in memory while the disk takes none: at four blocks a second of 32 devices, some 2.5 minutes
+_RETRY_SECONDS = 5.0
+
+
+class LogKeeper:
+    """Writes a run's log for as long as there is a disk, and makes room on it; not for several threads.
+
+    What was taken since the last flush is kept in memory. If the disk fails, the open file is cut back to that flush,
+    and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted.
+
+    Events, in the log and told: /event/log_deleted before a file goes; /event/disk_low and /event/disk_ok where there
+    is nothing that may go; /event/recording_stopped and /event/recording_resumed (with what was lost).
+
+    Parameters
+    ----------
+    recorder : the log
+    guard : says which files go
+    tell : called with these events at once, in the caller's thread
+    kept : items that memory holds while the disk takes none
+    """
+
+    def __init__(
+        self, recorder: LogRecorder, guard: DiskGuard, tell: Callable[[Event], None], *, kept: int = _KEPT
+    ) -> None:
+        self._recorder, self._guard, self._tell, self._room = recorder, guard, tell, kept
+        self._pending: deque[Item] = deque()  # not known to be on the disk
+        self._stopped: str | None = None  # why nothing is written
+        self._low = False
+        self._retry = 0.0
+        self._lost_now: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()  #: device -> scans (events: their number) that no file has
+
+    @property
+    def problem(self) -> str | None:
+        """What is not in the log, and why nothing is written; None if all is well."""
+        lost = ", ".join(f"{count} of {name}" for name, count in (self.lost + self._lost_now).items())
+        return "; ".join(filter(None, (self._stopped, lost and f"lost: {lost}"))) or None
+
+    def write(self, item: Item) -> None:
+        """Take an item; it is in a file after the next flush, if the disk takes it."""
+        if len(self._pending) >= self._room and self._stopped:
+            self._lost_now[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+            return
+        self._pending.append(item)
+        if not self._stopped:
+            try:
+                self._recorder.write(item)
+            except (OSError, LogError) as error:
+                self._stop(error)
+
+    def flush(self) -> None:
+        """Bring what was taken to the disk, make room where there is little, or try again where it failed."""
+        if self._stopped:
+            if time.monotonic() >= self._retry:
+                self._resume()
+            return
+        try:
+            self._recorder.flush()
+        except OSError as error:
+            self._stop(error)
+            return
+        self._pending.clear()
+        with contextlib.suppress(OSError):  # a folder that cannot be looked at: writing will tell
+            self._tidy()
+
+    def _tidy(self) -> None:
+        """Delete what is too much, each only after its event is on the disk; say when that is not enough."""
+        while not self._stopped and (surplus := self._guard.surplus()):
+            self._delete(surplus)
+        low = self._guard.short
+        if low != self._low:
+            self._low = low
+            self._say("disk_low" if low else "disk_ok", {"free_gb": round(self._guard.free / 1e9, 3)})
+
+    def _delete(self, surplus: Surplus) -> None:
+        self._say("log_deleted", {"file": surplus.path.name, "bytes": surplus.size, "why": surplus.why})
+        if not self._stopped:
+            try:
+                self._recorder.flush()
+                self._pending.clear()
+            except OSError as error:
+                self._stop(error)
+        surplus.path.unlink(missing_ok=True)
+
+    def _stop(self, error: OSError | LogError) -> None:
+        """Leave the open file as it was after its last flush; go on at once if room can be made."""
+        self._recorder.abandon()
+        self._stopped = str(error)
+        self._say("recording_stopped", {"why": self._stopped})
+        self._resume()
+
+    def _resume(self) -> None:
+        """Begin a new file with what was kept, if the disk takes it; the oldest goes if it does not."""
+        while not self._written():
+            surplus = self._surplus()
+            if surplus is None:
+                self._retry = time.monotonic() + _RETRY_SECONDS
+                return
+            self._delete(surplus)
+        self._stopped = None
+        kept, lost = len(self._pending), dict(self._lost_now)
+        self.lost += self._lost_now
+        self._lost_now.clear()
+        self._pending.clear()
+        self._say("recording_resumed", {"kept": kept, "lost": lost})
+
+    def _surplus(self) -> Surplus | None:
+        try:
+            return self._guard.surplus(full=True)
+        except OSError:
+            return None  # not even the folder can be read
+
+    def _written(self) -> bool:
+        """Tell whether a new file has taken what was kept; nothing is left of one that has not."""
+        try:
+            self._recorder.begin_next()
+        except LogError:
+            return False
+        try:
+            for item in self._pending:
+                self._recorder.write(item)
+            self._recorder.flush()
+        except (OSError, LogError):
+            self._recorder.discard()
+            return False
+        return True
+
+    def _say(self, what: str, payload: dict[str, object]) -> None:
+        event = Event(topic=f"/event/{what}", time=self._recorder.newest, payload=payload)
+        self._tell(event)
+        self.write(event)
+
+    def close(self) -> None:
+        """Bring what was taken to the disk and finish the file; what it does not take is lost, and counted."""
+        self._retry = 0.0
+        self.flush()
+        if self._stopped:
+            for item in self._pending:
+                self._lost_now[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+            return
+        try:
+            self._recorder.close()
+        except OSError:
+            self._recorder.abandon()  # all of it is there but the summary, which the next start writes
+
+    def abandon(self) -> None:
+        """Close the open file as it is."""
+        self._recorder.abandon()
+
+
+def _name(item: Item) -> str:
+    return item.device if isinstance(item, Block) else "events"
