@@ -21,7 +21,8 @@ from monitor.explaining import Seen, explain_windows, seen_in, sensors_seen
 from monitor.fusion import choose_tracks
 from monitor.inbox import TOPIC_ACKNOWLEDGE
 from monitor.lateness import InTime, in_time, without_known
-from monitor.results import AlarmResult, MassIncrements, Novelty, Phase, ReferenceResult, WindowResult
+from monitor.novelty import Detector
+from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from monitor.words import is_one_mass
 from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
@@ -36,8 +37,6 @@ from updater import (
     learn_reference,
     locate_and_sharpen,
     mean_modes,
-    novelty,
-    novelty_limit,
     remove_delays,
     stack_tracks,
 )
@@ -61,6 +60,7 @@ class _Watch:
     tracker: Tracker
     reference: Reference
     updater: MassUpdater
+    detector: Detector
 
 
 class Pipeline:
@@ -80,7 +80,7 @@ class Pipeline:
             settings.channels,
             {device.name: device.rate for device in settings.device},
             window_seconds=analysis.window_seconds,
-            step_seconds=analysis.window_seconds * (1 - analysis.overlap),
+            step_seconds=settings.step_seconds,
         )
         self._alarm = Alarm(rules=settings.alarm.rules)
         self._n_windows = 0
@@ -148,19 +148,23 @@ class Pipeline:
         try:
             found = [w.identification for w in self._baseline]
             self._before = seen_in([(w.recording, w.identification) for w in self._baseline])
-            self._watch = learn_baseline(self._structure, found, self._devices)
+            tracker, reference = learn_baseline(self._structure, found, self._devices)
         except PairingError as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
             yield self._said(window, str(error))
             return
-        yield reference_result(self._watch.reference, window.recording.end)
+        recordings = [w.recording for w in self._baseline]
+        detector = Detector(reference.windows, recordings, self._settings)
+        self._watch = _Watch(tracker, reference, MassUpdater(reference), detector)
+        yield reference_result(reference, window.recording.end)
         yield self._said(window, f"baseline learnt from {len(self._baseline)} windows")
 
     def _judge(self, window: _Window, watch: _Watch) -> Iterator[Result]:
-        score = judge(window.estimate, watch, self._settings.window_false_alarm_probability)
+        score = watch.detector.consider(window.recording, window.estimate, watch.tracker.assign(window.estimate))
         over = score.t2 > score.limit
         level = score.t2 / score.limit if score.modes else math.nan
         self._alarm, changes = self._alarm.consider(window.recording.end, level)
+        watch.detector.settle(calm=self._alarm.state == "normal")
         self._out = [*self._out, window] if over else []
         self._calm = [] if over else [*self._calm, window]
         result = self._result(window, watch).model_copy(update={"novelty": score, "phase": self._phase()})
@@ -230,7 +234,9 @@ def _rms(recording: Recording) -> dict[str, float]:
     return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}
 
 
-def learn_baseline(structure: Structure, found: list[Identification], devices: Mapping[str, str]) -> _Watch:
+def learn_baseline(
+    structure: Structure, found: list[Identification], devices: Mapping[str, str]
+) -> tuple[Tracker, Reference]:
     """Choose the modes to track and learn the reference, the devices' delays first.
 
     The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode
@@ -253,16 +259,7 @@ def learn_baseline(structure: Structure, found: list[Identification], devices: M
     fields = {name: getattr(seed, name)[kept] for name in _MODAL_FIELDS}
     fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
     tracker = Tracker(reference=replace(seed, channels=mean.channels, **fields))
-    return _Watch(tracker, reference, MassUpdater(reference))
+    return tracker, reference
 
 
 _MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")
-
-
-def judge(estimate: ModalEstimate, watch: _Watch, false_alarm_probability: float) -> Novelty:
-    """Compare one window with the baseline; a window without any tracked mode is as far away as can be."""
-    track = watch.tracker.assign(estimate)
-    modes = stack_tracks([estimate], [track])
-    t2, p = novelty(modes.log_frequency[0], watch.reference.baseline, watch.reference.scatter)
-    limit = novelty_limit(p, watch.reference.scatter, false_alarm_probability)
-    return Novelty(t2=t2, limit=limit, modes=(np.flatnonzero(track >= 0) + 1).tolist())

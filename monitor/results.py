@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor.alarms import Kind, State
+from monitor.detection import DetectorName
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from updater import Diagnosis
 
@@ -48,12 +49,22 @@ class ModeResult(_Result):
     shape: list[float]  #: real part at each channel, unit norm [-]
 
 
+class DetectorFigure(_Result):
+    """What one detector says of a window."""
+
+    detector: DetectorName
+    value: Number  #: squared distance from what the law predicts, over the number of modes [-]
+    limit: Number  #: that it passes by chance at the rate below [-]
+    false_alarms_per_year: float  #: its share of the stated rate
+
+
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
-    t2: Number  #: T2 over its degrees of freedom: F distributed while nothing has changed [-]
-    limit: Number  #: alarm limit at the stated false alarm rate [-]
+    t2: Number  #: of the detector nearest to its limit, or farthest over it [-]
+    limit: Number  #: of the same [-]
     modes: list[int]  #: identities of the modes that entered
+    detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
 
 
 class Interval(_Result):

@@ -142,10 +142,9 @@ class Settings(_Section):
         )
 
     @property
-    def window_false_alarm_probability(self) -> float:
-        """Chance a window that keeps to the stated rate, were every window over the limit an alarm."""
-        step = self.analysis.window_seconds * (1 - self.analysis.overlap)
-        return self.alarm.false_alarms_per_year * step / (365.25 * 86400)
+    def step_seconds(self) -> float:
+        """From the start of a window to that of the next [s]."""
+        return self.analysis.window_seconds * (1 - self.analysis.overlap)
 
 
 def parse_settings(text: str, path: Path | str = "SITE.toml") -> Settings:

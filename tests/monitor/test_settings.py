@@ -66,7 +66,6 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
         load_settings(tmp_path / "none.toml")
 
 
-def test_false_alarm_probability_keeps_to_the_stated_rate() -> None:
-    settings = parse_settings(GOOD)  # 600 s windows, one false alarm a year
-    windows_a_year = 365.25 * 86400 / 600
-    assert settings.window_false_alarm_probability * windows_a_year == pytest.approx(1.0)
+def test_windows_begin_as_far_apart_as_overlap_leaves() -> None:
+    settings = parse_settings(GOOD + "\n[analysis]\noverlap = 0.75\n")
+    assert settings.step_seconds == 150.0

@@ -38,12 +38,12 @@ def windows(seed: int) -> list[Recording]:
 def test_a_baseline_finds_the_delays_of_its_devices() -> None:
     """Within four of the stated deviations and 5 us: half a degree at 271 Hz, what damping leaves complex of shapes."""
     found = [identify_all(recording) for recording in windows(11)]
-    watch = learn_baseline(t_frame(), found, {c.name: c.device for c in CHANNELS})
-    delays = watch.reference.delays
+    tracker, reference = learn_baseline(t_frame(), found, {c.name: c.device for c in CHANNELS})
+    delays = reference.delays
     late = np.array([LATE.get(name, 0.0) for name in delays.seconds])
     learnt = np.array(list(delays.seconds.values()))
     std = np.array(list(delays.std.values()))
     assert len(late) == len(T_DEVICES)
     off = (learnt - learnt.mean()) - (late - late.mean())
     assert np.all(np.abs(off) < 4 * std + 5e-6), off
-    assert len(watch.tracker.reference.frequency) >= 7
+    assert len(tracker.reference.frequency) >= 7

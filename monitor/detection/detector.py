@@ -1,0 +1,151 @@
+"""Three detectors over one law: a jump in single windows, and two averages for what is small and stays.
+
+References
+----------
+Lowry, C. A., Woodall, W. H., Champ, C. W., Rigdon, S. E. (1992). A multivariate exponentially weighted moving average
+control chart. Technometrics 34, 46-53.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import FloatArray
+from monitor.detection.environment import MEMORY, remember, terms
+from monitor.detection.law import Law, first_law, learn
+from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
+from monitor.detection.scores import distance, normal_score
+
+WEIGHTS = (0.2, 0.02)  #: of the newest window, in the quick and the slow average
+DetectorName = Literal["jump", "quick drift", "slow drift"]
+DETECTORS: tuple[DetectorName, ...] = ("jump", "quick drift", "slow drift")
+GUARD = 72  #: windows that must stay calm before older ones are learnt from
+CHUNK = 24  #: windows learnt from at once
+
+_FREEDOMS = 1.25  # ratio of the degrees of freedom that limits are computed for
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Watched:
+    """A law and what watching by it has come to; leading dimensions are sites."""
+
+    law: Law
+    watching: Watching
+    memory: FloatArray  #: (..., 3) temperatures of structures of three inertias [degC]
+    average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Judged:
+    """Windows, judged; all distances are over their number of modes."""
+
+    value: FloatArray  #: (3, ..., n_windows), by `DETECTORS`
+    limit: FloatArray  #: (3, ..., n_windows)
+    terms: FloatArray  #: (..., n_windows, q)
+    whitened: FloatArray  #: (..., n_windows, n_tracks)
+
+    @property
+    def over(self) -> npt.NDArray[np.bool_]:
+        """Tell for each window (..., n_windows) whether any detector is over its limit."""
+        return np.asarray((self.value > self.limit).any(0))
+
+
+def start(
+    log_frequency: FloatArray, std: FloatArray, temperature: FloatArray, seconds: FloatArray, watching: Watching
+) -> Watched:
+    """Learn from baseline windows.
+
+    Parameters
+    ----------
+    log_frequency, std : (..., n_windows, n_tracks), NaN where a window lacks a mode
+    temperature : (..., n_windows) [degC], NaN where no device has a sensor
+    seconds : (n_windows,) since the window before [s]
+    watching : how the next windows will be judged
+    """
+    known = np.isfinite(temperature)
+    first = np.take_along_axis(temperature, known.argmax(-1)[..., None], axis=-1)
+    memory = remember(np.repeat(first, len(MEMORY), axis=-1), temperature, seconds)
+    law = first_law(
+        log_frequency,
+        std,
+        terms(temperature, memory),
+        measured=known.mean(-1) > 0.5,
+        lag=_lag(watching),
+    )
+    average = np.zeros((len(WEIGHTS), *law.centre.shape))
+    return Watched(law=law, watching=watching, memory=memory[..., -1, :], average=average)
+
+
+def judge(
+    watched: Watched, log_frequency: FloatArray, temperature: FloatArray, seconds: FloatArray
+) -> tuple[Judged, Watched]:
+    """Judge windows by the law; a window over the jump's limit enters no average.
+
+    Parameters are those of `start`. The law is not changed: `accept` does that.
+    """
+    law, p = watched.law, log_frequency.shape[-1]
+    memory = remember(watched.memory, temperature, seconds)
+    known = terms(temperature, memory)
+    whitened = law.whiten(log_frequency)
+    lasting = law.lasting(known)
+    new = law.fast[..., None, None, None] * np.eye(p)
+    size = np.sqrt(law.fast[..., None, None] + np.diagonal(lasting, axis1=-2, axis2=-1))
+    deviation = size * normal_score(law.residual(known, whitened) / size, law.tail[..., None, None])
+    squared, n = distance(deviation, lasting + new)
+    jump, drift = _limits(law, watched.watching)
+    values = [squared / np.maximum(n, 1)]
+    limits = [np.take_along_axis(jump, np.maximum(n - 1, 0), axis=-1)]
+    taken = np.where((values[0] > limits[0])[..., None], np.nan, deviation)
+    averages = []
+    for i, weight in enumerate(WEIGHTS):
+        path = _averaged(watched.average[i], taken, weight)
+        covariance = lasting + averaged(weight, watched.watching.overlap)[0] * new
+        values.append(distance(path, covariance)[0] / p)
+        limits.append(np.broadcast_to(drift[..., i : i + 1], values[0].shape))
+        averages.append(path[..., -1, :])
+    judged = Judged(value=np.array(values), limit=np.array(limits), terms=known, whitened=whitened)
+    return judged, replace(watched, memory=memory[..., -1, :], average=np.array(averages))
+
+
+def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched:
+    """Learn from windows that have been judged and stayed calm; NaN for those that have not.
+
+    Parameters
+    ----------
+    known, whitened : `terms` and `whitened` of `Judged`
+    """
+    return replace(watched, law=learn(watched.law, known, whitened, lag=_lag(watched.watching)))
+
+
+def _averaged(average: FloatArray, deviation: FloatArray, weight: float) -> FloatArray:
+    """Return the average (..., n_windows, n_tracks) after each window; a mode that is missing keeps its own."""
+    out = np.empty_like(deviation)
+    for window in range(deviation.shape[-2]):
+        newest = deviation[..., window, :]
+        average = np.where(np.isfinite(newest), (1 - weight) * average + weight * newest, average)
+        out[..., window, :] = average
+    return out
+
+
+def _lag(watching: Watching) -> int:
+    """Return the windows from one to the next that shares no sample with it."""
+    return int(np.ceil(1 / (1 - watching.overlap) - 1e-9))
+
+
+def _limits(law: Law, watching: Watching) -> tuple[FloatArray, FloatArray]:
+    """Return the limits of jumps (..., n_tracks), by number of modes seen, and of drifts (..., 2)."""
+    p, lead = law.scale.shape[-1], law.freedom.shape
+    rounded = _FREEDOMS ** np.floor(np.log(law.freedom) / np.log(_FREEDOMS))
+    pairs = zip(law.rank.ravel().tolist(), rounded.ravel().tolist(), strict=True)
+    table = np.array([_limits_of(p, rank, freedom, watching) for rank, freedom in pairs])
+    table = table.reshape(*lead, p + len(WEIGHTS))
+    return table[..., :p], table[..., p:]
+
+
+@lru_cache(maxsize=1024)
+def _limits_of(p: int, rank: int, freedom: float, watching: Watching) -> tuple[float, ...]:
+    jumps = (jump_limit(n, rank, freedom, watching) for n in range(1, p + 1))
+    return (*jumps, *(drift_limit(p, freedom, weight, watching) for weight in WEIGHTS))

@@ -1,0 +1,261 @@
+"""What undisturbed windows look like: a law of temperature, and how far windows scatter about it.
+
+Log frequencies are whitened by the deviations that windows state. About the law they scatter in three ways, which
+are kept apart because they average differently over windows:
+
+- fast: identification's own error, new in every window; one factor on what is stated, from successive differences;
+- slow: what the baseline moved by beside, its dominant subspace; wind, sun, moisture, load. It is never averaged down;
+- unknown: the law's own uncertainty, small where temperatures have been seen and wide where not.
+
+Every array may have leading dimensions, one entry a site.
+
+References
+----------
+Yan, A.-M. et al. (2005). Structural damage diagnosis under varying environmental conditions. MSSP 19, 847-864: the
+dominant subspace of the baseline as the unmeasured environment.
+von Neumann, J. (1941). Distribution of the ratio of the mean square successive difference to the variance. Annals of
+Mathematical Statistics 12, 367-395.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammaln
+
+from daq import FloatArray
+from monitor.detection.environment import N_TERMS, prior_std
+
+BoolArray = npt.NDArray[np.bool_]
+
+COMMON_STD = 3e-3  # of what an unmeasured temperature does to all log frequencies alike (steel 0.018 %/K)
+_STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
+_MOST_FREEDOM = 1e4
+_EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
+_SLOW_WINDOWS = 36.0  # windows that a slow movement lasts: six hours of ten minutes
+_WILD = 4.5  # standard deviations from which a mode's value teaches nothing
+_TAILS = np.array([4.5, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sums:
+    """What is kept of all windows learnt from; adding windows adds to it."""
+
+    information: FloatArray  #: (..., 2, q, q) of the coefficients: common, own
+    moment: FloatArray  #: (..., q, n_tracks) of whitened frequencies, already weighted: common and own parts together
+    difference: FloatArray  #: (...,) half squared differences of successive windows, summed
+    n_difference: FloatArray  #: (...,)
+    product: FloatArray  #: (..., n_tracks, n_tracks) residuals' products, summed
+    n_product: FloatArray  #: (..., n_tracks, n_tracks)
+    tail: FloatArray  #: (..., 7) log likelihood of each tail
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Law:
+    """The law and the scatter about it."""
+
+    centre: FloatArray  #: (..., n_tracks) log frequency that whitened ones are counted from
+    scale: FloatArray  #: (..., n_tracks) standard deviation stated by a window
+    measured: BoolArray  #: (...,) whether temperature is
+    sums: Sums
+    coefficient: FloatArray  #: (..., q, n_tracks)
+    unknown: FloatArray  #: (..., 2, q, q) covariance of the coefficients: common, own
+    fast: FloatArray  #: (...,) variance new in every window, whitened
+    freedom: FloatArray  #: (...,) degrees of freedom it is known with
+    slow: FloatArray  #: (..., n_tracks, n_tracks) covariance that lasts, whitened
+    rank: npt.NDArray[np.intp]  #: (...,) of what lasts
+    tail: FloatArray  #: (...,) degrees of freedom of a deviation's tail
+
+    @property
+    def common(self) -> FloatArray:
+        """Return the whitened direction (..., n_tracks) in which all frequencies change alike."""
+        return common_direction(self.scale)
+
+    def whiten(self, log_frequency: FloatArray) -> FloatArray:
+        """Return log frequencies (..., n_windows, n_tracks) in the law's units."""
+        return (log_frequency - self.centre[..., None, :]) / self.scale[..., None, :]
+
+    def residual(self, terms: FloatArray, whitened: FloatArray) -> FloatArray:
+        """Return what the law does not predict (..., n_windows, n_tracks)."""
+        return whitened - terms @ self.coefficient
+
+    def lasting(self, terms: FloatArray) -> FloatArray:
+        """Return the covariance (..., n_windows, n_tracks, n_tracks) of what averaging does not make less."""
+        both = (terms[..., None, :, :] @ self.unknown * terms[..., None, :, :]).sum(-1)
+        along = self.common[..., :, None] * self.common[..., None, :]
+        across = np.eye(self.scale.shape[-1]) - along
+        spread = (
+            both[..., 0, :, None, None] * along[..., None, :, :] + both[..., 1, :, None, None] * across[..., None, :, :]
+        )
+        return np.asarray(spread + self.slow[..., None, :, :])
+
+
+def common_direction(scale: FloatArray) -> FloatArray:
+    """Return the unit vector along which equal relative changes lie once whitened."""
+    return np.asarray((1 / scale) / np.linalg.norm(1 / scale, axis=-1, keepdims=True))
+
+
+def first_law(log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, measured: BoolArray, lag: int) -> Law:
+    """Learn from baseline windows, values far from the others' left out.
+
+    Parameters
+    ----------
+    log_frequency, std : (..., n_windows, n_tracks), NaN where a window lacks a mode
+    terms : (..., n_windows, q) from `environment.terms`
+    measured : (...,) whether temperature is
+    lag : windows from one to the next that shares no sample with it
+    """
+    centre = np.nanmedian(log_frequency, axis=-2)
+    scale = np.sqrt(np.nanmedian(std**2, axis=-2))
+    whitened = (log_frequency - centre[..., None, :]) / scale[..., None, :]
+    usual = 1.4826 * np.nanmedian(np.abs(whitened), axis=(-2, -1))
+    cleaned = np.where(np.abs(whitened) > _WILD * usual[..., None, None], np.nan, whitened)
+    blank = _blank(centre, scale, measured)
+    law = learn(blank, terms, cleaned, lag=lag)
+    for _ in range(2):  # what was rejected about the median is judged again about the law
+        cleaned = np.where(_wild(law, terms, whitened), np.nan, whitened)
+        law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag)
+    return law
+
+
+def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int) -> Law:
+    """Return the law after more windows, whitened by it; a window of NaN teaches nothing."""
+    kept = np.where(_wild(law, terms, whitened), np.nan, whitened)
+    seen = np.isfinite(kept)
+    share = seen.mean(-1)
+    filled = _filled(law, terms, kept)
+    weights = share[..., None, :] / _noise(law)[..., :, None]
+    along = law.common[..., None, :] * (filled @ law.common[..., :, None])
+    weighted = weights[..., 0, :, None] * along + weights[..., 1, :, None] * (filled - along)
+    new_information = np.swapaxes(terms[..., None, :, :] * weights[..., None], -1, -2) @ terms[..., None, :, :]
+    moment = np.swapaxes(terms, -1, -2) @ weighted
+    solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
+    scattered = _scattered(solved, solved.residual(terms, kept), lag)
+    return _tail(scattered, terms, scattered.residual(terms, whitened))
+
+
+def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray) -> Law:
+    """Return the law before anything is measured, but for the frequencies about which it is drawn."""
+    lead, p = centre.shape[:-1], centre.shape[-1]
+    information = np.stack([np.eye(N_TERMS) / std[..., None, :] ** 2 for std in prior_std(scale)], axis=-3)
+    sums = Sums(
+        information=information,
+        moment=np.zeros((*lead, N_TERMS, p)),
+        difference=np.zeros(lead),
+        n_difference=np.zeros(lead),
+        product=np.zeros((*lead, p, p)),
+        n_product=np.zeros((*lead, p, p)),
+        tail=np.zeros((*lead, len(_TAILS))),
+    )
+    return Law(
+        centre=centre,
+        scale=scale,
+        measured=measured,
+        sums=sums,
+        coefficient=np.zeros((*lead, N_TERMS, p)),
+        unknown=_inverse(information),
+        fast=np.ones(lead),
+        freedom=np.full(lead, _STATED_WORTH),
+        slow=np.zeros((*lead, p, p)),
+        rank=np.zeros(lead, dtype=np.intp),
+        tail=np.full(lead, _TAILS[3]),
+    )
+
+
+def _with_scatter(blank: Law, law: Law) -> Law:
+    return replace(blank, fast=law.fast, freedom=law.freedom, slow=law.slow, rank=law.rank, tail=law.tail)
+
+
+def _wild(law: Law, terms: FloatArray, whitened: FloatArray) -> BoolArray:
+    variance = law.fast[..., None, None] + np.diagonal(law.lasting(terms), axis1=-2, axis2=-1)
+    return np.asarray(law.residual(terms, whitened) ** 2 > _WILD**2 * variance)
+
+
+def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
+    """Return whitened frequencies with missing modes put where the law and the common part of the others say."""
+    residual = law.residual(terms, whitened)
+    seen = np.isfinite(residual)
+    along = law.common[..., None, :]
+    together = np.where(seen, residual * along, 0.0).sum(-1) / np.maximum((seen * along**2).sum(-1), 1e-12)
+    return np.where(seen, whitened, terms @ law.coefficient + together[..., None] * along)
+
+
+def _noise(law: Law) -> FloatArray:
+    """Return the variance (..., 2) with which one window tells of the common and of the own part.
+
+    A slow movement stays for many windows, so that together they tell no more of it than one.
+    """
+    p = law.scale.shape[-1]
+    along = np.einsum("...i,...ij,...j->...", law.common, law.slow, law.common)
+    across = (np.trace(law.slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
+    return law.fast[..., None] + _SLOW_WINDOWS * np.stack([along, np.maximum(across, 0.0)], axis=-1)
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
+def _solve(law: Law, information: FloatArray, moment: FloatArray) -> Law:
+    unknown = _inverse(information)
+    along = law.common[..., None, :] * (moment @ law.common[..., :, None])
+    coefficient = unknown[..., 0, :, :] @ along + unknown[..., 1, :, :] @ (moment - along)
+    sums = replace(law.sums, information=information, moment=moment)
+    return replace(law, sums=sums, coefficient=coefficient, unknown=unknown)
+
+
+def _scattered(law: Law, residual: FloatArray, lag: int) -> Law:
+    """Return the law with its scatter learnt from the residuals too."""
+    seen = np.isfinite(residual)
+    there = np.where(seen, residual, 0.0)
+    half = 0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2
+    sums = replace(
+        law.sums,
+        difference=law.sums.difference + np.nansum(half, axis=(-2, -1)),
+        n_difference=law.sums.n_difference + np.isfinite(half).sum((-2, -1)),
+        product=law.sums.product + np.swapaxes(there, -1, -2) @ there,
+        n_product=law.sums.n_product + np.swapaxes(seen, -1, -2).astype(float) @ seen.astype(float),
+    )
+    worth = _EFFICIENCY * sums.n_difference
+    fast = (_STATED_WORTH + _EFFICIENCY * sums.difference) / (_STATED_WORTH + worth)
+    slow, rank = _dominant(sums, fast)
+    if not law.measured.all():
+        size = np.where(law.measured, 0.0, ((COMMON_STD / law.scale) ** 2).sum(-1))
+        slow = slow + size[..., None, None] * law.common[..., :, None] * law.common[..., None, :]
+        rank = np.minimum(rank + ~law.measured, law.scale.shape[-1])
+    freedom = np.minimum(_STATED_WORTH + worth, _MOST_FREEDOM)
+    return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, rank=rank)
+
+
+def _dominant(sums: Sums, fast: FloatArray) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    """Return the covariance of the directions that vary more than chance makes any vary, and their number.
+
+    Few windows of a slow movement show it a few times only; its variance is taken larger by what that leaves open.
+
+    References
+    ----------
+    Johnstone, I. M. (2001). On the distribution of the largest eigenvalue in principal components analysis. Annals of
+    Statistics 29, 295-327: mean and deviation of the largest eigenvalue of noise; 2.02 is its 99 % quantile.
+    """
+    p = sums.product.shape[-1]
+    covariance = sums.product / np.maximum(sums.n_product - 1, 1)
+    n = np.maximum(np.mean(sums.n_product, axis=(-2, -1)), 3.0)
+    value, vector = np.linalg.eigh(covariance / fast[..., None, None])
+    root = np.sqrt(n - 1) + np.sqrt(p)
+    chance = (root**2 + 2.02 * root * (1 / np.sqrt(n - 1) + 1 / np.sqrt(p)) ** (1 / 3)) / n
+    kept = value > chance[..., None]
+    open_factor = np.minimum(1 + 2 * _SLOW_WINDOWS / n, 3.0)
+    excess = np.where(kept, value - 1, 0.0) * (fast * open_factor)[..., None]
+    return (vector * excess[..., None, :]) @ np.swapaxes(vector, -1, -2), kept.sum(-1)
+
+
+def _tail(law: Law, terms: FloatArray, residual: FloatArray) -> Law:
+    """Return the law with what the residuals tell of their tails: the likelihood of Student's distributions."""
+    variance = law.fast[..., None, None] + np.diagonal(law.lasting(terms), axis1=-2, axis2=-1)
+    squared = (residual**2 / variance)[..., None]
+    half = (_TAILS + 1) / 2
+    constant = gammaln(half) - gammaln(_TAILS / 2) - 0.5 * np.log(np.pi * (_TAILS - 2))
+    gained = np.nansum(constant - half * np.log1p(squared / (_TAILS - 2)), axis=(-3, -2))
+    likelihood = law.sums.tail + np.where(np.isfinite(squared).any((-3, -2)), gained, 0.0)
+    share = np.exp(likelihood - likelihood.max(-1, keepdims=True))
+    tail = share.sum(-1) / (share / _TAILS).sum(-1)
+    return replace(law, sums=replace(law.sums, tail=likelihood), tail=tail)

@@ -1,0 +1,133 @@
+"""Limits from the run length: how far a detector may go by chance, once in the stated time.
+
+Of `n` modes, each detector looks at a distance that is chi-square distributed while nothing has changed, over a
+variance that a baseline has told with some degrees of freedom. A false alarm is the start of a run of windows over
+the limit; its rate is taken for a known variance first, successive windows being correlated as overlap and averaging
+make them, and then averaged over what the baseline leaves open of the variance.
+
+References
+----------
+Lowry, C. A., Woodall, W. H., Champ, C. W., Rigdon, S. E. (1992). A multivariate exponentially weighted moving average
+control chart. Technometrics 34, 46-53.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import chi2, ncx2, norm
+
+from daq import FloatArray
+
+_DISTANCES = np.concatenate([np.linspace(0.25, 60, 120), np.linspace(62, 240, 60)])
+_NODES = 120  # of integrals over a distance
+
+
+@dataclass(frozen=True)
+class Watching:
+    """How windows are judged."""
+
+    rate: float  #: false alarms a window that a detector may give [-]
+    overlap: float  #: share of a window that the next one repeats [-]
+    hold: int  #: windows in a row over the limit that make an alarm
+
+
+def overlapping(overlap: float, lag: int) -> float:
+    """Return the correlation of windows that far apart."""
+    return max(0.0, 1 - lag * (1 - overlap))
+
+
+def averaged(weight: float, overlap: float) -> tuple[float, float]:
+    """Return the variance of an EWMA of unit variances, and the correlation of successive ones.
+
+    Parameters
+    ----------
+    weight : of the newest window
+    overlap : of windows
+    """
+    lags = np.arange(int(np.ceil(1 / (1 - overlap))) + 1)
+    alike = np.array([overlapping(overlap, int(lag)) for lag in lags])
+    fading = (1 - weight) ** lags
+    variance = weight / (2 - weight) * (2 * (fading * alike).sum() - 1)
+    ahead = weight**2 * (fading[:-1] * alike[1:]).sum()
+    return float(variance), float(1 - weight + ahead / variance)
+
+
+@lru_cache(maxsize=4096)
+def jump_limit(n: int, lasting: int, freedom: float, watching: Watching) -> float:
+    """Return the limit of one window's T2 over its number of modes, for `hold` windows in a row.
+
+    Parameters
+    ----------
+    n : modes that the window has
+    lasting : directions in which windows differ from the law alike for a long time
+    freedom : degrees of freedom of the variance
+    watching : rate, overlap, hold
+    """
+    return _limit(
+        lambda h: _run_rate(n, min(lasting, n), watching.overlap, watching.hold, h), n, freedom, watching.rate
+    )
+
+
+@lru_cache(maxsize=4096)
+def drift_limit(n: int, freedom: float, weight: float, watching: Watching) -> float:
+    """Return the limit of an EWMA's squared distance over its number of modes."""
+    correlation = averaged(weight, watching.overlap)[1]
+    return _limit(lambda h: _crossing_rate(n, correlation, h), n, freedom, watching.rate)
+
+
+def _limit(rate: Callable[[FloatArray], FloatArray], n: int, freedom: float, wanted: float) -> float:
+    """Return the distance over n at which the rate, averaged over the variance's posterior, is the wanted one."""
+    known = np.log(np.maximum(rate(_DISTANCES), 1e-280))
+    node, weight = np.polynomial.legendre.leggauss(60)
+    normal = 7.0 * node
+    variance = freedom / chi2.ppf(ndtr(normal), freedom) if freedom < 1e4 else np.ones(len(node))
+    share = 7.0 * weight * norm.pdf(normal)
+    tried = np.geomspace(0.5 * n, 60.0 * n, 300)
+    there = tried[:, None] / variance
+    slope = (known[-1] - known[-21]) / (_DISTANCES[-1] - _DISTANCES[-21])
+    beyond = known[-1] + slope * (there - _DISTANCES[-1])
+    logs = np.where(there > _DISTANCES[-1], beyond, np.interp(there, _DISTANCES, known))
+    mean = np.exp(logs) @ share
+    return float(np.interp(-np.log(wanted), -np.log(mean), tried) / n)
+
+
+def _run_rate(n: int, lasting: int, overlap: float, hold: int, limits: FloatArray) -> FloatArray:
+    """Return how often a run of `hold` windows over each limit begins; `lasting` of the n directions never change."""
+    free = n - lasting
+    alone = chi2.sf(limits, n)
+    if hold == 1 or free == 0:
+        return np.asarray(alone)
+    single = np.where(limits > 0, chi2.sf(limits, free), 1.0)
+    pair = _pair(free, overlapping(overlap, 1), limits)
+    run = pair * (pair / single) ** (hold - 2)
+    if not lasting:
+        return np.asarray(run)
+    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    root = np.sqrt(limits)[:, None] * (node + 1) / 2  # q = root^2 takes the density's pole at zero away
+    density = chi2.pdf(root**2, lasting) * 2 * root * np.sqrt(limits)[:, None] / 2
+    left = np.interp(limits[:, None] - root**2, np.append(0.0, limits), np.append(0.0, np.log(run)))
+    return np.asarray((density * np.exp(left)) @ weight + chi2.sf(limits, lasting))
+
+
+def _pair(n: int, correlation: float, limits: FloatArray) -> FloatArray:
+    """Return the chance that two successive distances are over each limit."""
+    alone = chi2.sf(limits, n)
+    if correlation == 0:
+        return np.asarray(alone**2)
+    return np.maximum(alone - _crossing_rate(n, correlation, limits), 1e-300)
+
+
+def _crossing_rate(n: int, correlation: float, limits: FloatArray) -> FloatArray:
+    """Return the chance that a distance is under each limit and the next one over it.
+
+    The vector is Gaussian and its next value, given the present one, too: the next distance is non-central chi-square.
+    """
+    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    left = 1 - correlation**2
+    root = np.sqrt(limits)[:, None] * (node + 1) / 2
+    density = chi2.pdf(root**2, n) * 2 * root * np.sqrt(limits)[:, None] / 2
+    over = ncx2.sf(limits[:, None] / left, n, correlation**2 * root**2 / left)
+    return np.asarray((density * over) @ weight)
