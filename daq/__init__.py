@@ -10,6 +10,7 @@ from daq.disk_guard import DiskGuard, Retention
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan
+from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
 from daq.emulator.slcan import EmulatedSlcan
 from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
@@ -47,6 +48,7 @@ __all__ = [
     "DriverError",
     "EmulatedEpson",
     "EmulatedEpsonCan",
+    "EmulatedNode",
     "EmulatedPort",
     "EmulatedSlcan",
     "Event",

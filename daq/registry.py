@@ -23,6 +23,7 @@ class DriverKind:
 _DRIVERS = {
     "epson-can": DriverKind(where="daq.drivers.epson_can:EpsonCan", place=CanAddress),
     "epson-uart": DriverKind(where="daq.drivers.epson_uart:EpsonUart", place=str),
+    "modalwatch-node": DriverKind(where="daq.drivers.node:ModalwatchNode", place=str),
 }
 _GROUP = "modalwatch.drivers"  # of entry points: drivers of others
 

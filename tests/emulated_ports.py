@@ -1,18 +1,22 @@
 """Emulated devices in a process of their own, told what to do over its standard input.
 
-    python emulated_ports.py N SPEED ORIGIN_WALL ORIGIN
+    python emulated_ports.py N SPEED ORIGIN_WALL ORIGIN [KIND]
 
 First line out: the ports as JSON. Lines in: `unplug K`, `end`. Last line out: frames sent and dropped by each device.
+KIND is the name of a driver, epson-uart unless given.
 """
 
 import json
 import os
 import select
 import sys
+from collections.abc import Callable
 
 import numpy as np
 
-from daq import EmulatedEpson, IntArray, ScaledClock, serve_all, unplugging
+from daq import EmulatedEpson, EmulatedNode, HostClock, IntArray, ScaledClock, serve_all, unplugging
+
+Device = EmulatedEpson | EmulatedNode
 
 
 class Ramp:
@@ -38,11 +42,18 @@ def told() -> list[str]:
     return os.read(0, 100).decode().split() or ["end"] if ready else []
 
 
+KINDS: dict[str, Callable[[HostClock, str], Device]] = {
+    "epson-uart": lambda clock, name: EmulatedEpson(Ramp(), clock, serial_number=name),
+    "modalwatch-node": lambda clock, name: EmulatedNode(Ramp(), clock, serial_number=name),
+}
+
+
 def main() -> None:
     """Serve until told to end."""
-    n, speed, origin_wall, origin = (int(word) for word in sys.argv[1:])
+    n, speed, origin_wall, origin = (int(word) for word in sys.argv[1:5])
+    make = KINDS[sys.argv[5] if len(sys.argv) > 5 else "epson-uart"]
     clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)
-    with unplugging([EmulatedEpson(Ramp(), clock, serial_number=f"E{k:07}") for k in range(n)]) as devices:
+    with unplugging([make(clock, f"E{k:07}") for k in range(n)]) as devices:
         say([device.port for device in devices])
         turn = 0
         while (words := told()) != ["end"]:

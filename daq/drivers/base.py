@@ -30,7 +30,7 @@ class Scans:
 class Driver(Protocol):
     """One kind of device: what hardware asks for, and nothing else."""
 
-    scale: float  #: m/s2 a count
+    scale: float  #: m/s2 a count; known once it is open
     modulus: int  #: at which the device's counter wraps
 
     def open(self) -> dict[str, Any]:
@@ -203,7 +203,8 @@ class DeviceReader(threading.Thread):
         super().__init__(name=f"reader {device}", daemon=True)
         self._device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
         self._silent_seconds = silent_seconds
-        self._blocks = _Blocks(device, rate, driver.scale, driver.modulus, max(1, round(block_seconds * rate)))
+        self._n_scans = max(1, round(block_seconds * rate))
+        self._blocks = self._new_blocks()
         self._ending = threading.Event()
         self._end = 0  # index after the last block handed on
         self._identity: dict[str, Any] = {}  # of the device that was there at the start
@@ -217,7 +218,11 @@ class DeviceReader(threading.Thread):
             If it does not answer.
         """
         self._identity = self._driver.open()
+        self._blocks = self._new_blocks()  # some devices say their scale when they are asked
         self._sink(self._event("device_open", self._identity))
+
+    def _new_blocks(self) -> _Blocks:
+        return _Blocks(self._device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
 
     def stop(self) -> None:
         """Ask the thread to end."""

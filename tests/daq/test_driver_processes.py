@@ -1,68 +1,23 @@
 """Driver against emulator, two processes, real bytes on ptys."""
 
-import json
 import os
-import subprocess
-import sys
 import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from daq_helpers import START
+from port_helpers import Emulators, emulators
 
-from daq import Block, DeviceReader, DriverError, Event, Flag, Item, ScaledClock, make_driver
+from daq import Block, DeviceReader, DriverError, Event, Flag, Item, make_driver
 
 pytestmark = pytest.mark.live
 
-SCRIPT = Path(__file__).parents[1] / "emulated_ports.py"
 RATE = 1000.0
-
-
-@dataclass(frozen=True)
-class Emulators:
-    """A process with emulated devices."""
-
-    process: subprocess.Popen[str]
-    clock: ScaledClock
-    ports: list[str]
-
-    def unplug(self, k: int) -> None:
-        self._say(f"unplug {k}")
-
-    def end(self) -> dict[str, list[int]]:
-        """Stop it; return frames sent and dropped."""
-        self._say("end")
-        assert self.process.stdout is not None
-        found: dict[str, list[int]] = json.loads(self.process.stdout.readline())
-        return found
-
-    def _say(self, line: str) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(line + "\n")
-        self.process.stdin.flush()
-
-
-@contextmanager
-def emulators(n: int, speed: int = 1) -> Iterator[Emulators]:
-    """Run n devices; the process is gone afterwards."""
-    clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
-    command = [sys.executable, str(SCRIPT), str(n), str(speed), str(clock.origin_wall), str(clock.origin)]
-    environment = {**os.environ, "PYTHONPATH": str(SCRIPT.parents[1])}
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
-    ) as process:
-        try:
-            assert process.stdout is not None
-            yield Emulators(process, clock, json.loads(process.stdout.readline()))
-        finally:
-            process.kill()
 
 
 @contextmanager

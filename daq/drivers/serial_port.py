@@ -1,0 +1,74 @@
+"""What drivers on serial lines do alike."""
+
+import sys
+import time
+
+import serial
+
+from daq.errors import DeviceLost
+
+READ_SECONDS = 0.1  #: that a read waits for the first byte
+if sys.platform == "win32":
+    PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
+else:
+    import termios
+
+    PORT_ERRORS = (OSError, termios.error)  #: SerialException is an OSError, what flushing raises is not
+
+
+class SerialPort:
+    """An open serial port that nobody else may open meanwhile.
+
+    Parameters
+    ----------
+    path : of the port
+    baud : 8 data bits, no parity [bit/s]
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    """
+
+    def __init__(self, path: str, baud: int) -> None:
+        self._path = path
+        self._line = serial.Serial(path, baud, timeout=READ_SECONDS, write_timeout=1.0, exclusive=True)
+        self.arrived = 0  #: when the last read's bytes were here, by time.perf_counter_ns
+
+    def read(self) -> bytes:
+        """Return what has arrived; nothing if nothing comes within `READ_SECONDS`.
+
+        Raises
+        ------
+        DeviceLost
+            If the port is gone.
+        """
+        try:
+            data: bytes = self._line.read(1) + self._line.read(self._line.in_waiting)
+        except PORT_ERRORS as error:
+            raise DeviceLost(self._path, f"the port is gone: {error}") from error
+        self.arrived = time.perf_counter_ns()
+        return data
+
+    @property
+    def age(self) -> int:
+        """Time since the last read's bytes were here [ns]."""
+        return time.perf_counter_ns() - self.arrived
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; OSError if the port is gone."""
+        self._line.write(data)
+
+    def discard_input(self) -> None:
+        """Throw away what has arrived."""
+        self._line.reset_input_buffer()
+
+    def close(self, farewell: bytes = b"") -> None:
+        """Say a last word to who still listens, and free the port."""
+        try:
+            if farewell:
+                self._line.write(farewell)
+        except PORT_ERRORS:
+            pass  # it is gone: nobody to tell
+        finally:
+            self._line.close()

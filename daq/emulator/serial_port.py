@@ -1,0 +1,109 @@
+"""What emulated devices on serial lines have in common: a pty, scans that fall due, and a line that may be full."""
+
+import os
+import tty
+from abc import ABC, abstractmethod
+
+from daq.emulator.serving import PORT_BUFFER, SampleSource
+from daq.hostclock import HostClock
+from daq.recording import IntArray
+
+
+class SerialEmulator(ABC):
+    """The device side of one serial line.
+
+    It never waits for a reader: beyond the pty's own buffer it holds as much as the kernel would of a real port's
+    bytes, and then drops whole frames and counts them.
+
+    Parameters
+    ----------
+    source : what it measures
+    clock : of the world it lives in
+    frame_size : bytes a scan, at most
+    clock_error : of its own oscillator, 1e-6 = 1 ppm fast
+    """
+
+    def __init__(self, source: SampleSource, clock: HostClock, *, frame_size: int, clock_error: float) -> None:
+        self._source, self._clock = source, clock
+        self._frame_size, self._clock_error = frame_size, clock_error
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)  #: path to open on the host's side
+        self._unplugged = False
+        self._pending = bytearray()
+        self._started: int | None = None
+        self._true_rate = 0.0  # of the scans, by the world's clock [Hz]
+        self._due = 0
+        self.sent = 0  #: frames handed to the pty
+        self.dropped = 0  #: frames that found it full
+
+    @abstractmethod
+    def hear(self, data: bytes) -> None:
+        """Take what the host says."""
+
+    @abstractmethod
+    def encode(self, counts: IntArray, first: int) -> bytes:
+        """Return the frames of scans (n, 3) from number `first` on."""
+
+    @property
+    def sampling_since(self) -> int | None:
+        """Time of the first scan [ns UTC], None while it is not sampling."""
+        return self._started
+
+    def close(self) -> None:
+        """Unplug: the host's side reads an error from now on; once is enough."""
+        if not self._unplugged:
+            self._unplugged = True
+            os.close(self._slave)
+            os.close(self._master)
+
+    def serve(self) -> None:
+        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        if self._unplugged:
+            return
+        self._listen()
+        if self._started is not None:
+            self._sample(self._started)
+        self._drain()
+
+    def say(self, data: bytes) -> None:
+        """Send bytes, after what is sent already."""
+        self._pending += data
+
+    def start(self, rate: float) -> None:
+        """Sample from now on, at a nominal rate [Hz]."""
+        self._started, self._due = self._clock.now(), 0
+        self._true_rate = rate * (1 + self._clock_error)
+        self._source.start(self._started, self._true_rate)
+
+    def stop(self) -> None:
+        """Sample no more, and forget what has not been sent."""
+        self._started = None
+        self._pending.clear()
+
+    def _listen(self) -> None:
+        try:
+            self.hear(os.read(self._master, 256))
+        except OSError:
+            return  # nothing said, or nobody has the port open
+
+    def _sample(self, started: int) -> None:
+        due = int((self._clock.now() - started) * 1e-9 * self._true_rate) + 1
+        n = due - self._due
+        if n <= 0:
+            return
+        counts = self._source.read(self._due, n)
+        room = max(0, (PORT_BUFFER - len(self._pending)) // self._frame_size)
+        self.dropped += max(0, n - room)
+        if room:
+            self.say(self.encode(counts[:room], self._due))
+            self.sent += min(n, room)
+        self._due = due
+
+    def _drain(self) -> None:
+        if self._pending:
+            try:
+                del self._pending[: os.write(self._master, self._pending)]
+            except OSError:
+                return  # full: a real line would hold it too

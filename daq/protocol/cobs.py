@@ -1,0 +1,90 @@
+"""Frames on a serial line: stuffed so that no byte in them is zero, ended by a zero, guarded by a CRC; by the block.
+
+Consistent overhead byte stuffing (COBS): a leading byte says how far off the first zero was, and in the place of each
+zero stands how far off the next one was, the end of the frame being the last. So a zero on the line is always the end
+of a frame, and whoever joins late or reads damaged bytes is in step again at the next one. Frames here are shorter than
+254 bytes, where stuffing adds exactly one byte; all of one block have the same length.
+
+References
+----------
+S. Cheshire, M. Baker, Consistent overhead byte stuffing, IEEE/ACM Transactions on Networking 7 (1999) 159-172.
+"""
+
+from binascii import crc_hqx
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+Bytes = npt.NDArray[np.uint8]
+
+LONGEST = 253  #: bytes of a frame before stuffing, its CRC included
+CRC_SIZE = 2
+_CRC_START = 0xFFFF
+
+
+def seal(content: Bytes) -> bytes:
+    """Return what goes over the line for contents (n, m) without CRC: CRC appended, stuffed, each ended by a zero."""
+    n, m = content.shape
+    whole = np.empty((n, m + CRC_SIZE), np.uint8)
+    whole[:, :m] = content
+    whole[:, m:] = crc16(content).astype("<u2")[:, None].view(np.uint8)
+    line = np.zeros((n, m + CRC_SIZE + 2), np.uint8)
+    line[:, :-1] = stuffed(whole)
+    return line.tobytes()
+
+
+def unseal(segments: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]]:
+    """Return contents (n, m) without CRC of what stood between zeros (n, m + 3), and which of them (n,) are intact."""
+    whole, good = unstuffed(segments)
+    content, stated = whole[:, :-CRC_SIZE], np.ascontiguousarray(whole[:, -CRC_SIZE:]).view("<u2")[:, 0]
+    return content, np.asarray(good & (crc16(content) == stated))
+
+
+def stuffed(frames: Bytes) -> Bytes:
+    """Return frames (n, m) as (n, m + 1) bytes of which none is zero.
+
+    Raises
+    ------
+    ValueError
+        If they are longer than `LONGEST`.
+    """
+    n, m = frames.shape
+    if m > LONGEST:
+        raise ValueError(f"frame: expected at most {LONGEST} bytes, found {m}")
+    line = np.zeros((n, m + 2), np.uint8)  # as if a zero stood before and after
+    line[:, 1:-1] = frames
+    place = np.where(line == 0, np.arange(m + 2), m + 1)
+    following = np.minimum.accumulate(place[:, :0:-1], axis=1)[:, ::-1]  # where the next zero is, seen from each byte
+    return np.asarray(np.where(line[:, :-1] == 0, following - np.arange(m + 1), line[:, :-1]), np.uint8)
+
+
+def unstuffed(segments: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]]:
+    """Return frames (n, m) from (n, m + 1) bytes without a zero, and which of them (n,) end where they should."""
+    n, width = segments.shape
+    flat = np.zeros((n, width + 255), np.uint8)  # room for a code that points beyond the end; a zero points nowhere
+    flat[:, :width] = segments
+    frames = flat.reshape(-1)
+    at = np.arange(n) * (width + 255)
+    end = at + width
+    while len(running := np.flatnonzero(at < end)):
+        code = frames[at[running]]
+        frames[at[running]] = 0
+        at[running] += code
+    return flat[:, 1:width], np.asarray(at == end)
+
+
+def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
+    """Return CRC-16/CCITT (polynomial 0x1021, start 0xFFFF, most significant bit first) of contents (n, m).
+
+    It is linear over bits: the sum of what each byte does at its place.
+    """
+    table, start = _crc_table(content.shape[1])
+    return np.asarray(np.bitwise_xor.reduce(table[np.arange(content.shape[1]), content], axis=1) ^ start, np.uint16)
+
+
+@lru_cache(maxsize=16)
+def _crc_table(m: int) -> tuple[npt.NDArray[np.uint16], np.uint16]:
+    """Return what each value of a byte does at each place (m, 256), and what all-zero contents of m bytes have."""
+    table = [[crc_hqx(bytes([value]) + bytes(m - 1 - place), 0) for value in range(256)] for place in range(m)]
+    return np.array(table, np.uint16).reshape(m, 256), np.uint16(crc_hqx(bytes(m), _CRC_START))
