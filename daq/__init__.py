@@ -1,19 +1,21 @@
 """Bytes in, recordings out: drivers, emulators, the MCAP log, and blocks of many devices on one grid."""
 
 from daq.assembly import Assembler
-from daq.can_address import CanAddress
+from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import export_recording, read_data, with_channels, write_recording
+from daq.dbc import read_layout
 from daq.derivative import differentiated
 from daq.disk_guard import DiskGuard, Retention
 from daq.drivers.base import DeviceReader, Driver, Scans
+from daq.emulator.can_dbc import EmulatedDbc
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan
 from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
 from daq.emulator.slcan import EmulatedSlcan
-from daq.errors import DaqError, DataError, DeviceLost, DriverError, LogError
+from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogWriter, read_attachments, read_log
 from daq.log_keeper import LogKeeper
@@ -35,17 +37,22 @@ __all__ = [
     "Assembler",
     "Block",
     "CanAddress",
+    "CanPlace",
     "Channel",
     "ChannelMap",
     "ClockFit",
     "DaqError",
     "DataError",
+    "DbcAddress",
+    "DbcError",
+    "DbcSensor",
     "DeviceInfo",
     "DeviceLost",
     "DeviceReader",
     "DiskGuard",
     "Driver",
     "DriverError",
+    "EmulatedDbc",
     "EmulatedEpson",
     "EmulatedEpsonCan",
     "EmulatedNode",
@@ -89,6 +96,7 @@ __all__ = [
     "read_attachments",
     "read_channel_map",
     "read_data",
+    "read_layout",
     "read_log",
     "repair_log",
     "serve_all",

@@ -1,28 +1,64 @@
-"""Where a CAN node is."""
+"""Where a device on a CAN bus is, and what tells its frames from the others'."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 OURS = "slcan"  #: this name means the bus of `daq.can_bus`; any other one is opened by python-can
 
 
 @dataclass(frozen=True, kw_only=True)
-class CanAddress:
-    """A node on a bus that python-can, or for "slcan" this package, can open."""
+class CanPlace:
+    """A bus that python-can, or for "slcan" this package, can open."""
 
     interface: str  #: "slcan", "socketcan", "socketcand", "virtual", ...
     channel: str  #: as the interface calls it: a serial port, can0, ...
-    node: int  #: CANopen id, 1 to 127
     bitrate: int = 1_000_000  #: [bit/s]
+
+    @property
+    def bus(self) -> tuple[str, str]:
+        """What devices on one bus have in common."""
+        return self.interface, self.channel
+
+
+@dataclass(frozen=True, kw_only=True)
+class CanAddress(CanPlace):
+    """A CANopen node on a bus."""
+
+    node: int  #: CANopen id, 1 to 127
 
     def __post_init__(self) -> None:
         """Refuse an id that no node can have."""
         if not 1 <= self.node <= 127:
             raise ValueError(f"node: expected 1 to 127, found {self.node}")
 
-    @property
-    def bus(self) -> tuple[str, str]:
-        """What nodes on one bus have in common."""
-        return self.interface, self.channel
-
     def __str__(self) -> str:
         return f"{self.interface}:{self.channel} node {self.node}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DbcSensor:
+    """Which signals of a DBC file are a sensor's; each SIGNAL, or MESSAGE.SIGNAL where several messages have one."""
+
+    file: Path
+    signals: tuple[str, ...]  #: of the device's axes x, y, z; at least the first
+    counter: str  #: counts scans; if several of the messages have one of that name, each is looked at
+    scale: float | None = None  #: m/s2 a unit of the signals; as their unit in the file says unless given
+    temperature: str | None = None  #: [degC]
+    order: tuple[str, ...] = ()  #: messages as the device sends them; by rising identifier unless given
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant."""
+        if not 1 <= len(self.signals) <= 3:
+            raise ValueError(f"signals: expected those of x, of x and y, or of x, y and z, found {len(self.signals)}")
+        if self.scale is not None and not self.scale > 0:
+            raise ValueError(f"scale: expected a positive number of m/s2 a unit, found {self.scale:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DbcAddress(CanPlace):
+    """A sensor on a bus that a DBC file describes."""
+
+    sensor: DbcSensor
+
+    def __str__(self) -> str:
+        return f"{self.interface}:{self.channel} {self.sensor.signals[0]}"

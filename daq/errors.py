@@ -5,6 +5,7 @@ DaqError
         DeviceLost      a device that answered and is gone
     LogError            a log that cannot be read or written; names the file
     DataError           a file of measurements that cannot be imported; names the file, and line or field
+    DbcError            a description of CAN frames that cannot be used; names the file, and line, message or signal
 """
 
 from pathlib import Path
@@ -36,6 +37,14 @@ class LogError(DaqError):
 
 class DataError(DaqError):
     """A file of measurements that cannot be imported."""
+
+    def __init__(self, path: Path | str, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path = path
+
+
+class DbcError(DaqError):
+    """A DBC file that does not describe what is asked of it."""
 
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")

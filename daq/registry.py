@@ -5,11 +5,12 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from daq.can_address import OURS, CanAddress
+from daq.can_address import OURS, CanAddress, CanPlace, DbcAddress
 from daq.drivers.base import Driver
 
-Place = str | CanAddress  #: what a device is connected to: a serial port, or a node on a bus
-_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can"}  # what a kind of place is called in the settings
+Place = str | CanPlace  #: what a device is connected to: a serial port, or a bus
+#: what a kind of place is called in the settings
+_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +22,7 @@ class DriverKind:
 
 
 _DRIVERS = {
+    "can-dbc": DriverKind(where="daq.drivers.can_dbc:CanDbc", place=DbcAddress),
     "epson-can": DriverKind(where="daq.drivers.epson_can:EpsonCan", place=CanAddress),
     "epson-uart": DriverKind(where="daq.drivers.epson_uart:EpsonUart", place=str),
     "modalwatch-node": DriverKind(where="daq.drivers.node:ModalwatchNode", place=str),
@@ -44,7 +46,7 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
     Parameters
     ----------
     name : of the driver; one of ours is never replaced by a plug-in
-    place : path of a serial port, or node on a CAN bus
+    place : path of a serial port, node on a CAN bus, or sensor on one that a DBC file describes
     rate : scans a second [Hz]
 
     Raises
@@ -52,6 +54,8 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
     ValueError
         If there is no such driver, its devices are not found at such a place, or it has no such rate; or if a plug-in
         cannot be loaded or is no driver.
+    DbcError
+        If a DBC file cannot be used.
     """
     if name in _DRIVERS:
         make = _own(name, place)

@@ -27,6 +27,7 @@ from daq import (
     SystemClock,
     driver_names,
     make_driver,
+    read_layout,
 )
 from monitor.errors import SettingsError, StartError
 from monitor.inbox import taken
@@ -71,10 +72,13 @@ def load_site(path: Path) -> Site:
 
     Raises
     ------
-    SettingsError, StructureError
+    SettingsError, StructureError, DbcError
         Naming file and key; also if a channel is not a sensor of the structure, or there is no such driver.
     """
     settings = load_settings(path)
+    for device in settings.device:
+        if device.dbc is not None:
+            read_layout(device.dbc.sensor)
     structure_path = path.parent / settings.structure
     structure = load_structure(structure_path)
     for device in settings.device:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from daq import CanAddress, Channel, can_interfaces
+from daq import CanAddress, CanPlace, Channel, DbcAddress, DbcSensor, can_interfaces
 from monitor.alarms import AlarmRules
 from monitor.errors import SettingsError
 
@@ -26,12 +26,36 @@ def _known_interface(interface: str) -> str:
 
 
 class CanSettings(_Section):
-    """Where a CAN node is."""
+    """Which CAN bus a device is on."""
 
     interface: Annotated[str, AfterValidator(_known_interface)]  #: "slcan", or any that python-can knows
     channel: str  #: serial port of the adapter, can0, ...
-    node: Annotated[int, Field(ge=1, le=127)]
+    node: Annotated[int, Field(ge=1, le=127)] | None = None  #: CANopen id; of a device without `dbc`
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000  #: [bit/s]
+
+
+class DbcSettings(_Section):
+    """Which signals of a DBC file are a device's; each SIGNAL or MESSAGE.SIGNAL."""
+
+    file: str  #: relative to the settings
+    signals: dict[Literal["x", "y", "z"], str]  #: device axis -> signal
+    counter: str  #: signal that counts scans
+    scale: Positive | None = None  #: [m/s2 a unit of the signals], if the file does not state their unit
+    temperature: str | None = None  #: signal [degC]
+    order: tuple[str, ...] = ()  #: messages of a scan as they are sent; by rising identifier unless given
+
+    @model_validator(mode="after")
+    def _axes(self) -> Self:
+        if set(self.signals) != set(AXES[: len(self.signals)]) or not self.signals:
+            raise ValueError("signals: expected those of x, of x and y, or of x, y and z")
+        return self
+
+    @property
+    def sensor(self) -> DbcSensor:
+        """The sensor that is meant."""
+        signals = tuple(signal for _, signal in sorted(self.signals.items()))
+        rest = self.model_dump(include={"counter", "scale", "temperature", "order"})
+        return DbcSensor(file=Path(self.file), signals=signals, **rest)
 
 
 class DeviceSettings(_Section):
@@ -41,6 +65,7 @@ class DeviceSettings(_Section):
     driver: str
     port: str | None = None  #: serial port; a device has either this ...
     can: CanSettings | None = None  #: ... or this
+    dbc: DbcSettings | None = None  #: what it sends there, if that is no CANopen node's
     rate: Positive = 1000.0  #: [Hz]
     channels: dict[Literal["x", "y", "z"], str]  #: device axis -> sensor; the rest is logged, not analysed
 
@@ -48,14 +73,29 @@ class DeviceSettings(_Section):
     def _one_place(self) -> Self:
         if (self.port is None) == (self.can is None):
             raise ValueError(f"expected one of `port` and `can`, found {'none' if self.port is None else 'both'}")
+        if self.dbc is not None and self.can is None:
+            raise ValueError("expected `can` beside `dbc`, found `port`")
+        if self.can is not None and (self.can.node is None) == (self.dbc is None):
+            found = "none" if self.dbc is None else "both"
+            raise ValueError(f"expected one of `can.node` and `dbc`, found {found}")
+        return self
+
+    @model_validator(mode="after")
+    def _axes_that_are_sent(self) -> Self:
+        for axis in self.channels:
+            if self.dbc is not None and axis not in self.dbc.signals:
+                raise ValueError(f"channels: axis {axis} is none of `dbc.signals`, {', '.join(self.dbc.signals)}")
         return self
 
     @property
-    def place(self) -> str | CanAddress:
+    def place(self) -> str | CanPlace:
         """Where it is connected."""
-        if self.can is not None:
-            return CanAddress(**self.can.model_dump())
-        return self.port or ""
+        if self.can is None:
+            return self.port or ""
+        bus = self.can.model_dump(exclude={"node"})
+        if self.dbc is not None:
+            return DbcAddress(**bus, sensor=self.dbc.sensor)
+        return CanAddress(**bus, node=self.can.node or 0)
 
 
 class RecorderSettings(_Section):
@@ -169,7 +209,7 @@ def parse_settings(text: str, path: Path | str = "SITE.toml") -> Settings:
         raise SettingsError(path, f"device: two are connected to {repeated}")
     rates: dict[tuple[str, str], int] = {}
     for address in (device.place for device in settings.device):
-        if isinstance(address, CanAddress) and rates.setdefault(address.bus, address.bitrate) != address.bitrate:
+        if isinstance(address, CanPlace) and rates.setdefault(address.bus, address.bitrate) != address.bitrate:
             raise SettingsError(
                 path, f"device: {address} is at {address.bitrate} bit/s, its bus at {rates[address.bus]}"
             )
@@ -179,9 +219,20 @@ def parse_settings(text: str, path: Path | str = "SITE.toml") -> Settings:
 def load_settings(path: Path) -> Settings:
     """Read a settings file; errors as for `parse_settings`."""
     try:
-        return parse_settings(path.read_text(encoding="utf-8"), path)
+        return _from_folder(parse_settings(path.read_text(encoding="utf-8"), path), path.parent)
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(path, f"cannot be read: {error}") from error
+
+
+def _from_folder(settings: Settings, folder: Path) -> Settings:
+    """Return settings whose DBC files are found from anywhere."""
+
+    def found(device: DeviceSettings) -> DeviceSettings:
+        if device.dbc is None:
+            return device
+        return device.model_copy(update={"dbc": device.dbc.model_copy(update={"file": str(folder / device.dbc.file)})})
+
+    return settings.model_copy(update={"device": tuple(found(device) for device in settings.device)})
 
 
 def _explain(error: ValidationError) -> str:
@@ -194,6 +245,7 @@ def _explain(error: ValidationError) -> str:
         Settings,
         DeviceSettings,
         CanSettings,
+        DbcSettings,
         RecorderSettings,
         AnalysisSettings,
         AlarmSettings,

@@ -95,11 +95,11 @@ class CanProcess:
 
 
 @contextmanager
-def can_process(folder: Path, n: int, speed: int = 1) -> Iterator[CanProcess]:
-    """Run an adapter with n nodes; the process is gone afterwards."""
+def can_process(folder: Path, n: int, speed: int = 1, dbc: tuple[str, ...] = ()) -> Iterator[CanProcess]:
+    """Run an adapter with n nodes, and a sensor of a DBC file if one is given; the process is gone afterwards."""
     clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
     link = folder / "adapter"
-    words = [str(link), str(n), str(speed), str(clock.origin_wall), str(clock.origin)]
+    words = [str(link), str(n), str(speed), str(clock.origin_wall), str(clock.origin), *dbc]
     environment = {**os.environ, "PYTHONPATH": str(SCRIPT.parents[1])}
     with subprocess.Popen(
         [sys.executable, str(SCRIPT), *words],

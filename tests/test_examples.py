@@ -131,6 +131,16 @@ def test_emulated_can() -> None:
     assert abs(found["late"]) < 3e-3
 
 
+@pytest.mark.live
+def test_emulated_dbc() -> None:
+    """Frames that are lost cost scans, but shift none: the sine is found as it was."""
+    found = run("emulated_dbc.py")
+    assert found["scans"] + found["missing"] == found["blocks"][-1].end_index
+    assert 0 < found["missing"] < 0.1 * found["scans"]
+    # of a count, 2^-8 m/s2, rounding takes half at the most: 4 / pi of it in the amplitude
+    assert abs(np.hypot(*found["found"]) - found["amplitude"]) < 4 / np.pi * 2**-9
+
+
 def test_diagnose_change() -> None:
     found = run("diagnose_change.py")
     diagnosis, truth = found["diagnosis"], found["truth"]

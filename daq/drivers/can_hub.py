@@ -1,8 +1,8 @@
-"""Several devices on one CAN bus: one thread reads blocks of frames and splits them by node.
+"""Several devices on one CAN bus: one thread reads blocks of frames and splits them by identifier.
 
-Process data go to a queue a node, as blocks; service data, heartbeats and emergencies to `canopen`, which does the
-CANopen side. The first device that joins a bus opens it, the last one that leaves closes it. Where the bus is gone all
-who had joined are told, leave, and the first to come back opens it anew.
+Process data go to a queue a device, as blocks; service data, heartbeats and emergencies to `canopen`, which does the
+CANopen side of those that have one. The first device that joins a bus opens it, the last one that leaves closes it.
+Where the bus is gone all who had joined are told, leave, and the first to come back opens it anew.
 """
 
 import logging
@@ -14,19 +14,19 @@ from dataclasses import dataclass, field
 import can
 import canopen
 import numpy as np
+import numpy.typing as npt
 
-from daq.can_address import OURS, CanAddress
+from daq.can_address import OURS, CanPlace
 from daq.can_bus import Chunk, SlcanBus, read_frames
 from daq.errors import DeviceLost, DriverError
-from daq.protocol.epson_can import TPDO1, TPDO2
-from daq.protocol.frames import CanFrames
+from daq.protocol.frames import NUMBER
 
 _WAIT = 0.1  # s
 _MOST_CHUNKS = 4096  # that wait for a device's thread; beyond it they are lost, and the counter tells
 _REPLY_SECONDS = 0.5
-_FUNCTION = 0x780  # bits of an id that say what it is for; the others are the node
 #: what canopen is told, and the least data that it can read: emergencies, service data, heartbeats
 _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
+_SERVICE_IDS = np.array(list(_SERVICES), np.uint32)
 _BUS_ERRORS = (can.CanError, OSError, ValueError)
 #: python-can's backends raise the others where a vendor's library is missing
 _OPEN_ERRORS = (*_BUS_ERRORS, ImportError, NameError, AttributeError, TypeError, NotImplementedError)
@@ -39,9 +39,13 @@ class Member:
     """One device's side of a hub."""
 
     hub: "CanHub"
-    address: CanAddress
-    node: canopen.RemoteNode
+    place: CanPlace
+    identifiers: frozenset[int]  #: of its process data, with the bit EXTENDED
     inbox: "queue.Queue[Chunk]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
+
+    def __post_init__(self) -> None:
+        """Sort the identifiers for the thread that looks for them."""
+        self._wanted = np.array(sorted(self.identifiers), np.uint32)
 
     def take(self, timeout: float) -> list[Chunk]:
         """Wait for process data and return all that are there; none after `timeout` [s].
@@ -59,36 +63,36 @@ class Member:
         except queue.Empty:
             pass
         if not chunks and self.hub.failure is not None:
-            raise DeviceLost(str(self.address), f"the bus is gone: {self.hub.failure}")
+            raise DeviceLost(str(self.place), f"the bus is gone: {self.hub.failure}")
         return chunks
+
+    def pick(self, chunk: Chunk) -> npt.NDArray[np.bool_]:
+        """Take the frames that are this device's; tell which (n,)."""
+        own = np.isin(chunk.frames.ids, self._wanted)
+        if own.any() and not self.inbox.full():
+            self.inbox.put_nowait(Chunk(chunk.frames[own], chunk.arrived))
+        return own
 
 
 class CanHub:
     """One open bus and its reading thread."""
 
-    def __init__(self, address: CanAddress) -> None:
-        self.bitrate = address.bitrate
+    def __init__(self, place: CanPlace) -> None:
+        self.bitrate = place.bitrate
         self.failure: Exception | None = None  #: why the thread has ended by itself
-        self._bus = _open_bus(address)
+        self._bus = _open_bus(place)
         self.network = canopen.Network(self._bus)
-        self.members: dict[int, Member] = {}
+        self.members: tuple[Member, ...] = ()  #: replaced, never changed: the thread may be looking at the old one
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"can {address.channel}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"can {place.channel}", daemon=True)
         self._thread.start()
 
-    def add(self, address: CanAddress) -> Member:
-        """Take a node in."""
-        node = canopen.RemoteNode(address.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+    def add_node(self, number: int) -> canopen.RemoteNode:
+        """Give a device its CANopen side, until it leaves with `del network[number]`."""
+        node = canopen.RemoteNode(number, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
         node.sdo.RESPONSE_TIMEOUT = _REPLY_SECONDS
         self.network.add_node(node)
-        member = Member(self, address, node)
-        self.members = {**self.members, address.node: member}  # the thread may be looking at the old ones
-        return member
-
-    def remove(self, node: int) -> None:
-        """Let a node go."""
-        self.members = {number: member for number, member in self.members.items() if number != node}
-        del self.network[node]
+        return node
 
     def close(self) -> None:
         """End the thread and close the bus."""
@@ -100,7 +104,7 @@ class CanHub:
             while not self._ending.is_set():
                 chunk = read_frames(self._bus, _WAIT)
                 if len(chunk.frames):
-                    self._split(chunk.frames, chunk.arrived)
+                    self._split(chunk)
         except _BUS_ERRORS as error:
             self._shutdown()
             self.failure = error
@@ -113,58 +117,64 @@ class CanHub:
         except _BUS_ERRORS:
             return  # it was gone
 
-    def _split(self, frames: CanFrames, arrived: int) -> None:
+    def _split(self, chunk: Chunk) -> None:
         """Give process data to their devices, service data to canopen."""
-        function, number = frames.ids & ~np.uint32(0x7F), frames.ids & 0x7F
-        process = (function == TPDO1) | (function == TPDO2)
-        for node, member in self.members.items():
-            own = process & (number == node)
-            if own.any() and not member.inbox.full():
-                member.inbox.put_nowait(Chunk(frames[own], arrived))
-        if not process.all():
+        taken = np.zeros(len(chunk.frames), bool)
+        for member in self.members:
+            taken |= member.pick(chunk)
+        services = ~taken & np.isin(chunk.frames.ids & ~np.uint32(0x7F), _SERVICE_IDS)
+        if services.any():
             now = time.time()
-            for can_id, data in frames[~process]:
-                if len(data) >= _SERVICES.get(can_id & ~0x7F, 9):
+            for can_id, data in chunk.frames[services]:
+                if len(data) >= _SERVICES[can_id & ~0x7F]:
                     self.network.notify(can_id, bytearray(data), now)
 
 
-def _open_bus(address: CanAddress) -> can.BusABC:
+def _open_bus(place: CanPlace) -> can.BusABC:
     try:
-        if address.interface == OURS:
-            return SlcanBus(address.channel, address.bitrate)
-        return can.Bus(interface=address.interface, channel=address.channel, bitrate=address.bitrate)
+        if place.interface == OURS:
+            return SlcanBus(place.channel, place.bitrate)
+        return can.Bus(interface=place.interface, channel=place.channel, bitrate=place.bitrate)
     except _OPEN_ERRORS as error:
-        raise DriverError(str(address), f"the bus cannot be opened: {error}") from error
+        raise DriverError(str(place), f"the bus cannot be opened: {error}") from error
 
 
 _HUBS: dict[tuple[str, str], CanHub] = {}  # a bus can be opened once in a process
 _LOCK = threading.Lock()
 
 
-def join_bus(address: CanAddress) -> Member:
+def join_bus(place: CanPlace, identifiers: frozenset[int]) -> Member:
     """Return a device's side of the hub of its bus, which is opened if it is not.
+
+    Parameters
+    ----------
+    place : where the device is
+    identifiers : of its process data, with the bit EXTENDED
 
     Raises
     ------
     DriverError
-        If the bus cannot be opened, runs at another bit rate, or has this node already.
+        If the bus cannot be opened, runs at another bit rate, or another device has one of the identifiers already.
     """
     with _LOCK:
-        hub = _HUBS.get(address.bus)
+        hub = _HUBS.get(place.bus)
         if hub is None or hub.failure is not None:
-            hub = _HUBS[address.bus] = CanHub(address)
-        if hub.bitrate != address.bitrate:
-            raise DriverError(str(address), f"the bus is open at {hub.bitrate} bit/s, expected {address.bitrate}")
-        if address.node in hub.members:
-            raise DriverError(str(address), "this node is read already")
-        return hub.add(address)
+            hub = _HUBS[place.bus] = CanHub(place)
+        if hub.bitrate != place.bitrate:
+            raise DriverError(str(place), f"the bus is open at {hub.bitrate} bit/s, expected {place.bitrate}")
+        for other in hub.members:
+            if common := sorted(other.identifiers & identifiers):
+                raise DriverError(str(place), f"identifier {common[0] & NUMBER:#x} is read already, by {other.place}")
+        member = Member(hub, place, identifiers)
+        hub.members = (*hub.members, member)
+        return member
 
 
 def leave_bus(member: Member) -> None:
     """Let a device go; closes the bus after the last one."""
-    hub, bus = member.hub, member.address.bus
+    hub, bus = member.hub, member.place.bus
     with _LOCK:
-        hub.remove(member.address.node)
+        hub.members = tuple(other for other in hub.members if other is not member)
         if not hub.members:
             hub.close()
             if _HUBS.get(bus) is hub:

@@ -48,16 +48,17 @@ class EpsonCan:
 
     def open(self) -> dict[str, Any]:
         """Join the bus, check who answers, set rate, filter and process data, start it."""
-        member = self._member = join_bus(self._address)
+        number = self._address.node
+        member = join_bus(self._address, frozenset({epson.TPDO1 + number, epson.TPDO2 + number}))
+        self._member, node = member, member.hub.add_node(number)
         try:
-            identity = self._configure(member)
+            identity = self._configure(member, node)
         except _ERRORS as error:
             self.close()
             raise DriverError(str(self._address), f"no M-A552 answers: {error}") from error
         return identity
 
-    def _configure(self, member: Member) -> dict[str, Any]:
-        node = member.node
+    def _configure(self, member: Member, node: canopen.RemoteNode) -> dict[str, Any]:
         node.nmt.send_command(_PRE_OPERATIONAL)
         self._wait_until_quiet(member)
         identity = {
@@ -70,10 +71,10 @@ class EpsonCan:
         _write(node, epson.PERIOD, period, 4)
         _write(node, epson.FILTER, taps, 1)
         _write(node, epson.TRANSMISSION, epson.BY_TIMER, 1)
-        _write(node, epson.TPDO1_COB, epson.COB_NO_RTR | epson.TPDO1 + member.address.node, 4)
-        _write(node, epson.TPDO2_COB, epson.COB_NO_RTR | epson.TPDO2 + member.address.node, 4)
+        _write(node, epson.TPDO1_COB, epson.COB_NO_RTR | epson.TPDO1 + self._address.node, 4)
+        _write(node, epson.TPDO2_COB, epson.COB_NO_RTR | epson.TPDO2 + self._address.node, 4)
         self._apply(node, period, taps)
-        self._decoder = epson.ScanDecoder(member.address.node)
+        self._decoder = epson.ScanDecoder(self._address.node)
         node.nmt.send_command(_START)
         return identity
 
@@ -123,10 +124,11 @@ class EpsonCan:
         if member is None:
             return
         try:
-            member.node.nmt.send_command(_PRE_OPERATIONAL)
+            member.hub.network[self._address.node].nmt.send_command(_PRE_OPERATIONAL)
         except _ERRORS:
             pass  # it is gone: nothing to stop
         finally:
+            del member.hub.network[self._address.node]
             leave_bus(member)
 
 

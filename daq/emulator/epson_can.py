@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from daq.emulator.canopen_server import Entry, Place, SdoServer
-from daq.emulator.serving import SampleSource
+from daq.emulator.serving import Frame, SampleSource
 from daq.hostclock import HostClock
 from daq.protocol import epson_can as epson
 from daq.protocol.frames import CanFrames
@@ -13,8 +13,6 @@ from daq.protocol.frames import CanFrames
 _INITIALISING, _OPERATIONAL, _PRE_OPERATIONAL, _STOPPED = 0, 5, 127, 4
 _START, _STOP, _ENTER_PRE_OPERATIONAL, _RESET = 1, 2, 128, (129, 130)
 _NMT, _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x000, 0x600, 0x580, 0x700
-
-Frame = tuple[int, bytes]
 
 
 class EmulatedEpsonCan:
@@ -30,6 +28,8 @@ class EmulatedEpsonCan:
     product : its name; more than four letters take several frames
     apply_seconds : of wall time during which it does not answer after it was told to apply; hardware takes about 1 s
     """
+
+    bytes_a_scan = 40  #: of SLCAN lines: one of 8 bytes, one of 6
 
     def __init__(
         self,

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Protocol, TypeVar
 
+from daq.protocol.frames import CanFrames
 from daq.recording import IntArray
 
 PORT_BUFFER = 640 * 1024  # bytes that Linux keeps of a real port's before it loses some; a pty alone keeps 4 kB
@@ -18,6 +19,29 @@ class SampleSource(Protocol):
 
     def read(self, index: int, n: int) -> IntArray:
         """Return scans index .. index + n - 1 as counts (n, 3); called in order, each scan once."""
+        ...
+
+
+Frame = tuple[int, bytes]  #: identifier and data
+
+
+class EmulatedBusNode(Protocol):
+    """Emulated hardware on a CAN bus."""
+
+    bytes_a_scan: int  #: of SLCAN lines
+    sent: int  #: scans handed to the adapter
+    dropped: int  #: scans that found it full or closed
+
+    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+        """Take a frame from the bus; return those that answer it."""
+        ...
+
+    def beats(self) -> list[Frame]:
+        """Return the heartbeat if it is due."""
+        ...
+
+    def scans(self, room: int) -> CanFrames:
+        """Return the process data that are due, of as many scans as there is room for; the others are dropped."""
         ...
 
 

@@ -4,14 +4,13 @@ import os
 import select
 import threading
 import tty
+from collections.abc import Sequence
 
-from daq.emulator.epson_can import EmulatedEpsonCan, Frame
-from daq.emulator.serving import PORT_BUFFER
+from daq.emulator.serving import PORT_BUFFER, EmulatedBusNode, Frame
 from daq.protocol import slcan
 from daq.protocol.frames import can_frames, concatenate
 
 _LINE_END = b"\r"
-_BYTES_A_SCAN = 40  # a line of 8 bytes and one of 6
 _LONGEST = 64
 _ROOM_MS = 20  # that the thread waits for room before it looks whether it is unplugged
 _FRAMES = {ord("t"): b"z\r", ord("r"): b"z\r", ord("T"): b"Z\r", ord("R"): b"Z\r"}  #: line -> answer
@@ -32,7 +31,7 @@ class EmulatedSlcan:
     nodes : on its bus
     """
 
-    def __init__(self, nodes: list[EmulatedEpsonCan]) -> None:
+    def __init__(self, nodes: Sequence[EmulatedBusNode]) -> None:
         self.nodes = nodes
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
@@ -104,8 +103,8 @@ class EmulatedSlcan:
             self._pending += slcan.encode(can_frames(frames))
 
     def _sample(self) -> None:
-        room = max(0, PORT_BUFFER - len(self._pending)) // _BYTES_A_SCAN if self._open else 0
-        parts = [node.scans(room // len(self.nodes)) for node in self.nodes]
+        room = max(0, PORT_BUFFER - len(self._pending)) // len(self.nodes) if self._open else 0
+        parts = [node.scans(room // node.bytes_a_scan) for node in self.nodes]
         if any(map(len, parts)):
             self._pending += slcan.encode(concatenate(parts))
 

@@ -6,7 +6,7 @@ TPDO1 (0x180 + node) carries Ax Ay, TPDO2 (0x280 + node) Az and the sample count
 import numpy as np
 import numpy.typing as npt
 
-from daq.protocol.frames import CanFrames, concatenate
+from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
 from daq.recording import IntArray
 
 SCALE = 9.80665 / 2**24  #: m/s2 a count
@@ -58,7 +58,7 @@ class ScanDecoder:
 
     def __init__(self, node: int) -> None:
         self._ids = TPDO1 + node, TPDO2 + node
-        self._rest = CanFrames(np.zeros(0, np.uint32), np.zeros(0, np.uint8), np.zeros((0, 8), np.uint8))
+        self._rest = NO_FRAMES
         self.bad_frames = 0  #: that became part of no scan, so far
 
     def feed(self, frames: CanFrames) -> tuple[IntArray, IntArray]:

@@ -42,6 +42,9 @@ class CanFrames:
             yield number, content[8 * k : 8 * k + size]
 
 
+NO_FRAMES = CanFrames(np.zeros(0, np.uint32), np.zeros(0, np.uint8), np.zeros((0, 8), np.uint8))
+
+
 def can_frames(frames: Sequence[tuple[int, bytes]]) -> CanFrames:
     """Return frames given one by one as (id, data)."""
     data = np.zeros((len(frames), 8), np.uint8)

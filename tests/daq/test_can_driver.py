@@ -154,7 +154,7 @@ def test_a_node_is_read_once_and_a_bus_has_one_bit_rate(tmp_path: Path) -> None:
         address = on(found.channel, 1)[0]
         first, second = (make_driver("epson-can", address, RATE) for _ in range(2))
         first.open()
-        with pytest.raises(DriverError, match="node 1: this node is read already"):
+        with pytest.raises(DriverError, match=r"node 1: identifier 0x181 is read already, by slcan:.* node 1$"):
             second.open()
         slow = CanAddress(interface="slcan", channel=found.channel, node=2, bitrate=500_000)
         with pytest.raises(DriverError, match="node 2: the bus is open at 1000000 bit/s, expected 500000"):

@@ -176,5 +176,5 @@ def test_wrong_rate_is_refused() -> None:
 
 
 def test_wrong_driver_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"driver: expected one of epson-can, epson-uart.*, found 'epsom'"):
+    with pytest.raises(ValueError, match=r"driver: expected one of can-dbc, epson-can, epson-uart.*, found 'epsom'"):
         make_driver("epsom", "/dev/none", RATE)

@@ -145,7 +145,7 @@ def test_settings_that_are_wrong(modalwatch: Commands, site: Path) -> None:
     for old, new, says in (
         ("window_seconds", "windw_seconds", "analysis.windw_seconds: no such setting, did you mean 'window_seconds'?"),
         ("rate = 500", "rate = -1", "device.0.rate"),
-        ("epson-uart", "epsom-uart", "device 'beam_left': driver: expected one of epson-can, "),
+        ("epson-uart", "epsom-uart", "device 'beam_left': driver: expected one of can-dbc, epson-can, "),
         ("beam_left_z", "left_z", "channel 'left_z' is no sensor of"),
         ("[analysis]", "[analysis", "at line 2"),
     ):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from daq import CanAddress
+from daq import CanAddress, DbcAddress, DbcSensor
 from monitor.errors import SettingsError
 from monitor.settings import load_settings, parse_settings
 
@@ -18,6 +18,11 @@ port = "/dev/ttyUSB0"
 channels = {y = "beam_left_y", z = "beam_left_z"}
 """
 CAN = 'can = {interface = "slcan", channel = "/dev/ttyACM0", node = 3}\n'
+DBC = """driver = "can-dbc"
+can = {interface = "slcan", channel = "/dev/ttyACM0"}
+dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
+"""
+WITH_DBC = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DBC)
 OTHER = '[[device]]\nname = "b"\ndriver = "epson-uart"\nport = "/dev/ttyUSB0"\nchannels = {x = "col_037_x"}\n'
 
 
@@ -25,6 +30,13 @@ def test_a_device_is_on_a_port_or_on_a_bus() -> None:
     assert parse_settings(GOOD).device[0].place == "/dev/ttyUSB0"
     on_can = parse_settings(GOOD.replace("port =", "# port =") + CAN).device[0].place
     assert on_can == CanAddress(interface="slcan", channel="/dev/ttyACM0", node=3, bitrate=1_000_000)
+
+
+def test_a_dbc_file_is_looked_for_beside_the_settings(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text(WITH_DBC)
+    place = load_settings(tmp_path / "site.toml").device[0].place
+    sensor = DbcSensor(file=tmp_path / "imu.dbc", signals=("accX", "accY", "accZ"), counter="Counter")
+    assert place == DbcAddress(interface="slcan", channel="/dev/ttyACM0", sensor=sensor)
 
 
 def test_channels_keep_device_and_axis() -> None:
@@ -51,6 +63,12 @@ def test_channels_keep_device_and_axis() -> None:
         (GOOD + CAN, "device.0: Value error, expected one of `port` and `can`, found both"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node = 3", "node = 200"), "device.0.can.node"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
+        (WITH_DBC.replace(', channel = "/dev/ttyACM0"', ', channel = "/dev/ttyACM0", node = 1'), "`dbc`, found both"),
+        (WITH_DBC.replace("dbc = {", "# "), "device.0: Value error, expected one of `can.node` and `dbc`, found none"),
+        (GOOD + DBC.splitlines()[2], "device.0: Value error, expected `can` beside `dbc`, found `port`"),
+        (WITH_DBC.replace(', z = "accZ"', ""), "channels: axis z is none of `dbc.signals`, x, y"),
+        (WITH_DBC.replace('x = "accX", ', ""), "signals: expected those of x, of x and y, or of x, y and z"),
+        (WITH_DBC.replace("counter", "countr"), "device.0.dbc.countr: no such setting, did you mean 'counter'?"),
         (GOOD + OTHER, "device: two are connected to /dev/ttyUSB0"),
     ],
 )

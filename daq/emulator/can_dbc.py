@@ -1,0 +1,81 @@
+"""A sensor on an emulated CAN bus that sends what a DBC file describes, by itself and to nobody in particular."""
+
+import numpy as np
+
+from daq.can_address import DbcSensor
+from daq.dbc import read_layout
+from daq.emulator.serving import Frame, SampleSource
+from daq.hostclock import HostClock
+from daq.protocol.can_scan import encode_scans
+from daq.protocol.frames import CanFrames
+
+_BYTES_A_FRAME = 27  # of the longest line
+
+
+class EmulatedDbc:
+    """One sensor, which samples from the time it is made on.
+
+    Parameters
+    ----------
+    source : what it measures, in counts of the layout's scale (`scale`)
+    clock : of the world it lives in
+    sensor : its signals
+    rate : scans a second [Hz]
+    clock_error : of its own oscillator, 1e-6 = 1 ppm fast
+    lost, repeated : share of its frames that never reach the bus, and that come twice, at random
+    seed : of that
+
+    Raises
+    ------
+    DbcError
+        If the file cannot be used.
+    """
+
+    def __init__(
+        self,
+        source: SampleSource,
+        clock: HostClock,
+        sensor: DbcSensor,
+        *,
+        rate: float,
+        clock_error: float = 0.0,
+        lost: float = 0.0,
+        repeated: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self._layout = read_layout(sensor)
+        self.scale = self._layout.scale  #: m/s2 a count of the source
+        self.bytes_a_scan = _BYTES_A_FRAME * len(self._layout.messages)
+        self._source, self._clock, self._rate = source, clock, rate * (1 + clock_error)
+        self._lost, self._repeated, self._random = lost, repeated, np.random.default_rng(seed)
+        self._began, self._due = clock.now(), 0
+        source.start(self._began, self._rate)
+        self.sent = 0  #: scans handed to the adapter
+        self.dropped = 0  #: scans that found it full, after the first that did not
+
+    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+        """Take a frame from the bus; answer nothing."""
+        return []
+
+    def beats(self) -> list[Frame]:
+        """Return nothing: it has no heartbeat."""
+        return []
+
+    def scans(self, room: int) -> CanFrames:
+        """Return the frames that are due, of as many scans as there is room for; the others are dropped."""
+        first = self._due
+        n = max(0, int((self._clock.now() - self._began) * 1e-9 * self._rate) + 1 - first)
+        axes = len(self._layout.axes)
+        counts = self._source.read(first, n)[:room, :axes] if n else np.empty((0, axes), np.int32)
+        self._due += n
+        self.sent += len(counts)
+        self.dropped += n - len(counts) if self.sent else 0
+        return self._disturbed(encode_scans(self._layout, counts, first))
+
+    def _disturbed(self, frames: CanFrames) -> CanFrames:
+        """Return frames as a bad bus would bring them."""
+        if not (self._lost or self._repeated) or not len(frames):
+            return frames
+        chance = self._random.random(len(frames))
+        times = np.where(chance < self._lost, 0, np.where(chance > 1 - self._repeated, 2, 1))
+        return frames[np.repeat(np.arange(len(frames)), times)]
