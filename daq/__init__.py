@@ -16,6 +16,7 @@ from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
 from daq.emulator.slcan import EmulatedSlcan
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
+from daq.expand import expand_log
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogWriter, read_attachments, read_log
 from daq.log_keeper import LogKeeper
@@ -85,6 +86,7 @@ __all__ = [
     "can_interfaces",
     "differentiated",
     "driver_names",
+    "expand_log",
     "export_recording",
     "files_of",
     "has_end",

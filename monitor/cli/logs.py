@@ -1,4 +1,4 @@
-"""`repair`, `log info` and `log export`."""
+"""`repair`, `log info`, `log export` and `log expand`."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -16,6 +16,7 @@ from daq import (
     LogError,
     LogInfo,
     as_logs,
+    expand_log,
     export_recording,
     files_of,
     inspect_log,
@@ -81,6 +82,15 @@ def export_command(paths: Sequence[Path], out: Path) -> int:
         f"{len(found.gaps)} gaps; it starts at {found.start} ns UTC",
         soft_wrap=True,
     )
+    return 0
+
+
+def expand_command(paths: Sequence[Path], out: Path) -> int:
+    """Write the signals of a log for stock viewers."""
+    with console.status("writing ..."):
+        written = expand_log(one_log(paths), out)
+    devices = ", ".join(f"/view/{device} {count}" for device, count in written.items())
+    console.print(f"{escape(str(out))}: {sum(written.values())} messages; {escape(devices)}", soft_wrap=True)
     return 0
 
 

@@ -264,6 +264,17 @@ def log_export(
     raise typer.Exit(export_command(log, out))
 
 
+@log_app.command("expand")
+def log_expand(
+    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="New MCAP file of ROS 2 messages.")],
+) -> None:
+    """Write the signals of a log, a message a scan, to a file that stock rerun and Foxglove plot."""
+    from monitor.cli.logs import expand_command
+
+    raise typer.Exit(expand_command(log, out))
+
+
 @app.command()
 def view(
     target: Annotated[str, typer.Argument(metavar="DIR|LOG.mcap|URL")],

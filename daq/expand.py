@@ -1,0 +1,129 @@
+"""A log as stock viewers want it: a message a scan, each at its own time."""
+
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from daq.errors import LogError
+from daq.log import read_attachments, read_log
+from daq.parts import AnyLog
+from daq.recording import Block, Flag, IndexArray
+from daq.ros_messages import SCHEMAS, encode_scans, message_kind
+from daq.timebase import ClockFit
+
+_AHEAD_SECONDS = 2.0  # of a device's data that its clock has seen before a scan gets its time
+
+
+class _Clock:
+    """Times of one device's scans, from the clock as the arrivals before and just after them tell it."""
+
+    def __init__(self) -> None:
+        self._fit: ClockFit | None = None
+        self._waiting: deque[Block] = deque()
+        self._last = 0  # time of the last scan handed on [ns UTC]
+
+    def add(self, block: Block) -> Iterator[tuple[Block, IndexArray]]:
+        """Take a block; yield those whose times are known now."""
+        if block.flags & Flag.RESTARTED:
+            yield from self.rest()
+        if self._fit is None:
+            self._fit = ClockFit(block.rate)
+        self._fit.add(block.pair_index, block.pair_time)
+        self._waiting.append(block)
+        while block.end_index - self._waiting[0].end_index >= _AHEAD_SECONDS * block.rate:
+            yield self._timed(self._fit, self._waiting.popleft())
+
+    def rest(self) -> Iterator[tuple[Block, IndexArray]]:
+        """Yield what waits: nothing more comes of this clock."""
+        while self._waiting and self._fit:
+            yield self._timed(self._fit, self._waiting.popleft())
+        self._fit = None
+
+    def _timed(self, fit: ClockFit, block: Block) -> tuple[Block, IndexArray]:
+        """Return a block and the times of its scans (n_scans,), which never go back."""
+        start, end = fit.time_at(block.first_index), fit.time_at(block.end_index)
+        times = start + np.arange(block.n_scans) * (end - start) // block.n_scans
+        times = np.maximum(times, self._last + 1 + np.arange(block.n_scans))
+        self._last = int(times[-1])
+        return block, times
+
+
+def timed_blocks(log: AnyLog) -> Iterator[tuple[Block, IndexArray]]:
+    """Yield the blocks of a log with the times of their scans [ns UTC], of each device in order."""
+    clocks: dict[str, _Clock] = {}
+    for item in read_log(log):
+        if isinstance(item, Block):
+            yield from clocks.setdefault(item.device, _Clock()).add(item)
+    for clock in clocks.values():
+        yield from clock.rest()
+
+
+def expand_log(log: AnyLog, path: Path) -> dict[str, int]:
+    """Write a log's signals at full rate to a new MCAP file of ROS 2 messages, on /view/DEVICE.
+
+    The archive keeps many scans in one message, which is small; viewers plot a message a point. Attachments are copied.
+
+    Parameters
+    ----------
+    log : its path, or all files of a run
+    path : of the new file
+
+    Returns
+    -------
+    dict
+        Device -> number of scans.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read or has no scan, or the file exists or cannot be written.
+    """
+    attached = read_attachments(log)
+    blocks = timed_blocks(log)
+    first = next(blocks, None)
+    if first is None:
+        raise LogError(str(log), "holds no scan to expand")
+    try:
+        with path.open("xb") as file:
+            writer = Writer(file, compression=CompressionType.ZSTD)
+            writer.start(profile="ros2", library="modalwatch")
+            for name, text in attached.items():
+                writer.add_attachment(int(first[1][0]), int(first[1][0]), name, "text/plain", text.encode())
+            counts = _Messages(writer)
+            counts.write(*first)
+            for block, times in blocks:
+                counts.write(block, times)
+            writer.finish()  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise LogError(path, f"cannot be written: {error.strerror}") from error
+    return counts.written
+
+
+class _Messages:
+    """Writes scans as messages."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self.written: dict[str, int] = {}
+
+    def write(self, block: Block, times: IndexArray) -> None:
+        channel = self._channel(block)
+        messages = encode_scans(block.device, times, np.asarray(block.counts * block.scale, float))
+        for sequence, (time, data) in enumerate(zip(times.tolist(), messages, strict=True), self.written[block.device]):
+            self._writer.add_message(channel, log_time=time, publish_time=time, data=data, sequence=sequence)
+        self.written[block.device] += block.n_scans
+
+    def _channel(self, block: Block) -> int:
+        if block.device not in self._channels:
+            kind = message_kind(block.counts.shape[1])
+            if kind not in self._schemas:
+                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", SCHEMAS[kind].encode())
+            topic = f"/view/{block.device}"
+            self._channels[block.device] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            self.written[block.device] = 0
+        return self._channels[block.device]
