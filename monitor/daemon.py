@@ -3,7 +3,7 @@
 import math
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,16 +30,10 @@ from daq import (
     read_layout,
 )
 from monitor.errors import SettingsError, StartError
+from monitor.history import HistoryRecorder, database_url
 from monitor.inbox import taken
 from monitor.live import LiveView
-from monitor.results import (
-    TOPIC_ALARM,
-    TOPIC_REFERENCE,
-    TOPIC_WINDOW,
-    AlarmResult,
-    ReferenceResult,
-    WindowResult,
-)
+from monitor.result_events import result_event
 from monitor.settings import DeviceSettings, RecorderSettings, Settings, load_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
 from updater import load_structure, portable_text
@@ -153,7 +147,8 @@ def run(
     recorder = LogRecorder(folder, attachments, clock.now(), _rotation(settings.recorder))
     with ExitStack() as stack:
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
-        take = _both(worker, live)
+        history = stack.enter_context(_history(site))
+        take = _all((worker.feed, history.put, *((live.show,) if live else ())))
         keeper = LogKeeper(recorder, DiskGuard(folder, _retention(settings.recorder)), take)
         log = stack.enter_context(LogThread(keeper, take, chunk_seconds=settings.recorder.chunk_seconds))
         if live and live.problem:
@@ -161,7 +156,7 @@ def run(
         readers = _start_readers(settings, clock, log)
         while not stop.is_set():
             _report(worker, log, on_result, clock)
-            for topic, payload in taken(site.state):
+            for topic, payload in (*taken(site.state), *history.said()):
                 log.put(Event(topic=topic, time=clock.now(), payload=payload))
         for reader in readers:
             reader.stop()
@@ -185,14 +180,17 @@ def _retention(recorder: RecorderSettings) -> Retention:
     )
 
 
-def _both(worker: Worker, live: LiveView | None) -> Callable[[Item], None]:
-    """Return what takes each item once it is logged."""
-    if live is None:
-        return worker.feed
+def _history(site: Site) -> HistoryRecorder:
+    url = database_url(site.settings.history.url, site.state)
+    return HistoryRecorder(url, site.state / "history_spool.jsonl")
+
+
+def _all(takers: Sequence[Callable[[Item], None]]) -> Callable[[Item], None]:
+    """Return what hands each item to all of them, once it is logged."""
 
     def take(item: Item) -> None:
-        worker.feed(item)
-        live.show(item)
+        for taker in takers:
+            taker(item)
 
     return take
 
@@ -233,23 +231,3 @@ def _report(worker: Worker, log: LogThread, on_result: Callable[[Result], None],
         log.put(result_event(result))
         on_result(result)
     return True
-
-
-_TYPES: dict[str, type[Result]] = {
-    TOPIC_WINDOW: WindowResult,
-    TOPIC_REFERENCE: ReferenceResult,
-    TOPIC_ALARM: AlarmResult,
-}
-
-
-def result_event(result: Result) -> Event:
-    """Return a result as the event that stands for it in the log."""
-    time_ns = result.end if isinstance(result, WindowResult) else result.time
-    topic = next(topic for topic, kind in _TYPES.items() if isinstance(result, kind))
-    return Event(topic=topic, time=time_ns, payload=result.payload())
-
-
-def event_result(event: Event) -> Result | None:
-    """Return the result that an event of the log stands for, None if it is none."""
-    kind = _TYPES.get(event.topic)
-    return kind.model_validate(event.payload) if kind else None

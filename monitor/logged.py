@@ -23,8 +23,8 @@ from daq import (
     read_attachments,
     read_log,
 )
-from monitor.daemon import event_result
 from monitor.errors import ResultsError, SettingsError
+from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.story import Story

@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_log
-from monitor.daemon import Site, event_result
+from monitor.daemon import Site
+from monitor.result_events import event_result
 from monitor.settings import parse_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
 

@@ -145,6 +145,12 @@ class AlarmSettings(_Section):
         )
 
 
+class HistorySettings(_Section):
+    """Where what was found is kept for years."""
+
+    url: str | None = None  #: postgresql://USER@HOST/NAME; a SQLite file in the state folder unless given
+
+
 class ViewerSettings(_Section):
     """The live view, served on 127.0.0.1; leave the section out for none."""
 
@@ -164,11 +170,12 @@ class Settings(_Section):
     """A whole SITE.toml."""
 
     structure: str
-    state: str = "state"  #: folder for what outlives a run; nothing does yet
+    state: str = "state"  #: folder for what outlives a run
     device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1)]
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     alarm: AlarmSettings = AlarmSettings()
+    history: HistorySettings = HistorySettings()
     viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None
 
@@ -249,6 +256,7 @@ def _explain(error: ValidationError) -> str:
         RecorderSettings,
         AnalysisSettings,
         AlarmSettings,
+        HistorySettings,
         ViewerSettings,
         ClockSettings,
     )

@@ -63,6 +63,20 @@ def run(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
 
 
 @app.command()
+def history(
+    target: Annotated[str, typer.Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
+    days: Annotated[float | None, typer.Option(help="Only the last days; all of them unless given.", min=0.0)] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the modes' courses.")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Novelty and shifts over time.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets all of it.")] = None,
+) -> None:
+    """Say what has been found over the years: alarms, courses of the modes, events."""
+    from monitor.cli.history import Outputs, history_command
+
+    raise typer.Exit(history_command(target, days, Outputs(csv=csv, plot=plot, json=json)))
+
+
+@app.command()
 def acknowledge(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
     by: Annotated[str, typer.Option(help="Who knows of the alarm.")] = "",

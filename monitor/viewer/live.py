@@ -7,8 +7,8 @@ from contextlib import contextmanager
 import rerun as rr
 
 from daq import Block, Item
-from monitor.daemon import event_result
 from monitor.geometry import Geometry
+from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.story import Story

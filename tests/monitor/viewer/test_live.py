@@ -19,8 +19,8 @@ import viewer_helpers as made
 from rrd_helpers import Rrd
 
 from daq import EPSON_SCALE, Block, Event, Item
-from monitor.daemon import result_event
 from monitor.live import LiveView, live_urls, live_view
+from monitor.result_events import result_event
 from monitor.settings import Settings, parse_settings
 from updater import t_structure_toml
 

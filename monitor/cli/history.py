@@ -1,0 +1,182 @@
+"""`history`: what was found over months and years, as tables, CSV, JSON and a picture."""
+
+import csv
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from monitor.alarm_words import duration_text
+from monitor.cli.files import write_json
+from monitor.daemon import load_site
+from monitor.errors import ArgumentError
+from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, database_url
+from monitor.words import utc
+
+console = Console(highlight=False)
+_DAY = 86_400 * 10**9  # ns
+_MOST = 20  # lines of a table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What a span holds."""
+
+    span: Span
+    state: str
+    days: list[DayRow]
+    levels: list[tuple[int, float]]  #: time [ns UTC], novelty over its limit; by the day the highest
+    alarms: list[AlarmRow]
+    trends: dict[int, list[TrendPoint]]
+    events: list[EventRow]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """Files that get what was found."""
+
+    csv: Path | None = None
+    plot: Path | None = None
+    json: Path | None = None
+
+
+def history_command(target: str, days: float | None, outputs: Outputs) -> int:
+    """Say what a site's history holds of the last days, or of all time."""
+    with Reader(target_url(target)) as reader:
+        found = look(reader, days)
+    _say(found)
+    if outputs.csv:
+        write_csv(outputs.csv, found)
+    if outputs.json:
+        write_json(outputs.json, as_json(found))
+    if outputs.plot:
+        from monitor.cli.history_plot import draw_history  # loads matplotlib
+
+        draw_history(outputs.plot, found)
+    return 0
+
+
+def target_url(target: str) -> str:
+    """Return the database that SITE.toml, a SQLite file or an address means."""
+    if "://" in target:
+        return target
+    path = Path(target)
+    if path.suffix == ".toml":
+        site = load_site(path)
+        return database_url(site.settings.history.url, site.state)
+    if not path.is_file():
+        raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}")
+    return f"sqlite:///{path}"
+
+
+def look(reader: Reader, last: float | None) -> Found:
+    """Return what the last days hold; of all time unless given.
+
+    Raises
+    ------
+    HistoryError
+        If no window has been analysed yet, or the database cannot be read.
+    """
+    whole = reader.span()
+    if whole is None:
+        raise HistoryError(reader.url, "no window has been analysed yet")
+    span = whole if last is None else Span(start=max(whole.start, whole.end - round(last * _DAY)), end=whole.end)
+    return Found(
+        span=span,
+        state=reader.state(),
+        days=(days := reader.days(span)),
+        levels=_levels(reader, span, days),
+        alarms=reader.alarms(span),
+        trends={mode: reader.trend(mode, span) for mode in reader.modes()},
+        events=reader.events(span),
+    )
+
+
+def _levels(reader: Reader, span: Span, days: list[DayRow]) -> list[tuple[int, float]]:
+    if span.every == "day":
+        return [(day.day * _DAY + _DAY // 2, day.level) for day in days if day.level is not None]
+    found = reader.windows(span, most=100_000)
+    return [(w.end, w.t2 / w.limit) for w in found if w.t2 is not None and w.limit]
+
+
+def write_csv(path: Path, found: Found) -> None:
+    """Write the trends: a line a mode and window, or day over more than two weeks."""
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(TrendPoint.__dataclass_fields__)
+            writer.writerows(asdict(point).values() for points in found.trends.values() for point in points)
+    except OSError as error:
+        raise ArgumentError("--csv", f"{path} cannot be written: {error.strerror}") from error
+
+
+def as_json(found: Found) -> dict[str, object]:
+    """Return what other programs read; times are ns UTC, days are counted from 1970-01-01."""
+    return {
+        "start": found.span.start,
+        "end": found.span.end,
+        "state": found.state,
+        "every": found.span.every,
+        "days": [asdict(day) for day in found.days],
+        "alarms": [asdict(alarm) for alarm in found.alarms],
+        "trends": {str(mode): [asdict(point) for point in points] for mode, points in found.trends.items()},
+        "events": [asdict(event) | {"json": json.loads(event.json)} for event in found.events],
+    }
+
+
+def _say(found: Found) -> None:
+    n, judged, over = (sum(getattr(day, name) for day in found.days) for name in ("n", "n_judged", "n_over"))
+    console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
+    console.print(f"{n} windows, {judged} judged, {over} over the limit")
+    console.print(f"state: {found.state}")
+    console.print(_alarms(found.alarms) if found.alarms else "alarms: none", soft_wrap=not found.alarms)
+    if any(found.trends.values()):
+        console.print(_trends(found.trends))
+    if found.events:
+        console.print(_events(found.events))
+
+
+def _alarms(alarms: list[AlarmRow]) -> Table:
+    table = Table(title="alarms", title_justify="left", box=SIMPLE_HEAD)
+    for name in ("raised", "lasted", "acknowledged", "what"):
+        table.add_column(name, no_wrap=name != "what")
+    for alarm in alarms[-_MOST:]:
+        lasted = "stands" if alarm.cleared is None else duration_text(alarm.lasted or 0.0)
+        again = f" (went on {alarm.reopened} times)" if alarm.reopened else ""
+        known = utc(alarm.acknowledged) if alarm.acknowledged else "no"
+        table.add_row(utc(alarm.raised), lasted + again, known, escape(alarm.text))
+    return table
+
+
+def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
+    table = Table(title="modes: frequencies in Hz, last damping and shift in %", title_justify="left", box=SIMPLE_HEAD)
+    for name in ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for mode, points in trends.items():
+        if not points:
+            continue
+        last = points[-1]
+        figures = [f"{points[0].frequency:.5g}", f"{last.frequency:.5g}"]
+        figures += [f"{min(p.lowest for p in points):.5g}", f"{max(p.highest for p in points):.5g}"]
+        figures += [_number(None if last.damping is None else 100 * last.damping, ".2f")]
+        table.add_row(str(mode), str(sum(p.n for p in points)), *figures, _number(last.shift_percent, "+.2f"))
+    return table
+
+
+def _events(events: list[EventRow]) -> Table:
+    table = Table(title="events", title_justify="left", box=SIMPLE_HEAD)
+    for name in ("time", "what", "device", ""):
+        table.add_column(name, no_wrap=bool(name))
+    for event in events[-_MOST:]:
+        said = ", ".join(f"{k} {v}" for k, v in json.loads(event.json).items() if k != "device" and v != "")
+        topic = event.topic.removeprefix("/event/").replace("_", " ")
+        table.add_row(utc(event.time), escape(topic), escape(event.device), escape(said))
+    return table
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

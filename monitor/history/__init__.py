@@ -1,0 +1,23 @@
+"""What was found over years: a database of windows, modes, alarms and events, beside the logs that hold everything.
+
+The logs are the record; the database answers questions over long times at once, and can be made anew from them.
+"""
+
+from monitor.history.errors import HistoryError
+from monitor.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
+from monitor.history.recorder import HistoryRecorder
+from monitor.history.store import HistoryStore, database_url
+
+__all__ = [
+    "AlarmRow",
+    "DayRow",
+    "EventRow",
+    "HistoryError",
+    "HistoryRecorder",
+    "HistoryStore",
+    "Reader",
+    "Span",
+    "TrendPoint",
+    "WindowRow",
+    "database_url",
+]

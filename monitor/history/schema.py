@@ -1,0 +1,106 @@
+"""The tables; times are ns UTC, days are counted from 1970-01-01 UTC."""
+
+from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text
+
+metadata = MetaData()
+DAY = 86_400 * 10**9  # ns
+
+versions = Table("schema_version", metadata, Column("version", Integer, primary_key=True, autoincrement=False))
+
+windows = Table(
+    "windows",
+    metadata,
+    Column("end", BigInteger, primary_key=True, autoincrement=False),
+    Column("start", BigInteger, nullable=False),
+    Column("number", Integer, nullable=False),  # counted from 0 since the monitor's start
+    Column("phase", String(16), nullable=False),
+    Column("n_modes", Integer, nullable=False),
+    Column("t2", Float),
+    Column("limit", Float),
+    Column("problem", Text),
+)
+
+modes = Table(
+    "modes",
+    metadata,
+    Column("mode", Integer, primary_key=True, autoincrement=False),
+    Column("end", BigInteger, primary_key=True, autoincrement=False),  # of the window
+    Column("frequency", Float, nullable=False),  # Hz
+    Column("frequency_std", Float),
+    Column("damping", Float),
+    Column("damping_std", Float),
+    Column("shift_percent", Float),
+    Column("shift_std_percent", Float),
+    Index("modes_by_time", "end"),
+)
+
+diagnoses = Table(
+    "diagnoses",
+    metadata,
+    Column("end", BigInteger, primary_key=True, autoincrement=False),  # of the window
+    Column("verdict", String(32), nullable=False),
+    Column("text", Text, nullable=False),
+    Column("json", Text, nullable=False),
+)
+
+references = Table(
+    "baselines",  # what they are called elsewhere is a word of SQL
+    metadata,
+    Column("time", BigInteger, primary_key=True, autoincrement=False),
+    Column("n_windows", Integer, nullable=False),
+    Column("json", Text, nullable=False),
+)
+
+alarms = Table(
+    "alarms",
+    metadata,
+    Column("raised", BigInteger, primary_key=True, autoincrement=False),
+    Column("cleared", BigInteger),
+    Column("lasted", Float),  # s
+    Column("acknowledged", BigInteger),
+    Column("text", Text, nullable=False),  # what is known of it by now
+    Column("reopened", Integer, nullable=False),  # how often
+)
+
+changes = Table(
+    "alarm_changes",
+    metadata,
+    Column("time", BigInteger, primary_key=True, autoincrement=False),
+    Column("kind", String(16), primary_key=True),
+    Column("state", String(16), primary_key=True),
+    Column("number", Integer, nullable=False),  # of the last window by then
+    Column("quiet", Boolean, nullable=False),
+    Column("text", Text, nullable=False),
+)
+
+events = Table(
+    "events",
+    metadata,
+    Column("time", BigInteger, primary_key=True, autoincrement=False),
+    Column("topic", String(64), primary_key=True),
+    Column("device", String(64), primary_key=True),  # empty for what is of no device
+    Column("json", Text, nullable=False),
+)
+
+mode_days = Table(
+    "mode_days",
+    metadata,
+    Column("mode", Integer, primary_key=True, autoincrement=False),
+    Column("day", Integer, primary_key=True, autoincrement=False),
+    Column("n", Integer, nullable=False),  # windows that show the mode
+    Column("frequency", Float, nullable=False),  # mean [Hz]
+    Column("lowest", Float, nullable=False),
+    Column("highest", Float, nullable=False),
+    Column("damping", Float),
+    Column("shift_percent", Float),
+)
+
+window_days = Table(
+    "window_days",
+    metadata,
+    Column("day", Integer, primary_key=True, autoincrement=False),
+    Column("n", Integer, nullable=False),  # windows
+    Column("n_judged", Integer, nullable=False),
+    Column("n_over", Integer, nullable=False),  # over the limit
+    Column("level", Float),  # highest novelty over its limit
+)

@@ -1,0 +1,219 @@
+"""Results and events put into the database: each once, however often they are brought."""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import ValidationError
+from sqlalchemy import Connection, Engine, ScalarSelect, Table, create_engine, event, func, select, update
+from sqlalchemy.dialects.postgresql import insert as postgres_insert
+from sqlalchemy.dialects.sqlite import insert as sqlite_insert
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
+
+from daq import Event
+from monitor.history import schema
+from monitor.history.errors import HistoryError
+from monitor.history.migrations import migrate
+from monitor.history.rollup import roll_up
+from monitor.result_events import event_result
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.words import change_text
+from monitor.worker import Result
+
+_BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
+_DRIVERS = {"postgresql": "postgresql+psycopg"}
+
+
+def database_url(url: str | None, state: Path) -> str:
+    """Return where the history is: what the settings say, or a SQLite file in the state folder."""
+    return url or f"sqlite:///{state / 'history.sqlite'}"
+
+
+def open_engine(url: str) -> Engine:
+    """Return an engine that nothing is asked of yet.
+
+    Raises
+    ------
+    HistoryError
+        If the address makes no sense, or is of a kind that is not installed.
+    """
+    try:
+        parsed = make_url(url)
+        parsed = parsed.set(drivername=_DRIVERS.get(parsed.drivername, parsed.drivername))
+        options = {"timeout": _BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else {"connect_timeout": 3}
+        engine = create_engine(parsed, connect_args=options, pool_pre_ping=True)
+    except (ArgumentError, NoSuchModuleError) as error:
+        raise HistoryError(url, "expected sqlite:///FILE or postgresql://USER@HOST/NAME") from error
+    except ModuleNotFoundError as error:
+        raise HistoryError(url, f"{error.name} is not installed: pip install 'modalwatch[fleet]'") from error
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _set_pragmas)
+    return engine
+
+
+def _set_pragmas(connection: Any, _record: object) -> None:  # noqa: ANN401 - sqlite3's or another driver's
+    """Let readers read while one writes; a power cut may cost the last transaction, never the file."""
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode=WAL")
+    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.close()
+
+
+def shown_url(url: str) -> str:
+    """Return the address without its password."""
+    try:
+        return make_url(url).render_as_string(hide_password=True)
+    except ArgumentError:
+        return url
+
+
+class HistoryStore:
+    """The database, opened for writing.
+
+    Parameters
+    ----------
+    url : of the database, as SQLAlchemy spells it
+
+    Raises
+    ------
+    HistoryError
+        If it cannot be opened, or is of a later version.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = shown_url(url)
+        self._engine = open_engine(url)
+        try:
+            if self._engine.url.database and self._engine.dialect.name == "sqlite":
+                Path(self._engine.url.database).parent.mkdir(parents=True, exist_ok=True)
+            with self._engine.begin() as connection:
+                migrate(connection, self.url)
+        except (SQLAlchemyError, OSError) as error:
+            self._engine.dispose()
+            raise HistoryError(self.url, said(error)) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let go of the database."""
+        self._engine.dispose()
+
+    def write(self, items: Sequence[Event]) -> None:
+        """Put items in, all or none.
+
+        Raises
+        ------
+        HistoryError
+            If the database is locked, damaged or gone.
+        """
+        try:
+            with self._engine.begin() as connection:
+                days = {_write(connection, item) for item in items}
+                for day in sorted(day for day in days if day is not None):
+                    roll_up(connection, day)
+        except SQLAlchemyError as error:
+            raise HistoryError(self.url, said(error)) from error
+
+
+def said(error: Exception) -> str:
+    """Return what a database says in one line."""
+    lines = str(getattr(error, "orig", None) or error).splitlines()
+    return lines[0] if lines else type(error).__name__
+
+
+def _write(connection: Connection, item: Event) -> int | None:
+    """Put one item in; return the day whose figures it changes."""
+    result = _result(item)
+    if result is None:
+        row = {"time": item.time, "topic": item.topic[:64], "device": str(item.payload.get("device", ""))[:64]}
+        _put(connection, schema.events, [row | {"json": json.dumps(item.payload)}])
+    elif isinstance(result, ReferenceResult):
+        row = {"time": result.time, "n_windows": result.n_windows, "json": result.model_dump_json()}
+        _put(connection, schema.references, [row])
+    elif isinstance(result, AlarmResult):
+        _write_change(connection, result)
+    else:
+        return _write_window(connection, result)
+    return None
+
+
+def _result(item: Event) -> Result | None:
+    try:
+        return event_result(item)
+    except ValidationError:
+        return None  # left on disk by another version: kept as it is
+
+
+def _write_window(connection: Connection, window: WindowResult) -> int:
+    novelty = window.novelty
+    row = {
+        "end": window.end,
+        "start": window.start,
+        "number": window.index,
+        "phase": window.phase,
+        "n_modes": len(window.modes),
+        "t2": _finite(novelty.t2) if novelty else None,
+        "limit": _finite(novelty.limit) if novelty else None,
+        "problem": window.problem,
+    }
+    _put(connection, schema.windows, [row])
+    if window.phase != "learning":  # before, modes are counted and have no identity
+        _put(connection, schema.modes, _mode_rows(window))
+    if window.diagnosis:
+        text = change_text(window.diagnosis)
+        found = {"end": window.end, "verdict": window.diagnosis.verdict, "text": text}
+        _put(connection, schema.diagnoses, [found | {"json": window.diagnosis.model_dump_json()}])
+        if window.phase == "alarm":
+            _update_last(connection, window.end, text=text)
+    return window.end // schema.DAY
+
+
+def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:
+    names = ("frequency", "frequency_std", "damping", "damping_std", "shift_percent", "shift_std_percent")
+    return [
+        {"mode": mode.id, "end": window.end} | {name: _finite(getattr(mode, name)) for name in names}
+        for mode in window.modes
+    ]
+
+
+def _write_change(connection: Connection, change: AlarmResult) -> None:
+    row = {"time": change.time, "kind": change.kind, "state": change.state, "number": change.window}
+    _put(connection, schema.changes, [row | {"quiet": change.quiet, "text": change.text}])
+    if change.raised:
+        _put(connection, schema.alarms, [{"raised": change.time, "text": change.text, "reopened": 0}])
+    elif change.kind == "reopened":
+        _update_last(connection, change.time, cleared=None, lasted=None, reopened=_times_reopened())
+    elif change.kind == "acknowledged":
+        _update_last(connection, change.time, acknowledged=change.time)
+    elif change.kind == "state" and change.lasted is not None:
+        _update_last(connection, change.time, cleared=change.time, lasted=change.lasted)
+
+
+def _times_reopened() -> ScalarSelect[int]:
+    """Count how often an alarm went on, anew each time: the same however often a change is brought."""
+    found = select(func.count()).where(schema.changes.c.kind == "reopened")
+    return found.where(schema.changes.c.time >= schema.alarms.c.raised).scalar_subquery()
+
+
+def _update_last(connection: Connection, time: int, **values: object) -> None:
+    """Change what is known of the last alarm raised by then."""
+    table = schema.alarms
+    last = select(table.c.raised).where(table.c.raised <= time).order_by(table.c.raised.desc()).limit(1)
+    connection.execute(update(table).where(table.c.raised == last.scalar_subquery()).values(**values))
+
+
+def _put(connection: Connection, table: Table, rows: Iterable[dict[str, Any]]) -> None:
+    """Insert rows; one that is there already stays as it is."""
+    rows = list(rows)
+    if not rows:
+        return
+    insert = sqlite_insert if connection.dialect.name == "sqlite" else postgres_insert
+    connection.execute(insert(table).on_conflict_do_nothing(), rows)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

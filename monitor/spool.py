@@ -1,0 +1,79 @@
+"""What cannot be delivered now, kept on disk in order: a line each, so that a cut one costs only itself."""
+
+import json
+import os
+from collections.abc import Callable, Iterable
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO
+
+_LARGEST = 64 * 10**6  # bytes
+
+
+class Spool:
+    """A file of lines of JSON that wait.
+
+    Parameters
+    ----------
+    path : of the file; there only while something waits
+    largest : size beyond which nothing more is kept [bytes]
+    """
+
+    def __init__(self, path: Path, *, largest: int = _LARGEST) -> None:
+        self.path, self._largest = path, largest
+
+    @property
+    def waiting(self) -> bool:
+        """Tell whether anything waits."""
+        return self.path.exists()
+
+    def append(self, lines: Iterable[str]) -> int:
+        """Keep lines; return how many there was no room for."""
+        lines = list(lines)
+        if not lines:
+            return 0
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a+b") as file:
+                _end_line(file)
+                for kept, line in enumerate(lines):
+                    if file.tell() + len(line) >= self._largest:
+                        return len(lines) - kept
+                    file.write(line.encode() + b"\n")
+        except OSError:
+            return len(lines)
+        return 0
+
+    def deliver(self, take: Callable[[list[str]], None], batch: int) -> int:
+        """Hand on what waits, oldest first, `batch` lines at a time; return how many.
+
+        What `take` raises is passed on, and everything stays: taking must bear being given a line twice. A line
+        that was cut is left out.
+        """
+        if not self.waiting:
+            return 0
+        count = 0
+        with self.path.open(encoding="utf-8", errors="replace") as file:
+            whole = (line.rstrip("\n") for line in file if _whole(line))
+            while lines := list(islice(whole, batch)):
+                take(lines)
+                count += len(lines)
+        self.path.unlink()
+        return count
+
+
+def _end_line(file: BinaryIO) -> None:
+    """End a line that a kill has cut, so that the next one stays whole."""
+    if file.seek(0, os.SEEK_END):
+        file.seek(-1, os.SEEK_END)
+        if file.read(1) != b"\n":
+            file.write(b"\n")
+
+
+def _whole(line: str) -> bool:
+    if not line.endswith("\n"):
+        return False
+    try:
+        return isinstance(json.loads(line), dict)
+    except ValueError:
+        return False

@@ -1,0 +1,61 @@
+"""`modalwatch history`: tables, CSV, JSON, a picture; what cannot be read is one line."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from cli_helpers import Commands, assert_refused
+from history_helpers import HOUR, START, change, run_events, sqlite_url, write_years
+
+from monitor.history import HistoryStore
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Return the history of a run in which a mass was found."""
+    with HistoryStore(sqlite_url(tmp_path)) as store:
+        store.write(run_events())
+    return tmp_path / "history.sqlite"
+
+
+def test_tables_tell_the_run(modalwatch: Commands, file: Path) -> None:
+    done = modalwatch("history", file)
+    assert (done.code, done.err) == (0, "")
+    for text in ("20 windows, 11 judged, 8 over the limit", "state: alarm", "stands", "gap", "missing 12"):
+        assert text in done.out
+
+
+def test_years_are_told_by_the_day(modalwatch: Commands, tmp_path: Path) -> None:
+    n = write_years(sqlite_url(tmp_path), years=0.1, step=HOUR, n_modes=2)
+    with HistoryStore(sqlite_url(tmp_path)) as store:
+        store.write([change(START + HOUR, "alarm", "a [bold] mass"), change(START + 3 * HOUR, "normal", lasted=7200.0)])
+    files = [tmp_path / name for name in ("h.csv", "h.json", "h.png")]
+    done = modalwatch("history", sqlite_url(tmp_path), "--csv", files[0], "--json", files[1], "--plot", files[2])
+    assert (done.code, done.err) == (0, "")
+    for text in (f"{n} windows", "2026-01-01 01:00:00 UTC", "2 h", "a [bold] mass"):
+        assert text in done.out
+    lines = list(csv.DictReader(files[0].read_text(encoding="utf-8").splitlines()))
+    assert sum(int(line["n"]) for line in lines if line["mode"] == "2") == n
+    found = json.loads(files[1].read_text(encoding="utf-8"))
+    assert (found["every"], found["state"], len(found["alarms"])) == ("day", "normal", 1)
+    assert files[2].read_bytes().startswith(b"\x89PNG")
+
+
+def test_only_the_last_days(modalwatch: Commands, tmp_path: Path) -> None:
+    write_years(sqlite_url(tmp_path), years=0.02, step=HOUR, n_modes=1)
+    done = modalwatch("history", sqlite_url(tmp_path), "--days", "1", "--json", tmp_path / "h.json")
+    assert done.code == 0, done.err
+    assert len(json.loads((tmp_path / "h.json").read_text())["trends"]["1"]) == 25  # both ends included
+
+
+def test_what_cannot_be_read_is_one_line(modalwatch: Commands, tmp_path: Path, file: Path) -> None:
+    assert_refused(modalwatch("history", tmp_path / "none"), "TARGET", "SITE.toml")
+    assert_refused(modalwatch("history", f"sqlite:///{tmp_path / 'none'}"), "there is no history yet")
+    assert_refused(modalwatch("history", "mysql9://x"), "expected sqlite:///FILE")
+    (tmp_path / "text").write_text("no database" * 100)
+    assert_refused(modalwatch("history", tmp_path / "text"), "file is not a database")
+    HistoryStore(f"sqlite:///{tmp_path / 'empty'}").__exit__()
+    assert_refused(modalwatch("history", tmp_path / "empty"), "no window has been analysed yet")
+    assert_refused(modalwatch("history", file, "--plot", tmp_path / "h.what"), "--plot", "h.what")
+    assert_refused(modalwatch("history", file, "--csv", tmp_path / "no" / "h.csv"), "--csv", "h.csv")

@@ -1,0 +1,38 @@
+"""The same history on a real PostgreSQL server."""
+
+import pytest
+from history_helpers import HOUR, START, run_events, write_years
+from postgres_helpers import postgres_programs, postgres_url
+from sqlalchemy import create_engine, text
+
+from monitor.history import HistoryError, HistoryStore, Reader, Span, schema
+
+EVENTS = run_events()
+
+
+@pytest.mark.live
+@pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL server is installed")
+def test_run_stands_in_postgres_as_in_sqlite() -> None:
+    with postgres_url() as url:
+        for _ in range(2):  # the second time brings nothing new
+            with HistoryStore(url) as store:
+                store.write(EVENTS)
+        with Reader(url) as reader:
+            span = reader.span()
+            assert span is not None
+            assert (len(reader.windows(span)), reader.modes(), reader.state()) == (20, [1, 2, 3, 4, 5, 6], "alarm")
+            [alarm] = reader.alarms(span)
+            assert alarm.cleared is None
+            assert sum(day.n for day in reader.days(span)) == 20
+        engine = create_engine(url.replace("postgresql:", "postgresql+psycopg:"))
+        with engine.begin() as connection:
+            for table in reversed(schema.metadata.sorted_tables):
+                connection.execute(text(f"DROP TABLE {table.name}"))
+        engine.dispose()
+        n = write_years(url.replace("postgresql:", "postgresql+psycopg:"), years=0.02, step=HOUR, n_modes=2)
+        with Reader(url) as reader:
+            assert sum(p.n for p in reader.trend(2, Span(start=START, end=START + n * HOUR), "day")) == n
+        store = HistoryStore(url)
+    with pytest.raises(HistoryError):  # the server has gone
+        store.write(EVENTS)
+    store.__exit__()
