@@ -23,7 +23,7 @@ from updater.shape_errors import beside, foreign_modes, nearer_modes, shape_whit
 from updater.statistics import COMMON_STD, ModalMean
 
 BoolArray = npt.NDArray[np.bool_]
-_MODEL_ERROR = 0.03  # of a mode's typical displacement: what the reference gets wrong about it at any point
+MODEL_ERROR = 0.015  #: of a mode's typical displacement: what the reference gets wrong about it at any point
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
 SHAPE_BIAS = 6e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
@@ -47,6 +47,7 @@ class Prediction:
     log_damping: FloatArray  #: (n_alternatives, n) of damping to the baseline's
     new_frequency: FloatArray  #: (n_alternatives, n_new) of modes that came with something [Hz]
     new_shape: FloatArray  #: (n_alternatives, n_new, n_channels) of any norm and sign
+    undone: FloatArray | None = None  #: (n_alternatives, n_channels, n_channels) exchanges and turns of channels undone
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -135,7 +136,7 @@ def compare(
     event: ModalMean,
     *,
     circumstances: Circumstances = NOTHING_KNOWN,
-    model_error: float = _MODEL_ERROR,
+    model_error: float = MODEL_ERROR,
 ) -> Comparison:
     """Set an event beside the baseline.
 
@@ -230,9 +231,9 @@ def _new_modes(
     extra = extra.only(np.flatnonzero(np.isfinite(extra.shape + extra.shape_std).all(1)))
     if not len(extra.log_frequency):
         return None
-    variance = overdispersion * extra.shape_std**2 + SHAPE_BIAS**2 + _MODEL_ERROR**2 / len(channels)
+    variance = overdispersion * extra.shape_std**2 + SHAPE_BIAS**2 + MODEL_ERROR**2 / len(channels)
     share = np.linalg.norm(at_channels, axis=0) * shaken(np.exp(extra.log_frequency)[:, None], frequency)
-    turned = 2 * _MODEL_ERROR * np.abs(share) / np.linalg.norm(share, axis=1, keepdims=True)
+    turned = 2 * MODEL_ERROR * np.abs(share) / np.linalg.norm(share, axis=1, keepdims=True)
     unit = at_channels / np.maximum(np.linalg.norm(at_channels, axis=0), 1e-300)
     return NewModes(
         log_frequency=extra.log_frequency,
@@ -270,17 +271,26 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     """Return whitened residuals (n_alternatives, n_data): log frequencies, shapes, their lags, log damping."""
     shape, n = predicted.shape, len(predicted.shape)
     frequency = (comparison.log_ratio - predicted.log_ratio) @ whitener.matrix.T
-    off = np.einsum("icd,pid->pic", comparison.shape_whitener, beside(comparison.shape, shape))
+    off = np.einsum("icd,pid->pic", comparison.shape_whitener, _undone(predicted, beside(comparison.shape, shape)))
     blocks = [frequency, off.reshape(n, -1)]
     if comparison.phased.any():
         sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
         late = beside(comparison.lag - sign * predicted.lag, shape)  # a mode's own phase is no one's
-        blocks.append(late.reshape(n, -1) @ comparison.lag_whitener.T)
+        blocks.append(_undone(predicted, late).reshape(n, -1) @ comparison.lag_whitener.T)
     if comparison.damping_weight.any():
         blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
     if comparison.new is not None:
         blocks.append(_off_new(comparison.new, predicted))
     return np.concatenate(blocks, axis=1)
+
+
+def _undone(predicted: Prediction, off: FloatArray) -> FloatArray:
+    """Return what is left of shapes (p, n, n_channels) at the channels as they were: errors in common are known there.
+
+    Where modes are close they turn into each other by what a model gets wrong. Of two channels that were exchanged that
+    says the one what is the other's.
+    """
+    return off if predicted.undone is None else np.asarray(off @ predicted.undone.transpose(0, 2, 1))
 
 
 def _off_new(new: NewModes, predicted: Prediction) -> FloatArray:

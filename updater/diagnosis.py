@@ -35,6 +35,11 @@ _MUCH_IN_A_FILE = 8.0  # the same of a model that was fitted to nothing: it is w
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
+_MASSES = ("distributed_mass", "added_mass")
+_STREWN = (
+    "Mass has come or gone at more places than these modes can tell apart: that some of it is spread out and some is "
+    "not is one way of many to say it. Look at the structure, or measure with more sensors and up to higher modes."
+)
 _UNSTEADY = "Record while nothing changes: the frequencies of these windows are not of one state."
 
 
@@ -94,6 +99,8 @@ def diagnose(
     if not found or found[0].p_value < (LEAST_P if len(found[0].chosen) == 1 else _LEAST_P_TOGETHER):
         every = sorted((*singles, *found), key=lambda c: -c.log_evidence)
         return _refused("unexplained", case, every[0].log_evidence, oddest(data, every[0].chosen))
+    if _MASSES[0] in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
+        return _refused("unexplained", case, found[0].log_evidence, _STREWN)
     return _explained(case, found, compare(reference, heldout) if heldout else None)
 
 

@@ -1,6 +1,6 @@
 """Fit of all alternatives of a cause at once, and the evidence for each (Laplace)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
@@ -16,6 +16,9 @@ _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 1e-3  # of chi-square: a step that gains less is an alternative's last
 _REACH = (1000.0, 1000.0, 100.0, 100.0, 100.0, 100.0)  # of chi-square over the best: promised by a step that is taken
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
+
+
+BoolArray = npt.NDArray[np.bool_]
 
 
 class Hypotheses(Protocol):
@@ -102,6 +105,10 @@ class Fit(Generic[H]):
     def best(self) -> int:
         """The most probable alternative."""
         return int(np.argmax(self.probability))
+
+    def only(self, chosen: BoolArray) -> "Fit[H]":
+        """Return the same as if it were one of the chosen alternatives (n_alternatives,) alone."""
+        return replace(self, log_density=np.where(chosen, self.log_density, -np.inf))
 
     @property
     def p_value(self) -> float:

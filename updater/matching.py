@@ -14,6 +14,8 @@ from updater.statistics import ModalMean
 
 _FARTHEST = 0.3  # of ln f
 _LEAST_MAC = 0.5
+_SAME_MAC = 0.95  # at which a mode is the same one, however far it went ...
+_FARTHEST_SAME = 0.7  # of ln f: ... up to twice or half its frequency
 _FREQUENCY_WEIGHT = 2.0  # of |d ln f| beside 1 - MAC
 _FAULT_COST = 0.3  # that a fault of the measuring chain must save in all
 
@@ -23,7 +25,7 @@ def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
 
     The one-to-one assignment of least sum of (1 - MAC) + 2 |d ln f|. Two channels that were exchanged, or one that was
     turned, spoil every MAC; so it is sought with each such fault undone, and one is believed for this purpose only.
-    Pairs with a MAC under 0.5 or frequencies more than 30 % apart are none.
+    Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are none.
 
     Parameters
     ----------
@@ -37,12 +39,18 @@ def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
         row, column = linear_sum_assignment(whole)
         total = cost + float(whole[row, column].sum())
         if best is None or total < best[0]:
-            near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)
+            near = _answer(assurance[row, column], distance[row, column])
             best = total, row[near], column[near]
     found = np.full(len(baseline.log_frequency), -1, np.intp)
     if best is not None:
         found[best[1]] = best[2]
     return found
+
+
+def _answer(assurance: FloatArray, distance: FloatArray) -> FloatArray:
+    """Tell which pairs (n,) are one mode: a prop may raise a mode by half and leave its shape alone."""
+    alike = (assurance >= _LEAST_MAC) & (distance <= _FARTHEST)
+    return np.asarray(alike | ((assurance >= _SAME_MAC) & (distance <= _FARTHEST_SAME)))
 
 
 def _chains(n_channels: int) -> Iterator[tuple[float, "_Undo"]]:

@@ -15,7 +15,7 @@ from updater.causes.added_mass import AddedMass
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.causes.temperature import SOFTENING, SOFTENING_STD
-from updater.comparison import Comparison, compare, residual
+from updater.comparison import MODEL_ERROR, Comparison, compare, residual
 from updater.prediction import effect_of, prediction
 from updater.reanalysis import Changed, Effect, picked, reanalyse
 from updater.reference import Reference
@@ -24,7 +24,6 @@ from updater.statistics import ModalMean
 _DECIDES = 3.0  # standard deviations
 _SPACING = 0.1  # of a member's length, between places that are tried
 _SHARE = 0.02  # of the structure's mass: what is clamped on
-_MODEL_ERROR = 0.03  # of a mode's typical displacement, as `compare` takes it
 _LONGER = 4  # times the record
 _THERMOMETER_STD = 0.7  # K, of a difference
 _TONE_STD = 5e-4  # of ln f, as `sampling_clock` takes it
@@ -131,7 +130,7 @@ def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones
     readings = np.array([_readings(data, _solved(data, chosen), rows) for chosen in open_ones])
     typical = np.sqrt(np.mean(readings**2, axis=(0, 1, 2)))  # of each mode
     noise = np.nanmean(np.where(data.shaped[:, None], event.shape_std[data.tracks], np.nan), axis=1)
-    std = np.hypot(np.where(np.isfinite(noise), noise, np.inf), _MODEL_ERROR * typical)
+    std = np.hypot(np.where(np.isfinite(noise), noise, np.inf), MODEL_ERROR * typical)
     scaled = readings / std
     distance = np.linalg.norm(scaled[:, None] - scaled[None], axis=4)  # (n, n, n_points, 3)
     for i, axis in itertools.product(range(len(points)), range(3)):
@@ -175,7 +174,7 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
     shifts = np.array(shift)  # (n, n_rows, n_modes)
     std = np.sqrt(2) * data.log_frequency_std
     distance = np.stack(
-        [_apart(here, np.hypot(std, _MODEL_ERROR * _typical(here))) for here in shifts.transpose(1, 0, 2)]
+        [_apart(here, np.hypot(std, MODEL_ERROR * _typical(here))) for here in shifts.transpose(1, 0, 2)]
     )
     best = int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))
     x, y, z = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])

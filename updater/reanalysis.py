@@ -214,7 +214,23 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         log_damping=np.broadcast_to(effect.log_damping[:, comparison.paired], log_ratio.shape),
         new_frequency=new_frequency,
         new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
+        undone=_undone(effect.chain[:, :, :n]),
     )
+
+
+def _undone(chain: FloatArray) -> FloatArray | None:
+    """Return what undoes the exchanges and turns of channels (n_alternatives, n_channels, n_channels), None of none.
+
+    Each channel is taken for the one it says most of, where that is a channel of its own for each.
+    """
+    n = chain.shape[1]
+    if (chain.reshape(-1, n * n)[:, :: n + 1] > 0).all():
+        return None
+    said = np.argmax(np.abs(chain), axis=2)
+    other = np.sort(said, axis=1) == np.arange(n)
+    said = np.where(other.all(1, keepdims=True), said, np.arange(n))
+    sign = np.where(np.take_along_axis(chain, said[:, :, None], 2)[:, :, 0] < 0, -1.0, 1.0)
+    return np.asarray(np.eye(n)[said].transpose(0, 2, 1) * sign[:, None, :])
 
 
 def _heard(

@@ -8,6 +8,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from daq import FloatArray
+from updater.apart import by_place
+from updater.causes.base import Placed
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison, residual
@@ -19,6 +21,8 @@ from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected, Vector
 
 if TYPE_CHECKING:
     from updater.candidates import Candidate
+    from updater.causes import base as causes
+    from updater.fit import Fit
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
@@ -33,9 +37,11 @@ def named_causes(
     """Return the causes that hold the posterior's share `sure`, whether it is one that stands alone, and all left open.
 
     Candidates that the data cannot separate are one set: its best member stands for it with the probability of all.
+    One cause at two places is two candidates, unless one place holds that share by itself.
     """
+    found = by_place(found, sure)
     probability = shares(found)
-    left = [i for i in range(len(found)) if probability[i] >= _WORTH_AN_ALIAS * probability[0]]
+    left = [i for i in range(len(found)) if probability[i] >= _WORTH_AN_ALIAS * probability.max()]
     sets: list[tuple[float, list[int]]] = []
     while left:
         alike = [i for i in left if i == left[0] or _alike(data, found[left[0]], found[i])]
@@ -59,6 +65,8 @@ def named_causes(
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
+    if one.names == other.names:
+        return False  # at another place
     if _at_one_connection(one, other):
         return True
     predicted = [prediction(data, c.chosen) for c in (one, other)]
@@ -107,11 +115,30 @@ def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
             where=part.hypotheses.where(part),
             parameters=part.hypotheses.parameters(part),
             cannot_be_told_from=tuple(
-                dict.fromkeys((*chosen.cause.cannot_be_told_from, *_in_its_place(chosen.cause.name, first, others)))
+                dict.fromkeys(
+                    (
+                        *chosen.cause.cannot_be_told_from,
+                        *_in_its_place(chosen.cause.name, first, others),
+                        *_of_a_connection(part),
+                    )
+                )
             ),
         )
         for chosen, part in zip(first.chosen, first.parts, strict=True)
     ]
+
+
+def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
+    """Return the foot's or the joint's stiffness where a stretch is beside one, which the model may not make so."""
+    cause = part.hypotheses
+    where = cause.where(part)
+    if cause.name != "local_stiffness" or not isinstance(cause, Placed) or not where or where.position is None:
+        return []
+    structure = cause.reference.calibration.structure
+    ends = [("support_stiffness", s.at) for s in structure.support] + [
+        ("joint_stiffness", j.at) for j in structure.joint
+    ]
+    return [name for name, at in ends if np.linalg.norm(np.subtract(where.position, at)) < _BESIDE]
 
 
 def _in_its_place(name: str, first: "Candidate", others: "list[Candidate]") -> list[str]:

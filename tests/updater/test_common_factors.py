@@ -78,7 +78,7 @@ def test_a_thermometer_tells_temperature(learnt: tuple[Reference, Model]) -> Non
     diagnosis = found(learnt, warmed(learnt[1], 30.0), warm, 821).diagnosis
     assert (diagnosis.verdict, named(diagnosis)) == ("explained", {"temperature"})
     softening = diagnosis.causes[0].parameters["softening"]
-    assert abs(softening.value - 3.6e-4) < 4 * softening.std
+    assert abs(softening.value - (3.6e-4 - 3 * 1.2e-5)) < 4 * softening.std  # frequencies see stiffness over mass
 
 
 def test_a_thermometer_that_stayed_excludes_temperature(learnt: tuple[Reference, Model]) -> None:

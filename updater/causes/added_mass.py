@@ -153,6 +153,10 @@ class AddedMass:
         probability = fit.probability
         return places(self.member, self.position, probability / self.weight, probability)
 
+    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+        """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
+        return [place.probability * place.share for place in self.places(fit)]
+
     def distance(self, place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the distance from the member's start at a place [m]."""
         mean = float(place.share @ self.position)

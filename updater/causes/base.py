@@ -1,7 +1,7 @@
 """What a cause must be able to do."""
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -46,6 +46,17 @@ class Cause(Hypotheses, Protocol):
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Return the structure with alternative `row` of parameters theta (n_parameters,) written into it."""
+        ...
+
+
+@runtime_checkable
+class Placed(Protocol):
+    """A cause that may be at several places."""
+
+    reference: Reference
+
+    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+        """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         ...
 
 

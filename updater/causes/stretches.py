@@ -162,10 +162,14 @@ class Stretches:
 
     def likely(self, fit: "Fit[Any]") -> FloatArray:
         """Return the probability of each alternative (n,), given that it lies in the most probable place."""
-        member, position, probability, cell_of = self._spread(fit)
-        place = places(member, position, probability, probability)[0]
-        inside = np.where(place.share[cell_of] > 0, fit.probability, 0.0)
+        inside = self.by_place(fit)[0]
         return np.asarray(inside / inside.sum())
+
+    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+        """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
+        member, position, probability, cell_of = self._spread(fit)
+        found = places(member, position, probability, probability)
+        return [np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in found]
 
     def averaged(self, fit: "Fit[Any]", value: FloatArray, std: FloatArray) -> tuple[float, float]:
         """Return mean and standard deviation over the most probable place of what alternatives say (n,), (n,)."""

@@ -40,7 +40,7 @@ class Temperature(CommonFactor):
     advice: str = "Record at another temperature, with a thermometer on the structure."
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return how much warmer it is; with a thermometer, also what a kelvin takes off the stiffness."""
+        """Return how much warmer it is; with a thermometer, also what a kelvin takes off stiffness over mass."""
         value, std = self.found(fit)
         warmer = -2 * value / SOFTENING
         if abs(self.warmer) > _LEAST_WARMER:
