@@ -19,6 +19,7 @@ from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, L
 from daq.expand import expand_log
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogWriter, read_attachments, read_log
+from daq.log_address import LogAddress
 from daq.log_keeper import LogKeeper
 from daq.log_names import as_logs, newest_log
 from daq.log_thread import LogThread
@@ -67,6 +68,7 @@ __all__ = [
     "IndexArray",
     "IntArray",
     "Item",
+    "LogAddress",
     "LogError",
     "LogInfo",
     "LogKeeper",

@@ -7,10 +7,11 @@ from typing import Any
 
 from daq.can_address import OURS, CanAddress, CanPlace, DbcAddress
 from daq.drivers.base import Driver
+from daq.log_address import LogAddress
 
-Place = str | CanPlace  #: what a device is connected to: a serial port, or a bus
+Place = str | CanPlace | LogAddress  #: what a device is connected to: a serial port, a bus, or a log
 #: what a kind of place is called in the settings
-_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc"}
+_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc", LogAddress: "log"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +27,7 @@ _DRIVERS = {
     "epson-can": DriverKind(where="daq.drivers.epson_can:EpsonCan", place=CanAddress),
     "epson-uart": DriverKind(where="daq.drivers.epson_uart:EpsonUart", place=str),
     "modalwatch-node": DriverKind(where="daq.drivers.node:ModalwatchNode", place=str),
+    "replay": DriverKind(where="daq.drivers.replay:ReplayedDevice", place=LogAddress),
 }
 _GROUP = "modalwatch.drivers"  # of entry points: drivers of others
 
@@ -46,7 +48,7 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
     Parameters
     ----------
     name : of the driver; one of ours is never replaced by a plug-in
-    place : path of a serial port, node on a CAN bus, or sensor on one that a DBC file describes
+    place : path of a serial port, node on a CAN bus, sensor on one that a DBC file describes, or device in a log
     rate : scans a second [Hz]
 
     Raises

@@ -3,9 +3,10 @@
 import math
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from daq import (
@@ -18,6 +19,7 @@ from daq import (
     Event,
     HostClock,
     Item,
+    LogAddress,
     LogKeeper,
     LogRecorder,
     LogThread,
@@ -199,12 +201,28 @@ def _clock(settings: Settings) -> HostClock:
     scale = settings.clock
     if scale is None:
         return SystemClock()
-    return ScaledClock(speed=scale.speed, origin_wall=scale.origin_wall, origin=scale.origin)
+    now = time.time_ns()
+    wall = now if scale.origin_wall is None else scale.origin_wall
+    return ScaledClock(speed=scale.speed, origin_wall=wall, origin=now if scale.origin is None else scale.origin)
 
 
-def device_driver(device: DeviceSettings) -> Driver:
-    """Return the unopened driver of a device; ValueError if there is none of that name, or it has no such rate."""
-    return make_driver(device.driver, device.place, device.rate)
+def device_driver(device: DeviceSettings, speed: float) -> Driver:
+    """Return the unopened driver of a device.
+
+    Parameters
+    ----------
+    device : its settings
+    speed : seconds of data a second, for logs that are played
+
+    Raises
+    ------
+    ValueError
+        If there is no driver of that name, or it has no such place or rate.
+    """
+    place = device.place
+    if isinstance(place, LogAddress):
+        place = replace(place, speed=speed)
+    return make_driver(device.driver, place, device.rate)
 
 
 def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list[DeviceReader]:
@@ -212,7 +230,8 @@ def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list
     readers: list[DeviceReader] = []
     try:
         for device in settings.device:
-            reader = DeviceReader(device.name, device_driver(device), device.rate, clock, log.put)
+            driver = device_driver(device, clock.speed)
+            reader = DeviceReader(device.name, driver, device.rate, clock, log.put)
             reader.connect()
             readers.append(reader)
             reader.start()

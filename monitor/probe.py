@@ -41,7 +41,7 @@ def probe_devices(settings: Settings) -> dict[str, Probe | str]:
     def look(number: int) -> Probe | str:
         device = settings.device[number]
         try:
-            return probe(device_driver(device), speed=speed)
+            return probe(device_driver(device, speed), speed=speed)
         except (DriverError, ValueError) as error:
             return str(error)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from daq import CanAddress, CanPlace, Channel, DbcAddress, DbcSensor, can_interfaces
+from daq import CanAddress, CanPlace, Channel, DbcAddress, DbcSensor, LogAddress, can_interfaces
 from monitor.alarms import AlarmRules
 from monitor.errors import SettingsError
 
@@ -58,26 +58,34 @@ class DbcSettings(_Section):
         return DbcSensor(file=Path(self.file), signals=signals, **rest)
 
 
+class LogSettings(_Section):
+    """Where a recorded device is, to be played again."""
+
+    file: str  #: the log, or the folder of its files
+    device: str  #: its name in the log
+
+
 class DeviceSettings(_Section):
     """One accelerometer."""
 
     name: str
     driver: str
-    port: str | None = None  #: serial port; a device has either this ...
-    can: CanSettings | None = None  #: ... or this
+    port: str | None = None  #: serial port; a device has this ...
+    can: CanSettings | None = None  #: ... or this ...
     dbc: DbcSettings | None = None  #: what it sends there, if that is no CANopen node's
+    log: LogSettings | None = None  #: ... or this, with the driver `replay`
     rate: Positive = 1000.0  #: [Hz]
     channels: dict[Literal["x", "y", "z"], str]  #: device axis -> sensor; the rest is logged, not analysed
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
-        if (self.port is None) == (self.can is None):
-            raise ValueError(f"expected one of `port` and `can`, found {'none' if self.port is None else 'both'}")
+        found = [name for name in ("port", "can", "log") if getattr(self, name) is not None]
+        if len(found) != 1:
+            raise ValueError(f"expected one of `port`, `can` and `log`, found {' and '.join(found) or 'none'}")
         if self.dbc is not None and self.can is None:
-            raise ValueError("expected `can` beside `dbc`, found `port`")
+            raise ValueError(f"expected `can` beside `dbc`, found `{found[0]}`")
         if self.can is not None and (self.can.node is None) == (self.dbc is None):
-            found = "none" if self.dbc is None else "both"
-            raise ValueError(f"expected one of `can.node` and `dbc`, found {found}")
+            raise ValueError(f"expected one of `can.node` and `dbc`, found {'none' if self.dbc is None else 'both'}")
         return self
 
     @model_validator(mode="after")
@@ -88,8 +96,10 @@ class DeviceSettings(_Section):
         return self
 
     @property
-    def place(self) -> str | CanPlace:
+    def place(self) -> str | CanPlace | LogAddress:
         """Where it is connected."""
+        if self.log is not None:
+            return LogAddress(path=Path(self.log.file), device=self.log.device)
         if self.can is None:
             return self.port or ""
         bus = self.can.model_dump(exclude={"node"})
@@ -159,11 +169,11 @@ class ViewerSettings(_Section):
 
 
 class ClockSettings(_Section):
-    """The time scale shared with an emulated rig; leave it out for real devices."""
+    """The time scale of an emulated rig or of logs that are played; leave it out for real devices."""
 
     speed: Positive = 1.0  #: seconds of data a second
-    origin_wall: int  #: wall time [ns UTC] at which ...
-    origin: int  #: ... data time was this [ns UTC]
+    origin_wall: int | None = None  #: wall time [ns UTC] at which ...
+    origin: int | None = None  #: ... data time was this [ns UTC]; now and now unless given
 
 
 class Settings(_Section):
@@ -232,12 +242,17 @@ def load_settings(path: Path) -> Settings:
 
 
 def _from_folder(settings: Settings, folder: Path) -> Settings:
-    """Return settings whose DBC files are found from anywhere."""
+    """Return settings whose DBC files and logs are found from anywhere."""
 
     def found(device: DeviceSettings) -> DeviceSettings:
-        if device.dbc is None:
-            return device
-        return device.model_copy(update={"dbc": device.dbc.model_copy(update={"file": str(folder / device.dbc.file)})})
+        files = {"dbc": device.dbc, "log": device.log}
+        return device.model_copy(
+            update={
+                name: section.model_copy(update={"file": str(folder / section.file)})
+                for name, section in files.items()
+                if section is not None
+            }
+        )
 
     return settings.model_copy(update={"device": tuple(found(device) for device in settings.device)})
 
@@ -253,6 +268,7 @@ def _explain(error: ValidationError) -> str:
         DeviceSettings,
         CanSettings,
         DbcSettings,
+        LogSettings,
         RecorderSettings,
         AnalysisSettings,
         AlarmSettings,

@@ -47,7 +47,11 @@ WRONG_SETTINGS = {
     ),
     "misspelt": ("node = 2", "nod = 2", "device.1.can.nod: no such setting, did you mean 'node'?"),
     "missing": ('channel = "PORT", ', "", "device.0.can.channel: Field required"),
-    "two places": ("node = 1}", 'node = 1}\nport = "PORT"', "expected one of `port` and `can`, found both"),
+    "two places": (
+        "node = 1}",
+        'node = 1}\nport = "PORT"',
+        "`port`, `can` and `log`, found port and can",
+    ),
 }
 CANNOT_START = {
     "no such port": ("node = 1", "node = 1", "slcan:PORT node 1: the bus cannot be opened: PORT: "),

@@ -131,6 +131,24 @@ def test_check_says_what_would_run_and_who_answers(modalwatch: Commands, site: P
     assert not (site.parent / "log").exists()  # nothing is made
 
 
+def test_check_of_a_log_that_is_played(modalwatch: Commands, site: Path) -> None:
+    """A recorded device at twice its speed; paths are relative to the site's file."""
+    recorded = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+    (site.parent / "recorded.mcap").symlink_to(recorded)
+    played = SITE.format(driver="replay", port="").replace(
+        'port = ""', 'log = {file = "recorded.mcap", device = "beam_left"}'
+    )
+    site.write_text(played + "[clock]\nspeed = 2\n")
+    done = modalwatch("check", site)
+    assert (done.code, done.err) == (0, ""), done
+    assert "replay beam_left recorded.mcap" in done.out
+    assert "all devices answer" in done.out
+    site.write_text(played.replace('device = "beam_left"', 'device = "beam_lft"'))
+    done = modalwatch("check", site)
+    assert done.code == 3
+    assert "device beam_lft: cannot be played: the log has no scan of this device; there are beam_left, " in done.err
+
+
 def test_a_device_that_does_not_answer_exits_3(modalwatch: Commands, site: Path) -> None:
     site.write_text(SITE.format(driver="epson-uart", port=site.parent / "no-such-port"))
     done = modalwatch("check", site)

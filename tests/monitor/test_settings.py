@@ -59,8 +59,11 @@ def test_channels_keep_device_and_axis() -> None:
         (GOOD.replace('"beam_left_z"', '"beam_left_y"'), "beam_left_y"),
         ("structure = 't.toml'\ndevice = []\n", "device"),
         ("structure = \n", "line 1"),
-        (GOOD.replace("port =", "# port ="), "device.0: Value error, expected one of `port` and `can`, found none"),
-        (GOOD + CAN, "device.0: Value error, expected one of `port` and `can`, found both"),
+        (
+            GOOD.replace("port =", "# port ="),
+            "device.0: Value error, expected one of `port`, `can` and `log`, found none",
+        ),
+        (GOOD + CAN, "device.0: Value error, expected one of `port`, `can` and `log`, found port and can"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node = 3", "node = 200"), "device.0.can.node"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
         (WITH_DBC.replace(', channel = "/dev/ttyACM0"', ', channel = "/dev/ttyACM0", node = 1'), "`dbc`, found both"),
