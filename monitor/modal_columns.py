@@ -54,20 +54,25 @@ class Columns:
 
 
 def _of_csv(path: Path, text: str) -> Columns:
-    """Read the columns of a table; empty cells are allowed in columns of deviations only."""
-    reader = csv.DictReader(text.splitlines())
+    """Read the columns of a table; empty cells are allowed in columns of deviations only.
+
+    Where semicolons or tabs part the columns, a comma in a number is its decimal point.
+    """
+    header = text.split("\n", 1)[0]
+    delimiter = next((d for d in (";", "\t") if d in header), ",")
+    reader = csv.DictReader(text.splitlines(), delimiter=delimiter)
     names = [name.strip() for name in reader.fieldnames or ()]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise LogError(path, f"line 1, column {twice[0]}: named twice")
-    if len(names) == 1 and ";" in names[0]:
-        raise LogError(path, "line 1: columns are separated by ';', expected ','")
     rows: list[dict[str, complex]] = []
     line: list[int] = []
     for row in reader:
         if None in row or None in row.values():
             raise LogError(path, f"line {reader.line_num}: expected {len(names)} columns")
         cells = dict(zip(names, row.values(), strict=True))
+        if delimiter != ",":
+            cells = {name: cell.replace(",", ".") for name, cell in cells.items()}
         rows.append({name: _number(path, reader.line_num, name, cell) for name, cell in cells.items()})
         line.append(reader.line_num)
     return Columns({name: np.array([row[name] for row in rows], dtype=complex) for name in names}, line)

@@ -22,6 +22,7 @@ from oma import IdentificationError
 from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
 
 console = Console(highlight=False)
+_EXTENDED = "found by modalwatch diagnose"  # comment beside what an extended model has beyond the file given
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,18 +56,37 @@ def diagnose_command(
             raise LogError(_named(logs.current), str(error)) from error
         status.update("setting measured beside simulated ...")
         sample = (heldout or after).sample if out else None
+        health = health_result(found.health) if after.shaped else {}
         beside = discrepancy_result(
-            found.reference, found.measured, found.explained, sample, trends_beside(after), health_result(found.health)
+            found.reference, found.measured, found.explained, sample, trends_beside(after), health
         )
         diagnosis = _write(found.explained, structure_path, out, json_path)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)
     say(console, diagnosis, beside)
+    if diagnosis.extended_model:
+        _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
+    if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
+        console.print(
+            f"note: {structure_path} holds what an earlier diagnosis found. Reference logs from before that show a "
+            "structure without it: what was found then is found again, or its opposite. Give logs recorded since.",
+            style="yellow",
+        )
     if out:
         console.print(
             "written: " + ", ".join(str(path) for path in written(out, diagnosis)), soft_wrap=True, markup=False
         )
     return 0 if diagnosis.verdict in {"explained", "nothing_to_explain"} else 1
+
+
+def _say_extended(path: str, *, fitted: bool) -> None:
+    console.print(f"extended model: {path}", soft_wrap=True, markup=False)
+    if fitted:
+        console.print(
+            "  beside what was found it holds what was fitted to the reference logs: the stiffness of its materials, "
+            "feet and joints",
+            style="dim",
+        )
 
 
 def _named(paths: Sequence[Path]) -> str:
@@ -110,7 +130,7 @@ def _write(found: Explained, structure_path: Path, out: Path | None, json_path: 
         if found.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
-            text = dump_structure(found.extended, given, note="found by modalwatch diagnose")
+            text = dump_structure(found.extended, given, note=_EXTENDED)
             path.write_text(text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:

@@ -21,7 +21,7 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> Non
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in diagnosis.causes:
         console.print(_cause(cause))
-    if diagnosis.next_measurement:
+    if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))
     health = health_text({s.channel: s.health for s in found.sensors if s.health})
@@ -29,8 +29,6 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> Non
         if line:
             console.print(escape(line))
     _refused(console, diagnosis)
-    if diagnosis.extended_model:
-        console.print(f"extended model: {diagnosis.extended_model}", soft_wrap=True, markup=False)
 
 
 def _cause(cause: Cause) -> str:

@@ -54,8 +54,20 @@ def test_a_mass_is_found_between_two_tables(tmp_path: Path, modalwatch: Commands
     named = {cause["cause"]: cause for cause in found["causes"]}
     mass = named["added_mass"]["parameters"]["mass"]
     assert abs(mass["value"] - 0.3) < max(4 * mass["std"], 0.1)
+    assert "fitted to the reference logs" in " ".join(done.out.split())
     if shapes:
         assert abs(named["added_mass"]["where"]["position"][0] - 0.2) < 0.06
+
+
+def test_an_extended_model_beside_records_from_before_it_is_remarked_on(tmp_path: Path, modalwatch: Commands) -> None:
+    path = structure(tmp_path)
+    path.write_text(
+        path.read_text(encoding="utf-8")
+        + "\n[[body]]\n# found by modalwatch diagnose\nat = [0.2, 0, 1.48]\nmass = 0.3\n"
+    )
+    before, after = (table(tmp_path / f"{name}.csv", measured(seed)) for seed, name in enumerate(("before", "after")))
+    done = modalwatch("diagnose", path, after, "--reference", before)
+    assert "earlier diagnosis" in done.out
 
 
 def test_nothing_between_two_tables_is_nothing(tmp_path: Path, modalwatch: Commands) -> None:
@@ -88,7 +100,7 @@ def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tm
         ("frequency,damping\n10,0.01\n11\n30,0.01\n", "line 3: expected 2 columns"),
         ("frequency\n10\n11\n", "expected at least 3 modes, found 2"),
         ("frequency,beam_mid_x,beam_mid_x\n10,1,1\n11,1,1\n30,1,1\n", "line 1, column beam_mid_x: named twice"),
-        ("frequency;damping\n10;0.01\n", "line 1: columns are separated by ';'"),
+        ("frequency;damping\n10,5;0,01\n11,2;a\n", "line 3, column damping: expected a number, found 'a'"),
         ("frequency,beam_mid_x\n10,1\n11,1\n30,1\n", "expected shapes at 2 sensors or more"),
         ("frequency,beam_mid_x,beam_mid_y\n10,1,1\n11,0,0\n30,1,1\n", "line 3: the shape is zero"),
         ("frequency\n10\n11\n5000\n", "the mode at 5000 Hz has no partner"),
@@ -102,6 +114,14 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: str, wher
     assert str(error.value).startswith(f"{path}: ")
     assert where in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "modes.csv"
+    path.write_text("frequency;damping\n10,8;0,004\n11;0,005\n38,75;0,003\n", encoding="utf-8")
+    found = read_table(t_frame(), path).estimate
+    assert found.frequency.tolist() == [10.8, 11.0, 38.75]
+    assert found.damping.tolist() == [0.004, 0.005, 0.003]
 
 
 def test_what_identify_writes_is_read(tmp_path: Path) -> None:
