@@ -7,6 +7,7 @@ from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import export_recording, read_data, with_channels, write_recording
 from daq.dbc import read_layout
 from daq.derivative import differentiated
+from daq.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
 from daq.disk_guard import DiskGuard, Retention
 from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.can_dbc import EmulatedDbc
@@ -17,6 +18,7 @@ from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unpluggi
 from daq.emulator.slcan import EmulatedSlcan
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
 from daq.expand import expand_log
+from daq.found import Found, PortAnswer
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogWriter, read_attachments, read_log
 from daq.log_address import LogAddress
@@ -63,6 +65,7 @@ __all__ = [
     "Event",
     "Flag",
     "FloatArray",
+    "Found",
     "Gap",
     "HostClock",
     "IndexArray",
@@ -77,14 +80,17 @@ __all__ = [
     "LogThread",
     "LogWriter",
     "PartedLog",
+    "PortAnswer",
     "Recording",
     "Retention",
     "Rotation",
     "SampleSource",
     "ScaledClock",
     "Scans",
+    "SerialPortInfo",
     "SystemClock",
     "as_logs",
+    "can_adapters",
     "can_interfaces",
     "differentiated",
     "driver_names",
@@ -103,6 +109,8 @@ __all__ = [
     "read_layout",
     "read_log",
     "repair_log",
+    "search_port",
+    "serial_ports",
     "serve_all",
     "unplugging",
     "with_channels",

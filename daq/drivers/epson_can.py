@@ -61,12 +61,7 @@ class EpsonCan:
     def _configure(self, member: Member, node: canopen.RemoteNode) -> dict[str, Any]:
         node.nmt.send_command(_PRE_OPERATIONAL)
         self._wait_until_quiet(member)
-        identity = {
-            "product": _text(node, epson.DEVICE_NAME),
-            "hardware": _text(node, epson.HARDWARE),
-            "version": _text(node, epson.SOFTWARE),
-            "serial": _serial(node),
-        }
+        identity = identify(node)
         period, taps = epson.RATES[self._rate]
         _write(node, epson.PERIOD, period, 4)
         _write(node, epson.FILTER, taps, 1)
@@ -130,6 +125,16 @@ class EpsonCan:
         finally:
             del member.hub.network[self._address.node]
             leave_bus(member)
+
+
+def identify(node: canopen.RemoteNode) -> dict[str, Any]:
+    """Ask a node who it is; a `canopen.SdoError` if it does not say."""
+    return {
+        "product": _text(node, epson.DEVICE_NAME),
+        "hardware": _text(node, epson.HARDWARE),
+        "version": _text(node, epson.SOFTWARE),
+        "serial": _serial(node),
+    }
 
 
 def _text(node: canopen.RemoteNode, place: tuple[int, int]) -> str:

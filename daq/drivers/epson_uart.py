@@ -9,11 +9,13 @@ import serial
 
 from daq.drivers.base import Scans
 from daq.errors import DeviceLost, DriverError
+from daq.found import Found, PortAnswer
 from daq.protocol import epson
 
 BAUD = 460800
 _STALL = 400e-6  # s between commands, at least 350 us
 _REPLY_SECONDS = 1.0
+_SEARCH_SECONDS = 0.3  # that a port is given to answer where nobody knows who is there
 _READ_SECONDS = 0.1
 _FILTER_SECONDS = 2.0
 if sys.platform == "win32":
@@ -60,18 +62,31 @@ class EpsonUart:
         self._serial.timeout = _READ_SECONDS
         return identity
 
-    def _configure(self) -> dict[str, Any]:
+    def identify(self) -> dict[str, Any]:
+        """Ask who answers, and free the port; a device that was sampling stops."""
+        try:
+            self._serial = serial.Serial(self._port, BAUD, timeout=_SEARCH_SECONDS, write_timeout=1.0, exclusive=True)
+            return self._identify()
+        except (*_PORT_ERRORS, ValueError) as error:
+            raise DriverError(self._port, f"no M-A352 answers: {error}") from error
+        finally:
+            self.close()
+
+    def _identify(self) -> dict[str, Any]:
         self._write(0, epson.MODE_CTRL, epson.MODE_CONFIG)
         time.sleep(0.02)  # a frame that was on its way ends
         self._line.reset_input_buffer()
         found = self._read(0, epson.ID)
         if found != epson.IDENTITY:
             raise ValueError(f"identity: expected {epson.IDENTITY:#06x}, found {found:#06x}")
-        identity = {
+        return {
             "product": self._text(epson.PRODUCT),
             "serial": self._text(epson.SERIAL),
             "version": f"{self._read(1, epson.VERSION):04x}",
         }
+
+    def _configure(self) -> dict[str, Any]:
+        identity = self._identify()
         self._write(1, epson.SMPL_CTRL, epson.RATES[self._rate])
         self._write(1, epson.FILTER_CTRL, 8)
         self._wait_for_filter()
@@ -140,3 +155,13 @@ class EpsonUart:
         except _PORT_ERRORS:
             self._serial.close()  # it is gone: nothing to stop
         self._serial = None
+
+
+def search(path: str, _: int) -> PortAnswer | None:
+    """Ask for such a device at a port."""
+    try:
+        identity = EpsonUart(path, max(epson.RATES)).identify()
+    except DriverError:
+        return None
+    found = Found(driver="epson-uart", place=path, identity=identity)
+    return PortAnswer(who=f"{identity['product']} {identity['serial']}", devices=(found,))

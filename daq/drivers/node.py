@@ -9,10 +9,11 @@ import numpy.typing as npt
 from daq.drivers.base import Scans
 from daq.drivers.serial_port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError
+from daq.found import Found, PortAnswer
 from daq.protocol import node
 
 BAUD = 460800  #: nodes that are USB devices themselves do not care
-_HELLO_SECONDS = 2.5  # a node that does not listen says who it is once a second
+_HELLO_SECONDS = 1.5  # a node that does not listen says who it is once a second
 _SCANS_SECONDS = 1.0
 _RATE_TOLERANCE = 1e-3  # of the rate that a node says it has
 _CLOCK_TOLERANCE = 0.05  # of time passed: oscillators inside accelerometers are some percent off
@@ -71,6 +72,18 @@ class ModalwatchNode:
         self._check_clock(port)
         return hello
 
+    def identify(self) -> node.Hello:
+        """Ask who answers, and free the port; a node that was sampling goes on."""
+        try:
+            port = SerialPort(self._path, BAUD)
+            try:
+                port.write(b"\0" + node.encode_command(node.WHO))
+                return self._wait_for_hello(port)
+            finally:
+                port.close()
+        except (*PORT_ERRORS, ValueError) as error:
+            raise DriverError(self._path, f"no node answers: {error}") from error
+
     def _wait_for_hello(self, port: SerialPort) -> node.Hello:
         end = time.monotonic() + _HELLO_SECONDS
         while self._decoder.hello is None:
@@ -122,6 +135,17 @@ class ModalwatchNode:
         port, self._port = self._port, None
         if port is not None:
             port.close(node.encode_command(node.STOP))
+
+
+def search(path: str, _: int) -> PortAnswer | None:
+    """Ask for a node at a port."""
+    try:
+        hello = ModalwatchNode(path, 1.0).identify()
+    except DriverError:
+        return None
+    identity = {"product": hello.product, "serial": hello.serial}
+    found = Found(driver="modalwatch-node", place=path, identity=identity, rate=hello.rate, axes=hello.axes)
+    return PortAnswer(who=f"{hello.product} {hello.serial}", devices=(found,))
 
 
 class Believer:

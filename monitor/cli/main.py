@@ -108,6 +108,23 @@ def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
     raise typer.Exit(check_command(site))
 
 
+@app.command()
+def devices(
+    port: Annotated[
+        list[str] | None, typer.Option(metavar="PORT", help="Look at this port only; repeat. All unless given.")
+    ] = None,
+    probe: Annotated[bool, typer.Option("--probe/--no-probe", help="Ask who answers.")] = True,
+    every: Annotated[bool, typer.Option("--all", help="Ask at ports too that are not USB.")] = False,
+    bitrate: Annotated[int, typer.Option(help="Of a bus behind an SLCAN adapter [bit/s].", min=10_000)] = 1_000_000,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
+) -> None:
+    """List serial ports and CAN adapters, ask who answers there, and print settings to paste."""
+    from monitor.cli.devices import Asked, devices_command
+
+    asked = Asked(ports=tuple(port or ()), probe=probe, every=every, bitrate=bitrate)
+    raise typer.Exit(devices_command(asked, json))
+
+
 @app.command("import")
 def import_(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="A table (CSV), .npz, .mat, .uff or .unv.")],
