@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -42,6 +42,10 @@ frames: $(VENV)/.done
 # Our SLCAN bus beside python-can's: the tables in docs/daq.md, half a minute.
 bench: $(VENV)/.done
 	$(BIN)/python benchmarks/can_bus.py
+
+# What kills and power cuts cost a log, its size, how quickly it is mended: the tables in docs/daq.md, six minutes.
+log-crash: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/log_crash.py
 
 # Whether what `structure --target` foresees comes true: the tables in docs/foresight.md, a quarter of an hour.
 foresight: $(VENV)/.done

@@ -33,6 +33,10 @@ from daq.recording import Block, Flag
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
 _BUFFER = 1 << 20
+SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of their schema
+    "protobuf": ("modalwatch.AccelBlock", "protobuf", build_file_descriptor_set(AccelBlock).SerializeToString()),
+    "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
+}
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -124,9 +128,8 @@ class LogWriter:
             self._writer.add_metadata(PART, part.metadata())
         for name, text in attachments.items():
             self._writer.add_attachment(time.time_ns(), time.time_ns(), name, "text/plain", text.encode())
-        descriptor = build_file_descriptor_set(AccelBlock).SerializeToString()
-        self._accel = self._writer.register_schema("modalwatch.AccelBlock", "protobuf", descriptor)
-        self._json = self._writer.register_schema("modalwatch.Event", "jsonschema", b'{"type": "object"}')
+        self._accel = self._writer.register_schema(*SCHEMAS["protobuf"])
+        self._json = self._writer.register_schema(*SCHEMAS["json"])
         self.flush()
         _sync_folder(self._path.parent)
 

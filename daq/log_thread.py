@@ -42,7 +42,7 @@ class LogThread:
         writer: ItemWriter,
         on_written: Callable[[Item], None],
         *,
-        chunk_seconds: float = 0.4,
+        chunk_seconds: float = 0.2,
         capacity: int = 20_000,
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds

@@ -1,5 +1,6 @@
 """What can be saved of a log, and a log mended with it."""
 
+import contextlib
 import os
 import struct
 from collections.abc import Iterator
@@ -15,9 +16,11 @@ from zstandard import ZstdError
 
 from daq.errors import LogError
 from daq.filelock import lock
-from daq.log import MAGIC, PROFILE, WholeReads
+from daq.log import MAGIC, PROFILE, SCHEMAS, WholeReads
+from daq.log_end import NotPlainError, PlainLog
 
 _LAST_OPCODE = 0x0F  # of the format's records
+_LARGEST_REST = 64 << 20  # bytes held in memory, to be put back if the disk takes no end
 _DAMAGE = (McapError, ZstdError, struct.error, ValueError)
 
 
@@ -87,8 +90,8 @@ def inspect_log(path: Path) -> LogState:
 def repair_log(path: Path) -> LogState:
     """Mend a log in place: every whole chunk kept, the summary rebuilt, so that stock readers open it.
 
-    A log that is whole is not touched. The new file is written beside the old one and takes its place at the
-    end. A log that another process still writes is refused.
+    A log that is whole is not touched. One that only lacks its end gets it. Of any other, what is sound is copied to a
+    new file beside it, which takes its place at the end. A log that another process still writes is refused.
 
     Returns
     -------
@@ -100,6 +103,8 @@ def repair_log(path: Path) -> LogState:
     LogError
         If it cannot be read, is not a log, is being written, or the new one cannot be written.
     """
+    if not has_end(path) and (ended := _ended(path)):
+        return ended
     survey = _survey(path)
     state = _state(path, survey)
     if state.whole:
@@ -109,6 +114,46 @@ def repair_log(path: Path) -> LogState:
             raise LogError(path, "is being written: it cannot be mended now")
         _replace(path, survey)
     return state
+
+
+def _ended(path: Path) -> LogState | None:
+    """Write the end that a log lacks; None, and nothing done, if it lacks more or is no log of ours."""
+    try:
+        file = path.open("r+b")
+    except OSError as error:
+        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+    with file:
+        if next(_records(file, _Survey()), None) != Header(PROFILE, "modalwatch") or not lock(file):
+            return None
+        try:
+            log = PlainLog(file)
+        except NotPlainError:
+            return None
+        rest = file.seek(0, os.SEEK_END) - log.good
+        if rest > _LARGEST_REST:
+            return None
+        _end(path, file, log)
+    return LogState(n_messages=log.n_messages, lost_chunks=0, lost_bytes=rest, finished=False)
+
+
+def _end(path: Path, file: IO[bytes], log: PlainLog) -> None:
+    """Put the end in the place of an unfinished rest, or leave that as it was if the disk does not take it."""
+    file.seek(log.good)
+    rest = file.read()
+    try:
+        _put(file, log.good, log.end())
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            _put(file, log.good, rest)
+        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+
+
+def _put(file: IO[bytes], at: int, data: bytes) -> None:
+    file.seek(at)
+    file.write(data)
+    file.truncate()
+    file.flush()
+    os.fsync(file.fileno())
 
 
 def has_end(path: Path) -> bool:
@@ -235,11 +280,16 @@ def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:
         elif isinstance(record, Message) and record.channel_id in survey.channels:
             channel = survey.channels[record.channel_id]
             if channel.schema_id not in schemas:
-                schema = survey.schemas[channel.schema_id]
-                schemas[channel.schema_id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+                schemas[channel.schema_id] = writer.register_schema(*_schema(survey, channel))
             if channel.id not in channels:
                 channels[channel.id] = writer.register_channel(
                     channel.topic, channel.message_encoding, schemas[channel.schema_id], channel.metadata
                 )
             writer.add_message(channels[channel.id], record.log_time, record.data, record.publish_time, record.sequence)
     writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _schema(survey: _Survey, channel: Channel) -> tuple[str, str, bytes]:
+    """Return name, encoding and text of a channel's schema; ours if the chunk is lost in which it stood."""
+    schema = survey.schemas.get(channel.schema_id)
+    return (schema.name, schema.encoding, schema.data) if schema else SCHEMAS[channel.message_encoding]

@@ -112,7 +112,7 @@ class RecorderSettings(_Section):
     """Where the log goes."""
 
     folder: str = "log"
-    chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.4  #: of wall time between writes to the file
+    chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.2  #: of wall time between writes to the file
     rotate_mb: Positive = 512.0  #: size at which a new file is begun [MB]
     rotate_minutes: Positive = 60.0  #: of data in a file at which a new one is begun
     keep_days: Positive | None = None  #: files that were written longer ago are deleted; all are kept unless given

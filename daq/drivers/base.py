@@ -197,7 +197,7 @@ class DeviceReader(threading.Thread):
         clock: HostClock,
         sink: Callable[[Item], None],
         *,
-        block_seconds: float = 0.25,
+        block_seconds: float = 0.2,
         silent_seconds: float = 2.0,
     ) -> None:
         super().__init__(name=f"reader {device}", daemon=True)
