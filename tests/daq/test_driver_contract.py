@@ -1,19 +1,75 @@
-"""What every driver of a serial port promises, against its emulated device in another process."""
+"""What every driver of a port or a bus promises, against its emulated device in another process."""
 
 import itertools
 import json
+import re
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
-from port_helpers import Emulators, emulators
+from can_helpers import can_process
+from emulated_can import imu
+from port_helpers import emulators
 
-from daq import Block, DeviceLost, DeviceReader, Driver, DriverError, IntArray, Item, make_driver
+from daq import (
+    Block,
+    CanAddress,
+    CanPlace,
+    DbcAddress,
+    DeviceLost,
+    DeviceReader,
+    Driver,
+    DriverError,
+    IntArray,
+    Item,
+    ScaledClock,
+    make_driver,
+)
 
 pytestmark = pytest.mark.live
 
 RATE = 1000.0
-SERIAL = ("epson-uart", "modalwatch-node")
+DBC = Path(__file__).parents[2] / "examples" / "imu.dbc"
+_COARSE = 2**-8  # m/s2 a count: 16 bits up to 13 g
+#: a place where nothing is, and the serial number of the emulated device, if such a device can tell one
+DRIVERS: dict[str, tuple[str | CanPlace, str | None]] = {
+    "epson-uart": ("/dev/none", "E0000000"),
+    "modalwatch-node": ("/dev/none", "E0000000"),
+    "epson-can": (CanAddress(interface="slcan", channel="/dev/none", node=1), "100"),
+    "can-dbc": (DbcAddress(interface="slcan", channel="/dev/none", sensor=imu(DBC)), None),
+}
+
+
+@dataclass(frozen=True)
+class Device:
+    """An emulated device in another process."""
+
+    place: str | CanPlace
+    clock: ScaledClock
+    unplug: Callable[[], None]
+
+    @property
+    def where(self) -> str:
+        """What errors begin with, as a pattern."""
+        return f"^{re.escape(str(self.place))}: "
+
+
+@contextmanager
+def device(name: str, folder: Path) -> Iterator[Device]:
+    """Run the device that a driver is for."""
+    place = DRIVERS[name][0]
+    if isinstance(place, str):
+        with emulators(1, kind=name) as ports:
+            yield Device(ports.ports[0], ports.clock, partial(ports.unplug, 0))
+        return
+    node, dbc = (1, ()) if isinstance(place, CanAddress) else (0, (str(DBC), "0", "0"))
+    with can_process(folder, node, dbc=dbc) as bus:
+        yield Device(replace(place, channel=bus.channel), bus.clock, partial(bus.say, "unplug"))
 
 
 def scans_of(driver: Driver, n: int) -> tuple[IntArray, IntArray]:
@@ -36,12 +92,13 @@ def check_stream(driver: Driver) -> None:
     counts, counter = scans_of(driver, 200)
     assert counts.dtype == counter.dtype == np.int32
     k = counts[0, 0] + np.arange(len(counts), dtype=np.int32)
-    np.testing.assert_array_equal(counts, np.stack([k, -k, 3 * k], axis=1))
+    most = np.iinfo(np.int16 if driver.scale == _COARSE else np.int32).max  # that the device can send
+    np.testing.assert_array_equal(counts, np.minimum(np.stack([k, -k, 3 * k], axis=1), most))
     np.testing.assert_array_equal(np.remainder(np.diff(counter.astype(np.int64)), driver.modulus), 1)
-    assert 0 < driver.scale < 1e-3
+    assert 0 < driver.scale <= _COARSE
 
 
-def check_blocks(driver: Driver, found: Emulators) -> None:
+def check_blocks(driver: Driver, found: Device) -> None:
     """Let a reader cut the stream into blocks."""
     items: list[Item] = []
     reader = DeviceReader("d", driver, RATE, found.clock, items.append, block_seconds=0.05)
@@ -59,45 +116,44 @@ def check_blocks(driver: Driver, found: Emulators) -> None:
     assert all(a.end_index == b.first_index for a, b in itertools.pairwise(blocks))
 
 
-def check_life(found: Emulators, name: str) -> None:
+def check_life(found: Device, name: str) -> None:
     """Open, read, be alone at the port, close, open again, be unplugged."""
-    port = found.ports[0]
-    driver, other = (make_driver(name, port, RATE) for _ in range(2))
+    driver, other = (make_driver(name, found.place, RATE) for _ in range(2))
     identity = driver.open()
     assert identity == json.loads(json.dumps(identity))
-    assert identity["serial"] == "E0000000"
+    assert identity.get("serial") == DRIVERS[name][1]
     check_stream(driver)
-    with pytest.raises(DriverError, match=port):
+    with pytest.raises(DriverError, match=found.where):
         other.open()
     driver.close()
     driver.close()
-    with pytest.raises(DeviceLost, match=f"{port}: is not open"):
+    with pytest.raises(DeviceLost, match=f"{found.where}is not open"):
         driver.read()
     assert driver.open() == identity
     check_stream(driver)
     driver.close()
     check_blocks(driver, found)
     driver.open()
-    found.unplug(0)
-    with pytest.raises(DeviceLost, match=port):
+    found.unplug()
+    with pytest.raises(DeviceLost, match=found.where):
         scans_of(driver, 100_000)
     driver.close()
 
 
-@pytest.mark.parametrize("name", SERIAL)
-def test_driver_keeps_the_contract(name: str) -> None:
-    with emulators(1, kind=name) as found:
+@pytest.mark.parametrize("name", DRIVERS)
+def test_driver_keeps_the_contract(name: str, tmp_path: Path) -> None:
+    with device(name, tmp_path) as found:
         check_life(found, name)
 
 
-@pytest.mark.parametrize("name", SERIAL)
+@pytest.mark.parametrize("name", DRIVERS)
 def test_port_that_is_not_there_is_named(name: str) -> None:
-    with pytest.raises(DriverError, match=r"/dev/none: no .* answers: .*No such file"):
-        make_driver(name, "/dev/none", RATE).open()
+    with pytest.raises(DriverError, match=r"/dev/none.*: (no .* answers|the bus cannot be opened): .*No such file"):
+        make_driver(name, DRIVERS[name][0], RATE).open()
 
 
-@pytest.mark.parametrize("name", SERIAL)
+@pytest.mark.parametrize("name", DRIVERS)
 @pytest.mark.parametrize("rate", [0.0, -1000.0, float("nan")])
 def test_rate_that_is_none_is_refused(name: str, rate: float) -> None:
-    with pytest.raises(ValueError, match="rate of /dev/none: expected "):
-        make_driver(name, "/dev/none", rate)
+    with pytest.raises(ValueError, match=r"rate of .*/dev/none.*: expected "):
+        make_driver(name, DRIVERS[name][0], rate)
