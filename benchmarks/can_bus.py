@@ -35,7 +35,7 @@ def write(port: int, n_frames: int, pace: int) -> None:
     """Write frames; a pace of 0 is as fast as they are taken."""
     lines = [line + b"\r" for line in encode(encode_scans(1, _SCANS, 0)).split(b"\r")[:-1]]
     if pace:
-        _write_paced(port, lines, n_frames, pace)
+        write_paced(port, lines, n_frames, pace)
     else:
         _write_all(port, b"".join(lines[k % len(lines)] for k in range(n_frames)))
 
@@ -45,7 +45,7 @@ def _write_all(port: int, data: bytes) -> None:
         data = data[os.write(port, data[: 1 << 16]) :]
 
 
-def _write_paced(port: int, lines: list[bytes], n_frames: int, pace: int) -> None:
+def write_paced(port: int, lines: list[bytes], n_frames: int, pace: int) -> None:
     """Write frames when they are due; of those that find no room the first is ended later, the others are lost."""
     os.set_blocking(port, False)
     begun, sent, rest = time.monotonic(), 0, b""
@@ -62,13 +62,15 @@ def _write_paced(port: int, lines: list[bytes], n_frames: int, pace: int) -> Non
 
 
 @contextmanager
-def writing(n_frames: int, pace: int) -> Iterator[tuple[str, Callable[[], subprocess.Popen[bytes]]]]:
+def writing(
+    n_frames: int, pace: int, script: str = __file__
+) -> Iterator[tuple[str, Callable[[], subprocess.Popen[bytes]]]]:
     """Give a port, and what starts a process that writes to it."""
     master, slave = os.openpty()
     tty.setraw(slave)
 
     def start() -> subprocess.Popen[bytes]:
-        command = [sys.executable, __file__, "write", str(master), str(n_frames), str(pace)]
+        command = [sys.executable, script, "write", str(master), str(n_frames), str(pace)]
         return subprocess.Popen(command, pass_fds=[master])
 
     try:

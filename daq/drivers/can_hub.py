@@ -43,10 +43,6 @@ class Member:
     identifiers: frozenset[int]  #: of its process data, with the bit EXTENDED
     inbox: "queue.Queue[Chunk]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
 
-    def __post_init__(self) -> None:
-        """Sort the identifiers for the thread that looks for them."""
-        self._wanted = np.array(sorted(self.identifiers), np.uint32)
-
     def take(self, timeout: float) -> list[Chunk]:
         """Wait for process data and return all that are there; none after `timeout` [s].
 
@@ -68,7 +64,9 @@ class Member:
 
     def pick(self, chunk: Chunk) -> npt.NDArray[np.bool_]:
         """Take the frames that are this device's; tell which (n,)."""
-        own = np.isin(chunk.frames.ids, self._wanted)
+        own = np.zeros(len(chunk.frames), bool)
+        for identifier in self.identifiers:  # few: each takes a tenth of the time of np.isin
+            own |= chunk.frames.ids == identifier
         if own.any() and not self.inbox.full():
             self.inbox.put_nowait(Chunk(chunk.frames[own], chunk.arrived))
         return own
