@@ -35,6 +35,7 @@ from monitor.errors import SettingsError, StartError
 from monitor.history import HistoryRecorder, database_url
 from monitor.inbox import taken
 from monitor.live import LiveView
+from monitor.notices import couriers
 from monitor.result_events import result_event
 from monitor.settings import DeviceSettings, RecorderSettings, Settings, load_settings
 from monitor.worker import TOPIC_STOPPED, Result, Worker
@@ -56,6 +57,11 @@ class Site:
     def folder(self) -> Path:
         """Folder that relative paths in the settings start from."""
         return self.path.parent
+
+    @property
+    def name(self) -> str:
+        """What it is called in notices: the structure file's name."""
+        return Path(self.settings.structure).stem
 
     @property
     def state(self) -> Path:
@@ -150,7 +156,8 @@ def run(
     with ExitStack() as stack:
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
         history = stack.enter_context(_history(site))
-        take = _all((worker.feed, history.put, *((live.show,) if live else ())))
+        told = stack.enter_context(couriers(settings.notify, site.state, site.name))
+        take = _all((worker.feed, history.put, *(c.put for c in told), *((live.show,) if live else ())))
         keeper = LogKeeper(recorder, DiskGuard(folder, _retention(settings.recorder)), take)
         log = stack.enter_context(LogThread(keeper, take, chunk_seconds=settings.recorder.chunk_seconds))
         if live and live.problem:
@@ -158,7 +165,7 @@ def run(
         readers = _start_readers(settings, clock, log)
         while not stop.is_set():
             _report(worker, log, on_result, clock)
-            for topic, payload in (*taken(site.state), *history.said()):
+            for topic, payload in (*taken(site.state), *history.said(), *(s for c in told for s in c.said())):
                 log.put(Event(topic=topic, time=clock.now(), payload=payload))
         for reader in readers:
             reader.stop()

@@ -4,12 +4,23 @@ import difflib
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
+from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from daq import CanAddress, CanPlace, Channel, DbcAddress, DbcSensor, LogAddress, can_interfaces
 from monitor.alarms import AlarmRules
 from monitor.errors import SettingsError
+from monitor.notice_text import NoticeKind, check_template
 
 Positive = Annotated[float, Field(gt=0)]
 AXES = ("x", "y", "z")
@@ -161,6 +172,42 @@ class HistorySettings(_Section):
     url: str | None = None  #: postgresql://USER@HOST/NAME; a SQLite file in the state folder unless given
 
 
+class NotifySettings(_Section):
+    """Whom to tell, and of what: one of `webhook`, `command` and `mqtt`."""
+
+    webhook: str | None = None  #: address that gets a POST of JSON
+    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None  #: program and arguments; text on its input
+    mqtt: str | None = None  #: mqtt://HOST:PORT/TOPIC
+    headers: dict[str, str] = {}  #: of the webhook
+    on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble")
+    template: str | None = None  #: jinja2 text; the program's own unless given
+    per_hour: Annotated[int, Field(ge=1)] = 12  #: what comes beyond that is told together, later
+    heartbeat_minutes: Positive | None = None  #: a sign of life, only while data flow
+    timeout_seconds: Positive = 10.0
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        given = [name for name in ("webhook", "command", "mqtt") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"expected one of `webhook`, `command` and `mqtt`, found {' and '.join(given) or 'none'}")
+        return self
+
+    @field_validator("template")
+    @classmethod
+    def _renders(cls, template: str | None) -> str | None:
+        if template is not None:
+            check_template(template)
+        return template
+
+    @field_validator("webhook", "mqtt")
+    @classmethod
+    def _address(cls, url: str | None, info: ValidationInfo) -> str | None:
+        schemes = ("http", "https") if info.field_name == "webhook" else ("mqtt", "mqtts")
+        if url is not None and (urlsplit(url).scheme not in schemes or not urlsplit(url).hostname):
+            raise ValueError(f"expected {schemes[0]}://HOST/.. or {schemes[1]}://HOST/..")
+        return url
+
+
 class ViewerSettings(_Section):
     """The live view, served on 127.0.0.1; leave the section out for none."""
 
@@ -186,6 +233,7 @@ class Settings(_Section):
     analysis: AnalysisSettings = AnalysisSettings()
     alarm: AlarmSettings = AlarmSettings()
     history: HistorySettings = HistorySettings()
+    notify: tuple[NotifySettings, ...] = ()
     viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None
 
@@ -273,6 +321,7 @@ def _explain(error: ValidationError) -> str:
         AnalysisSettings,
         AlarmSettings,
         HistorySettings,
+        NotifySettings,
         ViewerSettings,
         ClockSettings,
     )

@@ -73,6 +73,7 @@ def _clear(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     if (out / "scenario.toml").exists():
         shutil.rmtree(out / "log", ignore_errors=True)
+        shutil.rmtree(out / "state", ignore_errors=True)
     for name in ("ports.json", "rig.json", "answer.json", "overview.rrd", "report.html"):
         (out / name).unlink(missing_ok=True)
 

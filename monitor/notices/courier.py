@@ -1,0 +1,149 @@
+"""Notices brought to one target by a thread of its own: on disk until delivered, and only so many an hour."""
+
+import json
+import math
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+from daq import Block, Item
+from monitor.notice_text import Notice
+from monitor.notices.news import News
+from monitor.notices.senders import NoticeError, make_sender
+from monitor.settings import NotifySettings
+from monitor.spool import Spool
+from monitor.words import utc
+
+TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_back"
+_TICK = 0.2  # s
+_HOUR = 3600.0  # s
+_RETRY_FIRST, _RETRY_LONGEST = 10.0, 600.0  # s
+_MOST = 200  # notices in one message
+_DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
+
+
+class Courier:
+    """Tells one target.
+
+    Parameters
+    ----------
+    target : whom, and of what
+    spool : file for what is not delivered yet; what an earlier run left there goes out first
+    site : name of what is watched
+    retry_seconds : before the second try; doubled with each
+    """
+
+    def __init__(self, target: NotifySettings, spool: Path, site: str, *, retry_seconds: float = _RETRY_FIRST) -> None:
+        self._target, self._spool, self._site, self._first_retry = target, Spool(spool), site, retry_seconds
+        self._send, self._news = make_sender(target), News(site)
+        self._queue: queue.SimpleQueue[Notice] = queue.SimpleQueue()
+        self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="notices", daemon=True)
+        self._stop = threading.Event()
+        self._sent: deque[float] = deque()  # when messages went out in the last hour [s, monotonic]
+        self._retry, self._due, self._beat_due = retry_seconds, 0.0, 0.0
+        self._data_seen = -math.inf
+        self._urgent = False  # an alarm waits
+        self.problem: str | None = None  #: why nothing goes out now
+        self.dropped = 0  #: notices the disk had no room for
+
+    def put(self, item: Item) -> None:
+        """Take what was logged, in the log's order; never waits."""
+        if isinstance(item, Block):
+            self._data_seen = time.monotonic()
+            return
+        notice = self._news.of(item)
+        if notice is not None and notice.kind in self._target.on:
+            self._queue.put(notice)
+
+    def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield topic and payload of what befell the deliveries since the last time."""
+        while not self._said.empty():
+            yield self._said.get()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Try once more, for no longer than one delivery may take; what is left waits on disk for the next start."""
+        self._stop.set()
+        self._thread.join(self._target.timeout_seconds + 1.0)
+
+    def _run(self) -> None:
+        going = True
+        while going:
+            going = not self._stop.wait(_TICK)
+            self._keep()
+            self._deliver(last=not going)
+            self._beat()
+
+    def _keep(self) -> None:
+        """Put what has come on disk before anything else: a kill from here on loses nothing."""
+        while not self._queue.empty():
+            notice = self._queue.get()
+            self._urgent |= notice.kind == "alarm"
+            self.dropped += self._spool.append([json.dumps(notice.values())])
+
+    def _deliver(self, *, last: bool) -> None:
+        now = time.monotonic()
+        while self._sent and now - self._sent[0] > _HOUR:
+            self._sent.popleft()
+        enough = len(self._sent) >= self._target.per_hour and not self._urgent  # an alarm never waits for the hour
+        if not self._spool.waiting or enough or (now < self._due and not last):
+            return
+        try:
+            self._spool.deliver(self._send_lines, _MOST)
+        except (NoticeError, OSError) as error:
+            self._fail(str(error))
+        else:
+            if self.problem:
+                self._said.put((TOPIC_BACK, {"to": self._where()}))
+            self.problem, self._retry, self._due, self._urgent = None, self._first_retry, 0.0, False
+
+    def _send_lines(self, lines: list[str]) -> None:
+        notices = [Notice(**fields) for line in lines if (fields := json.loads(line)).keys() == _FIELDS]
+        if notices:
+            self._send(notices)
+            self._sent.append(time.monotonic())
+
+    def _fail(self, why: str) -> None:
+        if self.problem is None:
+            self._said.put((TOPIC_FAILED, {"to": self._where(), "why": why}))
+        self.problem, self._due = why, time.monotonic() + self._retry
+        self._retry = min(2 * self._retry, _RETRY_LONGEST)
+
+    def _where(self) -> str:
+        """Name the target without what may be a secret in its address."""
+        return "webhook" if self._target.webhook else "command" if self._target.command else "mqtt"
+
+    def _beat(self) -> None:
+        """Give a sign of life, but only while data flow: whoever waits for it is to miss it otherwise."""
+        minutes, now = self._target.heartbeat_minutes, time.monotonic()
+        if minutes is None or now < self._beat_due or now - self._data_seen > _DATA_SECONDS:
+            return
+        self._beat_due = now + 60 * minutes
+        at = time.time_ns()
+        try:
+            text = "data flow"
+            self._send([Notice(kind="heartbeat", site=self._site, time=at, utc=utc(at), state="", text=text)])
+        except NoticeError as error:
+            self._fail(str(error))
+
+
+_FIELDS = Notice.__dataclass_fields__.keys()
+
+
+@contextmanager
+def couriers(targets: tuple[NotifySettings, ...], state: Path, site: str) -> Iterator[list[Courier]]:
+    """Run a courier for every target for as long as the context lasts."""
+    with ExitStack() as stack:
+        yield [
+            stack.enter_context(Courier(target, state / f"notices_{number}.jsonl", site))
+            for number, target in enumerate(targets, 1)
+        ]

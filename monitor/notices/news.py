@@ -1,0 +1,70 @@
+"""Which of the things that stand in the log are news to a person: a pure function of what came before."""
+
+from daq import Block, Event, Item
+from monitor.notice_text import Notice, NoticeKind
+from monitor.result_events import event_result
+from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
+from monitor.words import change_text, utc
+
+_ROUTINE = ("gap", "acknowledge", "stopped", "notice_failed", "notice_back", "log_deleted")
+
+
+class News:
+    """Tells news from what was known.
+
+    An alarm is told when it is raised, and again only when its diagnosis names other causes or another member.
+    """
+
+    def __init__(self, site: str) -> None:
+        self._site = site
+        self._state = "normal"
+        self._raised: int | None = None
+        self._causes: tuple[str, ...] = ()
+
+    def of(self, item: Item) -> Notice | None:
+        """Return the notice that an item of the log is worth; items in the log's order."""
+        if isinstance(item, Block):
+            return None
+        if item.topic not in (TOPIC_ALARM, TOPIC_WINDOW):
+            return self._trouble(item)
+        result = event_result(item)
+        if isinstance(result, AlarmResult):
+            return self._change(result)
+        return self._sharper(result) if isinstance(result, WindowResult) else None
+
+    def _trouble(self, event: Event) -> Notice | None:
+        what = event.topic.removeprefix("/event/")
+        if what in _ROUTINE or what == event.topic:
+            return None
+        what = what.replace("_", " ")
+        said = ", ".join(f"{name} {value}" for name, value in event.payload.items())
+        return self._notice("trouble", event.time, f"{what}: {said}" if said else what)
+
+    def _change(self, change: AlarmResult) -> Notice | None:
+        before, self._state = self._state, change.state
+        if change.raised:
+            self._raised, self._causes = change.time, ()
+        if change.quiet or change.state == "watch":
+            return None
+        if change.kind in ("flapping", "steady"):
+            return self._notice("flapping", change.time, change.text)
+        if change.kind == "acknowledged":
+            return self._notice("acknowledged", change.time, change.text)
+        if change.kind == "latched":
+            return self._notice("recovery", change.time, change.text)
+        if change.raised:
+            return self._notice("alarm", change.time, change.text)
+        over = before == "alarm" and change.state == "normal"
+        return self._notice("recovery", change.time, change.text) if over else None
+
+    def _sharper(self, window: WindowResult) -> Notice | None:
+        if self._state != "alarm" or window.diagnosis is None:
+            return None
+        found = window.diagnosis
+        causes = (found.verdict, *(f"{c.cause} {c.where.member if c.where else ''}" for c in found.causes))
+        known, self._causes = self._causes, causes
+        return self._notice("update", window.end, change_text(found)) if causes != known else None
+
+    def _notice(self, kind: NoticeKind, time: int, text: str) -> Notice:
+        alarm = None if kind == "trouble" else self._raised
+        return Notice(kind=kind, site=self._site, time=time, utc=utc(time), state=self._state, text=text, alarm=alarm)

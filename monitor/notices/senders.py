@@ -1,0 +1,93 @@
+"""The ways a notice goes out; each either delivers or raises `NoticeError`."""
+
+import json
+import os
+import subprocess
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import httpx
+
+from monitor.errors import MonitorError
+from monitor.notice_text import Notice, render
+from monitor.settings import NotifySettings
+
+_MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
+Sender = Callable[[list[Notice]], None]
+
+
+class NoticeError(MonitorError):
+    """A notice that could not be delivered."""
+
+
+def make_sender(target: NotifySettings) -> Sender:
+    """Return what delivers notices, several at once as one message."""
+    way = _by_webhook if target.webhook else _by_command if target.command else _by_mqtt
+
+    def send(notices: list[Notice]) -> None:
+        way(target, notices, render(notices, target.template))
+
+    return send
+
+
+def _content(notices: list[Notice], text: str) -> dict[str, Any]:
+    """Return what programs read: the last notice's fields, `text` of all of them, and each one."""
+    return notices[-1].values() | {"text": text, "notices": [notice.values() for notice in notices]}
+
+
+def _by_webhook(target: NotifySettings, notices: list[Notice], text: str) -> None:
+    try:
+        content = _content(notices, text)
+        answer = httpx.post(target.webhook or "", json=content, headers=target.headers, timeout=target.timeout_seconds)
+        answer.raise_for_status()
+    except httpx.HTTPStatusError as error:
+        raise NoticeError(f"webhook: {error.response.status_code} {error.response.reason_phrase}") from error
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        raise NoticeError(f"webhook: {type(error).__name__}: {error}") from error
+
+
+def _by_command(target: NotifySettings, notices: list[Notice], text: str) -> None:
+    values = notices[-1].values()
+    named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
+    try:
+        subprocess.run(
+            target.command or (),
+            input=text.encode(),
+            env=os.environ | named,
+            timeout=target.timeout_seconds,
+            check=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+    except (OSError, subprocess.SubprocessError) as error:
+        raise NoticeError(f"command: {error}") from error
+
+
+def _by_mqtt(target: NotifySettings, notices: list[Notice], text: str) -> None:
+    try:
+        from paho.mqtt import MQTTException  # an extra
+        from paho.mqtt.client import Client
+        from paho.mqtt.enums import CallbackAPIVersion
+    except ImportError as error:
+        raise NoticeError("mqtt: paho-mqtt is not installed: pip install 'modalwatch[fleet]'") from error
+    place = urlsplit(target.mqtt or "")
+    client = Client(CallbackAPIVersion.VERSION2)
+    client.connect_timeout = target.timeout_seconds
+    if place.username is not None:
+        client.username_pw_set(unquote(place.username), unquote(place.password or ""))
+    if place.scheme == "mqtts":
+        client.tls_set()
+    try:
+        client.connect(place.hostname or "", place.port or _MQTT_PORTS[place.scheme])
+        client.loop_start()
+        topic = unquote(place.path).strip("/") or "modalwatch"
+        sent = client.publish(topic, json.dumps(_content(notices, text)), qos=1)
+        sent.wait_for_publish(target.timeout_seconds)
+        if not sent.is_published():
+            raise NoticeError(f"mqtt: the broker has not taken it within {target.timeout_seconds:g} s")
+    except (OSError, ValueError, RuntimeError, MQTTException) as error:
+        raise NoticeError(f"mqtt: {error}") from error
+    finally:
+        client.disconnect()
+        client.loop_stop()

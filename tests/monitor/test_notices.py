@@ -1,0 +1,270 @@
+"""Notices reach a real server, a program, an MQTT connection; what cannot be delivered now is delivered later."""
+
+import json
+import socket
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+from daq_helpers import make_block
+from history_helpers import change, run_events
+from jinja2.exceptions import SecurityError
+from pydantic import ValidationError
+
+from daq import Event
+from monitor.notice_text import Notice, render
+from monitor.notices import Courier, News, NoticeError, make_sender
+from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
+from monitor.settings import NotifySettings
+
+NOTICE = Notice(kind="alarm", site="bridge", time=5, utc="then", state="alarm", text="200 g", alarm=4)
+ALARM = change(10, "alarm", "ALARM: a mass")
+
+
+class Server:
+    """A web server on loopback that keeps what it gets and answers as it is told."""
+
+    def __init__(self) -> None:
+        self.got: list[dict[str, Any]] = []
+        self.headers: list[dict[str, str]] = []
+        self.answer = 200
+        outer = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = self.rfile.read(int(self.headers["Content-Length"]))
+                if outer.answer < 300:
+                    outer.got.append(json.loads(body))
+                    outer.headers.append(dict(self.headers))
+                self.send_response(outer.answer)
+                self.end_headers()
+
+            def log_message(self, *_: object) -> None:
+                """Say nothing."""
+
+        self._server = HTTPServer(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self._server.server_port}/hook"
+
+    @contextmanager
+    def running(self) -> Iterator["Server"]:
+        thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield self
+        finally:
+            self._server.shutdown()
+            self._server.server_close()
+            thread.join()
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server().running() as made:
+        yield made
+
+
+def until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 5.0
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.01)
+
+
+def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
+    """A run that learns, watches and finds a mass; without a diagnosis there is nothing to add to the alarm."""
+    news = News("bridge")
+    told = [notice for event in run_events() if (notice := news.of(event))]
+    assert [(notice.kind, notice.alarm == notice.time) for notice in told] == [("alarm", True)]
+
+
+@pytest.mark.parametrize(
+    ("events", "kinds"),
+    [
+        ([change(1, "watch"), change(2, "normal")], []),
+        ([change(1, "normal", "baseline learnt")], []),
+        ([change(1, "alarm"), change(2, "normal", lasted=1.0)], ["alarm", "recovery"]),
+        (
+            [change(1, "alarm"), change(2, "alarm", kind="latched"), change(3, "normal")],
+            ["alarm", "recovery", "recovery"],
+        ),
+        ([change(1, "alarm"), change(2, "alarm", kind="acknowledged")], ["alarm", "acknowledged"]),
+        ([change(1, "alarm", quiet=True), change(2, "normal", lasted=1.0, quiet=True)], []),
+        ([change(1, "alarm"), change(2, "alarm", kind="reopened", quiet=True)], ["alarm"]),
+        ([change(1, "alarm", kind="flapping"), change(2, "normal", kind="steady")], ["flapping", "flapping"]),
+        ([Event(topic="/event/device_lost", time=1, payload={"device": "left"})], ["trouble"]),
+        ([Event(topic="/event/gap", time=1, payload={"device": "left"}), make_block("left", 0)], []),
+    ],
+)
+def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
+    news = News("bridge")
+    assert [notice.kind for event in events if (notice := news.of(event))] == kinds
+
+
+def test_webhook_gets_json_with_headers(server: Server) -> None:
+    make_sender(NotifySettings(webhook=server.url, headers={"Authorization": "Bearer x"}))([NOTICE, NOTICE])
+    [got] = server.got
+    assert (got["text"], got["kind"], got["alarm"]) == ("bridge, then: 200 g\nbridge, then: 200 g", "alarm", 4)
+    assert len(got["notices"]) == 2
+    assert server.headers[0]["Authorization"] == "Bearer x"
+
+
+def test_command_gets_text_and_fields(tmp_path: Path) -> None:
+    script = "import os, sys; open(sys.argv[1], 'w').write(os.environ['MODALWATCH_KIND'] + '|' + sys.stdin.read())"
+    target = NotifySettings(
+        command=(sys.executable, "-c", script, str(tmp_path / "got")), template="{{ notice.text }}!"
+    )
+    make_sender(target)([NOTICE])
+    assert (tmp_path / "got").read_text() == "alarm|200 g!"
+
+
+def broker(answer: bool, got: list[bytes]) -> tuple[int, threading.Thread]:
+    """Speak as much MQTT 3.1.1 as one message at QoS 1 needs: CONNACK, PUBACK."""
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        connection.settimeout(5.0)
+        with listener, connection, connection.makefile("rb") as stream:
+            while kind := stream.read(1):
+                length, shift = 0, 0
+                while True:
+                    byte = stream.read(1)[0]
+                    length |= (byte & 0x7F) << shift
+                    shift += 7
+                    if byte < 0x80:
+                        break
+                body = stream.read(length)
+                if kind[0] >> 4 == 1:
+                    connection.sendall(b"\x20\x02\x00\x00")
+                elif kind[0] >> 4 == 3 and answer:
+                    topic = struct.unpack(">H", body[:2])[0]
+                    got.extend([body[2 : 2 + topic], body[4 + topic :]])
+                    connection.sendall(b"\x40\x02" + body[2 + topic : 4 + topic])
+
+    listener.settimeout(5.0)
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    return listener.getsockname()[1], thread
+
+
+def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
+    got: list[bytes] = []
+    port, thread = broker(answer=True, got=got)
+    make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/site/alarms"))([NOTICE])
+    thread.join(5.0)
+    assert got[0] == b"site/alarms"
+    assert json.loads(got[1])["text"] == "bridge, then: 200 g"
+
+
+def test_mqtt_broker_that_never_answers_is_given_up() -> None:
+    port, thread = broker(answer=False, got=[])
+    with pytest.raises(NoticeError, match=r"has not taken it within 0\.3 s"):
+        make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE])
+    thread.join(5.0)
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [
+        (NotifySettings(webhook="http://127.0.0.1:1/x"), "webhook: ConnectError"),
+        (NotifySettings(command=("/nowhere/program",)), "command: .*nowhere"),
+        (NotifySettings(command=(sys.executable, "-c", "raise SystemExit(3)")), "command: .*exit status 3"),
+        (
+            NotifySettings(
+                command=(sys.executable, "-c", "input() or 1; import time; time.sleep(9)"), timeout_seconds=0.2
+            ),
+            "timed out",
+        ),
+        (NotifySettings(mqtt="mqtt://127.0.0.1:1/x"), "mqtt: .*refused"),
+    ],
+)
+def test_what_cannot_be_delivered_says_why(target: NotifySettings, says: str) -> None:
+    with pytest.raises(NoticeError, match=says):
+        make_sender(target)([NOTICE])
+
+
+def test_server_that_is_down_gets_everything_later_in_one_message(server: Server, tmp_path: Path) -> None:
+    server.answer = 503
+    target, spool = NotifySettings(webhook=server.url), tmp_path / "notices.jsonl"
+    with Courier(target, spool, "bridge", retry_seconds=0.05) as courier:
+        courier.put(ALARM)
+        until(lambda: courier.problem)
+        courier.put(change(20, "normal", "over", lasted=10.0))
+        until(lambda: len(spool.read_text().splitlines()) == 2)
+        server.answer = 200
+        until(lambda: courier.problem is None)
+    [got] = server.got
+    assert [notice["text"] for notice in got["notices"]] == ["ALARM: a mass", "over"]
+    assert [(topic, said.get("why")) for topic, said in courier.said()] == [
+        (TOPIC_FAILED, "webhook: 503 Service Unavailable"),
+        (TOPIC_BACK, None),
+    ]
+    assert not spool.exists()
+
+
+def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server: Server, tmp_path: Path) -> None:
+    spool = tmp_path / "notices.jsonl"
+    with Courier(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as courier:
+        courier.put(ALARM)
+    assert spool.exists()
+    with spool.open("a") as file:
+        file.write('{"of": "another version"}\n{"cut')
+    with Courier(NotifySettings(webhook=server.url), spool, "bridge"):
+        until(lambda: server.got)
+    assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
+
+
+def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
+    lost = Event(topic="/event/device_lost", time=1, payload={"device": "left"})
+    with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+        courier.put(lost)
+        until(lambda: len(server.got) == 1)
+        courier.put(lost)
+        until(lambda: (tmp_path / "n.jsonl").exists())
+        time.sleep(0.5)  # two looks at what waits
+        assert len(server.got) == 1
+        courier.put(ALARM)
+        until(lambda: len(server.got) == 2)
+    assert [notice["kind"] for notice in server.got[1]["notices"]] == ["trouble", "alarm"]
+
+
+def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
+    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
+    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+        time.sleep(0.5)
+        assert server.got == []
+        courier.put(make_block("left", 0))
+        until(lambda: len(server.got) >= 2)
+    assert {got["kind"] for got in server.got} == {"heartbeat"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({}, "expected one of `webhook`, `command` and `mqtt`, found none"),
+        ({"webhook": "http://a/b", "mqtt": "mqtt://a/b"}, "found webhook and mqtt"),
+        ({"webhook": "ftp://a/b"}, "expected http://HOST"),
+        ({"mqtt": "a/b"}, "expected mqtt://HOST"),
+        ({"webhook": "http://a/b", "template": "{{ notice.nothing }}"}, "has no attribute 'nothing'"),
+        ({"webhook": "http://a/b", "template": "{% if %}"}, "expected a jinja2 template"),
+        ({"webhook": "http://a/b", "on": ["alarms"]}, "'alarm'"),
+        ({"command": []}, "at least 1"),
+    ],
+)
+def test_settings_that_would_fail_at_night_fail_at_once(fields: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        NotifySettings.model_validate(fields)
+    assert says in str(caught.value)
+
+
+def test_template_sees_no_program() -> None:
+    """It is text from a file: it may not reach into the interpreter."""
+    with pytest.raises(SecurityError, match="unsafe"):
+        render([NOTICE], "{{ notices.__class__.__mro__ }}")
