@@ -39,10 +39,11 @@ paper: $(VENV)/.done
 frames: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/frame_elements.py
 
-# Our SLCAN bus beside python-can's, DBC sensors beside cantools: the tables in docs/daq.md, a minute.
+# Our SLCAN bus beside python-can's, DBC sensors beside cantools, the decoder of burst frames: the tables in docs/daq.md, a minute.
 bench: $(VENV)/.done
 	$(BIN)/python benchmarks/can_bus.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/can_dbc.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/decode.py
 
 # What kills and power cuts cost a log, its size, how quickly it is mended: the tables in docs/daq.md, six minutes.
 log-crash: $(VENV)/.done
