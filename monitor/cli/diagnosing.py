@@ -55,7 +55,7 @@ def diagnose_command(
         except ValueError as error:
             raise LogError(_named(logs.current), str(error)) from error
         status.update("setting measured beside simulated ...")
-        sample = (heldout or after).sample if out else None
+        sample = (heldout or after).sample
         health = health_result(found.health) if after.shaped else {}
         beside = discrepancy_result(
             found.reference, found.measured, found.explained, sample, trends_beside(after), health
