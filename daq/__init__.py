@@ -2,6 +2,7 @@
 
 from daq.assembly import Assembler
 from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
+from daq.canlog import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
 from daq.convert import export_recording, read_data, with_channels, write_recording
@@ -35,6 +36,7 @@ from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.timebase import ClockFit
 
 __all__ = [
+    "CAN_LOGS",
     "CHANNELS",
     "EPSON_SCALE",
     "AnyLog",
@@ -68,6 +70,7 @@ __all__ = [
     "Found",
     "Gap",
     "HostClock",
+    "ImportedSensor",
     "IndexArray",
     "IntArray",
     "Item",
@@ -79,6 +82,7 @@ __all__ = [
     "LogState",
     "LogThread",
     "LogWriter",
+    "LoggedSensor",
     "PartedLog",
     "PortAnswer",
     "Recording",
@@ -98,6 +102,7 @@ __all__ = [
     "export_recording",
     "files_of",
     "has_end",
+    "import_can_log",
     "inspect_log",
     "load_recordings",
     "log_info",

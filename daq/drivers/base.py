@@ -58,7 +58,7 @@ class Driver(Protocol):
         ...
 
 
-class _Blocks:
+class Blocks:
     """Cuts scans into blocks: no gap inside, the earliest arrival as the (counter, host time) pair.
 
     A damaged frame passes its checksum once in 2^16: a false counter costs the scans around it, and nothing else. So
@@ -221,8 +221,8 @@ class DeviceReader(threading.Thread):
         self._blocks = self._new_blocks()  # some devices say their scale when they are asked
         self._sink(self._event("device_open", self._identity))
 
-    def _new_blocks(self) -> _Blocks:
-        return _Blocks(self._device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
+    def _new_blocks(self) -> Blocks:
+        return Blocks(self._device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
 
     def stop(self) -> None:
         """Ask the thread to end."""

@@ -33,6 +33,8 @@ class ImportOptions:
     velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
     structure: Path | None = None
     site: Path | None = None
+    dbc: Path | None = None  #: of a CAN log: what its frames say
+    counter: str | None = None  #: of a CAN log: signal that counts scans
 
 
 def import_command(data: Path, out: Path, options: ImportOptions) -> int:
@@ -56,13 +58,13 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
 def _read(data: Path, options: ImportOptions) -> Recording:
     if options.unit not in UNITS:
         raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {options.unit!r}")
-    columns = _columns(options.columns)
+    columns = columns_of(options.columns)
     try:
         return read_data(
             data,
             rate=options.rate,
             factor=UNITS[options.unit] * options.scale,
-            start=_start(options.start),
+            start=0 if options.start is None else start_of(options.start),
             time=options.time,
             columns=columns,
             velocities=options.velocities,
@@ -71,7 +73,7 @@ def _read(data: Path, options: ImportOptions) -> Recording:
         raise ArgumentError("--velocity", f"{data}: {error}") from error
 
 
-def _columns(options: Sequence[str]) -> dict[str, str] | None:
+def columns_of(options: Sequence[str]) -> dict[str, str] | None:
     """Return column -> channel from NAME or NAME=SENSOR; None for all columns."""
     pairs = [(option.rpartition("=") if "=" in option else (option, "", option)) for option in options]
     columns = {column: channel for column, _, channel in pairs}
@@ -80,10 +82,8 @@ def _columns(options: Sequence[str]) -> dict[str, str] | None:
     return columns or None
 
 
-def _start(text: str | None) -> int:
-    """Return a time [ns UTC]; without a zone it is UTC, without a text 1970."""
-    if text is None:
-        return 0
+def start_of(text: str) -> int:
+    """Return a time [ns UTC]; without a zone it is UTC."""
     try:
         time = datetime.fromisoformat(text)
     except ValueError as error:

@@ -127,7 +127,10 @@ def devices(
 
 @app.command("import")
 def import_(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table (CSV), .npz, .mat, .uff or .unv.")],
+    data: Annotated[
+        Path,
+        typer.Argument(metavar="DATA", help="A table (CSV), .npz, .mat, .uff, .unv; .log, .blf, .asc, .trc of CAN."),
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
     rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
     unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
@@ -143,9 +146,13 @@ def import_(
     ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
+    dbc: Annotated[Path | None, typer.Option(metavar="FILE", help="Of CAN traffic: what the frames say.")] = None,
+    counter: Annotated[str | None, typer.Option(metavar="SIGNAL", help="Of CAN traffic: what counts scans.")] = None,
 ) -> None:
     """Make a log of a file of measurements: one column a channel, named as its sensor."""
+    from daq import CAN_LOGS
     from monitor.cli.importing import ImportOptions, import_command
+    from monitor.cli.importing_can import import_can_command
 
     options = ImportOptions(
         rate=rate,
@@ -157,8 +164,11 @@ def import_(
         velocities=tuple(velocity or ()),
         structure=structure,
         site=site,
+        dbc=dbc,
+        counter=counter,
     )
-    raise typer.Exit(import_command(data, out, options))
+    command = import_can_command if dbc or data.suffix.lower() in CAN_LOGS else import_command
+    raise typer.Exit(command(data, out, options))
 
 
 @app.command()

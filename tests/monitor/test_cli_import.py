@@ -147,3 +147,70 @@ def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
     LogWriter(tmp_path / "bad.mcap", {"channels.json": "[1]"}).close()
     with pytest.raises(LogError, match=r"channels\.json: expected channels and on_grid, found '\[1\]'"):
         list(load_recordings(tmp_path / "bad.mcap"))
+
+
+CAN_SITE = """structure = "t_structure.toml"
+[[device]]
+name = "imu"
+driver = "can-dbc"
+can = {interface = "slcan", channel = "/dev/none"}
+dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
+rate = 100
+channels = {y = "beam_left_y", z = "beam_left_z"}
+"""
+
+
+@pytest.fixture
+def traffic(tmp_path: Path) -> Path:
+    """Return candump's file of a sensor, 3 s at 100 Hz, one scan lost, which costs the one before it; a site."""
+    lines = [
+        f"({1767225600 + k / 100 + late:.6f}) can0 {frame}"
+        for k in range(300)
+        if k != 150
+        for late, frame in ((0, f"006#{k:04X}"), (1e-4, f"034#{k:04X}0100{256 - k % 256:04X}"))
+    ]
+    (tmp_path / "bus.log").write_text("\n".join(lines) + "\n")
+    (tmp_path / "imu.dbc").write_text((Path(__file__).parents[2] / "examples" / "imu.dbc").read_text())
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(CAN_SITE)
+    return tmp_path / "bus.log"
+
+
+def test_import_of_can_traffic_for_a_site_or_with_a_dbc_file(
+    modalwatch: Commands, traffic: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "log.mcap"
+    done = modalwatch("import", traffic, "-o", out, "--site", tmp_path / "site.toml")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == f"{out}: imu: 297 scans, 2 missing, 2.98 s\n"
+    assert [c.name for c in imported(out).channels] == ["beam_left_y", "beam_left_z"]
+    assert "imu.dbc" in read_attachments(out)["site.toml"]
+    one = tmp_path / "one.mcap"
+    options = ("--dbc", tmp_path / "imu.dbc", "--counter", "Counter", "--rate", 100, "--column", "accY=deck")
+    done = modalwatch("import", traffic, "-o", one, *options, "--start", "2026-03-01T00:00:00Z")
+    assert (done.code, done.err) == (0, "")
+    found = imported(one)
+    np.testing.assert_allclose(found.data[~np.isnan(found.data)], 1.0, rtol=1e-3)
+    assert abs(found.start - 1_772_323_200_000_000_000) < 1e9
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ((), "--dbc: expected --site, or --dbc with --counter, --rate and --column SIGNAL[=SENSOR]"),
+        (("--site", "SITE", "--unit", "g"), "--unit: not of a CAN log"),
+        (("--dbc", "DBC", "--counter", "Counter", "--rate", 100, "--column", "accQ"), "has no signal 'accQ', did you"),
+        (
+            ("--dbc", "DBC", "--counter", "Counter", "--rate", 50, "--column", "accX"),
+            "import: expected 50 scans a second",
+        ),
+        (("--site", "SITE", "--structure", "NONE"), "NONE"),
+    ],
+)
+def test_import_of_can_traffic_says_what_is_wrong(
+    modalwatch: Commands, traffic: Path, tmp_path: Path, options: tuple[object, ...], says: str
+) -> None:
+    places = {"SITE": tmp_path / "site.toml", "DBC": tmp_path / "imu.dbc"}
+    words = [places.get(str(word), word) for word in options]
+    assert_refused(modalwatch("import", traffic, "-o", tmp_path / "log.mcap", *words), says)
+    assert not (tmp_path / "log.mcap").exists()

@@ -1,0 +1,199 @@
+"""CAN traffic that another program has recorded, to a log: what sensors of a DBC file said in it.
+
+python-can reads the files (candump's .log, Vector's .asc and .blf, PCAN's .trc). Frames go the way that live ones go:
+the same decoder, the same blocks, gaps by the counter; the file's time stamps are the arrivals.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import numpy as np
+
+from daq.can_address import DbcSensor
+from daq.can_bus import frames_of
+from daq.channelmap import CHANNELS, ChannelMap
+from daq.dbc import read_layout
+from daq.drivers.base import Blocks, Scans
+from daq.errors import DataError
+from daq.log import Event, Item, LogWriter
+from daq.protocol.can_scan import ScanDecoder, what_is_missing
+from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
+from daq.recording import Block, Channel, IndexArray
+
+_READERS: dict[str, tuple[Callable[..., Iterable[can.Message]], str]] = {
+    ".asc": (can.ASCReader, "r"),
+    ".blf": (can.BLFReader, "rb"),
+    ".log": (can.CanutilsLogReader, "r"),
+    ".trc": (can.TRCReader, "r"),
+}
+CAN_LOGS = tuple(_READERS)  #: names of files of CAN traffic end so
+_PIECE_SECONDS, _PIECE_FRAMES = 0.1, 4096  # that are decoded at a time
+_BLOCK_SECONDS = 0.25
+_BACK_SECONDS = 1.0  # that time stamps may go back: of two buses in one file, not of a clock
+_RATE_TOLERANCE = 0.05
+_DAMAGED = (ValueError, KeyError, IndexError, EOFError, struct.error, zlib.error, can.CanError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoggedSensor:
+    """A sensor that was on a recorded bus."""
+
+    device: str  #: its name
+    rate: float  #: scans a second [Hz]
+    sensor: DbcSensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportedSensor:
+    """What was found of a sensor."""
+
+    device: str
+    scans: int
+    missing: int  #: scans between the first and the last
+    seconds: float  #: from the first to the last
+
+
+def import_can_log(
+    path: Path,
+    out: Path,
+    sensors: Sequence[LoggedSensor],
+    channels: tuple[Channel, ...],
+    attachments: Mapping[str, str] | None = None,
+    *,
+    start: int | None = None,
+) -> tuple[ImportedSensor, ...]:
+    """Write what sensors said in a file of CAN traffic to a new log.
+
+    Parameters
+    ----------
+    path : of the file, one of `CAN_LOGS`
+    out : of the log
+    sensors : to look for
+    channels : which axis of which of them is which channel
+    attachments : name -> text, beside the channel map
+    start : time of the file's first frame [ns UTC]; as it says itself unless given
+
+    Raises
+    ------
+    DbcError
+        If a DBC file cannot be used.
+    DataError
+        If the file cannot be read, its clock runs backwards, it has no scan of a sensor, or they come at another rate.
+    LogError
+        If the log exists or cannot be made.
+    """
+    streams = [_Stream(sensor) for sensor in sensors]
+    known = ChannelMap(channels=channels, on_grid=False)
+    writer = LogWriter(out, {CHANNELS: known.to_json(), **(attachments or {})})
+    try:
+        for frames, stamps in _pieces(path, start):
+            for stream in streams:
+                for item in stream.take(frames, stamps):
+                    writer.write(item)
+        for stream in streams:
+            for item in stream.finish(path):
+                writer.write(item)
+    except BaseException:
+        writer.abandon()
+        out.unlink()
+        raise
+    writer.close()
+    return tuple(stream.found() for stream in streams)
+
+
+class _Stream:
+    """One sensor's scans."""
+
+    def __init__(self, sensor: LoggedSensor) -> None:
+        self._sensor, self._layout = sensor, read_layout(sensor.sensor)
+        self._decoder = ScanDecoder(self._layout)
+        n = max(1, round(_BLOCK_SECONDS * sensor.rate))
+        self._blocks = Blocks(sensor.device, sensor.rate, self._layout.scale, self._layout.modulus, n)
+        self._heard = NO_FRAMES
+        self._n = self._end = self._missing = 0
+        self._times: list[int] = []  # of the first scan and the last [ns UTC]
+
+    def take(self, frames: CanFrames, stamps: IndexArray) -> Iterator[Item]:
+        """Take frames (n) and when each came (n,) [ns UTC]; yield full blocks, and gaps."""
+        before, scans = self._decoder.bad_frames, self._decoder.feed(frames, stamps)
+        if not self._times and not len(scans.counts):
+            self._heard = concatenate([self._heard, frames])[-_PIECE_FRAMES:]
+            return
+        if len(scans.arrived):
+            first, last = scans.arrived[[0, -1]].tolist()
+            self._times = [self._times[0] if self._times else first, last]
+        bad = 8 * (self._decoder.bad_frames - before)
+        read = Scans(scans.counts, scans.counter, self._decoder.temperature, bad)
+        for block in self._blocks.add(read, self._times[-1]):
+            yield from self._counted(block)
+
+    def finish(self, path: Path) -> Iterator[Item]:
+        """Yield what is left, once there was something and it came as fast as it should."""
+        device, rate = self._sensor.device, self._sensor.rate
+        if not self._times:
+            raise DataError(path, f"has no scan of {device}: {what_is_missing(self._layout, self._heard)}")
+        for block in self._blocks.flush(self._times[-1]):
+            yield from self._counted(block)
+        found = self.found()
+        steps = found.scans + found.missing - 1
+        if abs(steps - rate * found.seconds) > max(2.0, _RATE_TOLERANCE * steps):
+            raise DataError(path, f"{device}: expected {rate:g} scans a second, found {steps / found.seconds:.4g}")
+
+    def _counted(self, block: Block) -> Iterator[Item]:
+        missing = block.first_index - self._end
+        if missing > 0:
+            payload = {"device": block.device, "first_index": self._end, "missing": missing, "exact": True}
+            yield Event(topic="/event/gap", time=block.pair_time, payload=payload)
+            self._missing += missing
+        self._n, self._end = self._n + block.n_scans, block.end_index
+        yield block
+
+    def found(self) -> ImportedSensor:
+        """Return what there was."""
+        seconds = 1e-9 * (self._times[-1] - self._times[0])
+        return ImportedSensor(device=self._sensor.device, scans=self._n, missing=self._missing, seconds=seconds)
+
+
+def _pieces(path: Path, start: int | None) -> Iterator[tuple[CanFrames, IndexArray]]:
+    """Yield frames with the times at which they came [ns UTC], some of them at a time."""
+    piece: list[can.Message] = []
+    begun: float | None = None
+    for message in _messages(path):
+        begun = message.timestamp if begun is None else begun
+        if piece and (message.timestamp - piece[0].timestamp > _PIECE_SECONDS or len(piece) == _PIECE_FRAMES):
+            yield _piece(piece, begun, start)
+            piece = []
+        piece.append(message)
+    if begun is not None:
+        yield _piece(piece, begun, start)
+
+
+def _piece(messages: list[can.Message], begun: float, start: int | None) -> tuple[CanFrames, IndexArray]:
+    since = np.array([message.timestamp for message in messages]) - begun  # s; doubles keep a microsecond of 1970's
+    origin = round(begun * 1e9) if start is None else start
+    return frames_of(messages), np.rint(since * 1e9).astype(np.intp) + origin
+
+
+def _messages(path: Path) -> Iterator[can.Message]:
+    """Yield the data frames of a file."""
+    if path.suffix.lower() not in _READERS:
+        raise DataError(path, f"expected a file of CAN traffic, {', '.join(_READERS)}")
+    make, mode = _READERS[path.suffix.lower()]
+    number, last = 0, -np.inf
+    try:
+        with path.open(mode) as file:  # python-can leaves what it cannot read open
+            for number, message in enumerate(make(file), 1):
+                if message.timestamp < last - _BACK_SECONDS:
+                    why = f"frame {number}: its clock runs backwards, from {last:.6f} s to {message.timestamp:.6f} s"
+                    raise DataError(path, why)
+                last = max(last, message.timestamp)
+                if not (message.is_error_frame or message.is_fd):
+                    yield message
+    except OSError as error:
+        raise DataError(path, f"cannot be read: {error.strerror}") from error
+    except _DAMAGED as error:
+        raise DataError(path, f"is no CAN log, or is damaged after frame {number}: {error}") from error
