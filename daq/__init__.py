@@ -17,6 +17,7 @@ from daq.emulator.epson_can import EmulatedEpsonCan
 from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
 from daq.emulator.slcan import EmulatedSlcan
+from daq.emulator.witmotion import EmulatedWitmotion
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
 from daq.expand import expand_log
 from daq.found import Found, PortAnswer
@@ -31,7 +32,7 @@ from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import load_recordings, read_channel_map
 from daq.recorder import LogRecorder, Rotation
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
-from daq.registry import can_interfaces, driver_names, make_driver
+from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.timebase import ClockFit
 
@@ -64,6 +65,7 @@ __all__ = [
     "EmulatedNode",
     "EmulatedPort",
     "EmulatedSlcan",
+    "EmulatedWitmotion",
     "Event",
     "Flag",
     "FloatArray",
@@ -106,6 +108,7 @@ __all__ = [
     "inspect_log",
     "load_recordings",
     "log_info",
+    "low_grade",
     "make_driver",
     "newest_log",
     "read_attachments",

@@ -13,7 +13,7 @@ from daq.found import PortAnswer
 
 _BY_ID = Path("/dev/serial/by-id")
 #: who is asked for at a port, one after the other; nothing is imported until then
-_SEARCHES = ("daq.drivers.epson_uart", "daq.drivers.can_search", "daq.drivers.node")
+_SEARCHES = ("daq.drivers.epson_uart", "daq.drivers.can_search", "daq.drivers.node", "daq.drivers.witmotion")
 #: adapters that python-can finds without waiting for a network
 _INTERFACES = ("socketcan", "pcan", "kvaser", "vector", "ixxat", "neovi")
 

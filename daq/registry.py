@@ -20,6 +20,7 @@ class DriverKind:
 
     where: str  #: module:class, made of (place, rate)
     place: type  #: of what its devices are connected to
+    low_grade: str = ""  #: why its data are not to be relied on, if so
 
 
 _DRIVERS = {
@@ -28,6 +29,11 @@ _DRIVERS = {
     "epson-uart": DriverKind(where="daq.drivers.epson_uart:EpsonUart", place=str),
     "modalwatch-node": DriverKind(where="daq.drivers.node:ModalwatchNode", place=str),
     "replay": DriverKind(where="daq.drivers.replay:ReplayedDevice", place=LogAddress),
+    "witmotion": DriverKind(
+        where="daq.drivers.witmotion:Witmotion",
+        place=str,
+        low_grade="scans have no number: those that a port loses shift all that follow, unseen",
+    ),
 }
 _GROUP = "modalwatch.drivers"  # of entry points: drivers of others
 
@@ -35,6 +41,11 @@ _GROUP = "modalwatch.drivers"  # of entry points: drivers of others
 def driver_names() -> tuple[str, ...]:
     """Return the names of all drivers, installed plug-ins included."""
     return tuple(sorted({*_DRIVERS, *entry_points(group=_GROUP).names}))
+
+
+def low_grade(name: str) -> str:
+    """Return why the data of a driver's devices are not to be relied on for modes; empty if they are."""
+    return _DRIVERS[name].low_grade if name in _DRIVERS else ""
 
 
 def can_interfaces() -> tuple[str, ...]:

@@ -3,7 +3,7 @@
     python emulated_ports.py N SPEED ORIGIN_WALL ORIGIN [KIND]
 
 First line out: the ports as JSON. Lines in: `unplug K`, `end`. Last line out: frames sent and dropped by each device.
-KIND is the name of a driver, epson-uart unless given.
+KIND is the name of a driver, epson-uart unless given; or several with commas between, then there are N of each.
 """
 
 import json
@@ -14,9 +14,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from daq import EmulatedEpson, EmulatedNode, HostClock, IntArray, ScaledClock, serve_all, unplugging
+from daq import EmulatedEpson, EmulatedNode, EmulatedWitmotion, HostClock, IntArray, ScaledClock, serve_all, unplugging
 
-Device = EmulatedEpson | EmulatedNode
+Device = EmulatedEpson | EmulatedNode | EmulatedWitmotion
 
 
 class Ramp:
@@ -45,15 +45,16 @@ def told() -> list[str]:
 KINDS: dict[str, Callable[[HostClock, str], Device]] = {
     "epson-uart": lambda clock, name: EmulatedEpson(Ramp(), clock, serial_number=name),
     "modalwatch-node": lambda clock, name: EmulatedNode(Ramp(), clock, serial_number=name),
+    "witmotion": lambda clock, _: EmulatedWitmotion(Ramp(), clock),
 }
 
 
 def main() -> None:
     """Serve until told to end."""
     n, speed, origin_wall, origin = (int(word) for word in sys.argv[1:5])
-    make = KINDS[sys.argv[5] if len(sys.argv) > 5 else "epson-uart"]
+    kinds = sys.argv[5].split(",") if len(sys.argv) > 5 else ["epson-uart"]
     clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)
-    with unplugging([make(clock, f"E{k:07}") for k in range(n)]) as devices:
+    with unplugging([KINDS[kind](clock, f"E{k:07}") for kind in kinds for k in range(n)]) as devices:
         say([device.port for device in devices])
         turn = 0
         while (words := told()) != ["end"]:

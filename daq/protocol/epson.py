@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from daq.protocol.overlap import without_overlap
 from daq.recording import FloatArray, IntArray
 
 FRAME_SIZE = 24
@@ -141,12 +142,4 @@ def _frame_starts(stream: npt.NDArray[np.uint8]) -> npt.NDArray[np.intp]:
     raw = stream[candidate[:, None] + np.arange(FRAME_SIZE)]
     stated = raw[:, 21].astype(np.uint16) << 8 | raw[:, 22]
     good = candidate[_sums(raw) == stated]
-    return _without_overlap(good) if np.any(np.diff(good) < FRAME_SIZE) else good
-
-
-def _without_overlap(starts: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    kept: list[int] = []
-    for start in starts.tolist():
-        if not kept or start >= kept[-1] + FRAME_SIZE:
-            kept.append(start)
-    return np.array(kept, np.intp)
+    return without_overlap(good, FRAME_SIZE)

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from daq import low_grade
 from monitor.daemon import Site, load_site
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
@@ -38,6 +39,9 @@ def check_command(path: Path) -> int:
     if silent:
         raise StartError("; ".join(silent))
     problems = [problem for device in site.settings.device for problem in _problems(device, found[device.name])]
+    for device in site.settings.device:
+        if why := low_grade(device.driver):
+            console.print(f"[yellow]{escape(f'device {device.name} is of low grade: {why}')}[/]", soft_wrap=True)
     for problem in problems:
         console.print(f"[yellow]{escape(problem)}[/]")
     console.print("all devices answer" if not problems else "the devices answer, but see above")

@@ -62,8 +62,10 @@ def test_port_in_use_is_left_alone() -> None:
 
 
 @pytest.mark.live
-def test_modem_is_no_device_of_ours() -> None:
+def test_modem_is_no_device_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     """It echoes what it hears, and answers every line."""
+    monkeypatch.setattr("daq.drivers.witmotion.BAUDS", (115_200,))
+    monkeypatch.setattr("daq.drivers.node._HELLO_SECONDS", 0.3)
     with pty() as (line, path):
         os.set_blocking(line, False)
 

@@ -88,7 +88,7 @@ def read_for_a_while(driver: Driver) -> None:
 
 @pytest.mark.live
 def test_node_that_starts_anew_is_lost_and_taken_back() -> None:
-    device = EmulatedNode(Ramp(), SystemClock(), serial_number="N", rate=1000.0)
+    device = EmulatedNode(Ramp(), SystemClock(), serial_number="N")
     restart = threading.Event()
 
     def serve() -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,16 @@ def test_check_of_a_log_that_is_played(modalwatch: Commands, site: Path) -> None
     done = modalwatch("check", site)
     assert done.code == 3
     assert "device beam_lft: cannot be played: the log has no scan of this device; there are beam_left, " in done.err
+
+
+def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    found = probe(Sending(clock), seconds=1.0, now=clock)
+    monkeypatch.setattr("monitor.cli.check.probe_devices", lambda _: {"beam_left": replace(found, rate=500.0)})
+    said = "device beam_left is of low grade: scans have no number"
+    for driver, is_low in (("witmotion", True), ("epson-uart", False)):
+        site.write_text(SITE.format(driver=driver, port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y ="))
+        assert (said in modalwatch("check", site).out) == is_low
 
 
 def test_a_device_that_does_not_answer_exits_3(modalwatch: Commands, site: Path) -> None:
