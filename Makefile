@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -126,6 +126,11 @@ oma-faults: $(VENV)/.done
 # Modes, eq. 7, increments and localization up to 1e5 degrees of freedom: the tables in docs/scale.md, some minutes.
 scale: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python benchmarks/scale.py
+
+# False alarms over simulated years of weather, and how late masses are found: the tables of docs/detection.md,
+# some minutes a line; `make false-alarms ARGUMENTS="SITES DAYS"`.
+false-alarms: $(VENV)/.done
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/false_alarms.py $(ARGUMENTS)
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq import FloatArray, IndexArray, Recording
+from daq import IndexArray, Recording
 from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watching, accept, judge, start
 from monitor.results import DetectorFigure, Novelty
 from monitor.settings import Settings
@@ -67,9 +67,5 @@ class Detector:
             self._calm = []
         elif len(self._calm) >= GUARD + CHUNK:
             chunk, self._calm = self._calm[:CHUNK], self._calm[CHUNK:]
-            known, whitened = _joined([j.terms for j in chunk]), _joined([j.whitened for j in chunk])
-            self._watched = accept(self._watched, known, whitened)
-
-
-def _joined(windows: list[FloatArray]) -> FloatArray:
-    return np.concatenate(windows, axis=-2)
+            known = np.concatenate([j.terms for j in chunk])
+            self._watched = accept(self._watched, known, np.concatenate([j.whitened for j in chunk]))

@@ -23,7 +23,6 @@ WEIGHTS = (0.2, 0.02)  #: of the newest window, in the quick and the slow averag
 DetectorName = Literal["jump", "quick drift", "slow drift"]
 DETECTORS: tuple[DetectorName, ...] = ("jump", "quick drift", "slow drift")
 GUARD = 72  #: windows that must stay calm before older ones are learnt from
-CHUNK = 24  #: windows learnt from at once
 
 _FREEDOMS = 1.25  # ratio of the degrees of freedom that limits are computed for
 
@@ -36,6 +35,7 @@ class Watched:
     watching: Watching
     memory: FloatArray  #: (..., 3) temperatures of structures of three inertias [degC]
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
+    age: float = 0.0  #: since the baseline [s]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +44,7 @@ class Judged:
 
     value: FloatArray  #: (3, ..., n_windows), by `DETECTORS`
     limit: FloatArray  #: (3, ..., n_windows)
-    terms: FloatArray  #: (..., n_windows, q)
+    terms: FloatArray  #: (..., n_windows, 2, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
 
     @property
@@ -74,6 +74,7 @@ def start(
         terms(temperature, memory),
         measured=known.mean(-1) > 0.5,
         lag=_lag(watching),
+        age=float(seconds.sum()),
     )
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
     return Watched(law=law, watching=watching, memory=memory[..., -1, :], average=average)
@@ -90,14 +91,16 @@ def judge(
     memory = remember(watched.memory, temperature, seconds)
     known = terms(temperature, memory)
     whitened = law.whiten(log_frequency)
-    lasting = law.lasting(known)
+    age = watched.age + np.cumsum(seconds)
+    lasting = law.lasting(known, age)
     new = law.fast[..., None, None, None] * np.eye(p)
     size = np.sqrt(law.fast[..., None, None] + np.diagonal(lasting, axis1=-2, axis2=-1))
     deviation = size * normal_score(law.residual(known, whitened) / size, law.tail[..., None, None])
     squared, n = distance(deviation, lasting + new)
     jump, drift = _limits(law, watched.watching)
+    at = (law.lasting_directions(known) * p + np.maximum(n - 1, 0))[..., None]
     values = [squared / np.maximum(n, 1)]
-    limits = [np.take_along_axis(jump, np.maximum(n - 1, 0), axis=-1)]
+    limits = [np.take_along_axis(jump[..., None, :], at, axis=-1)[..., 0]]
     taken = np.where((values[0] > limits[0])[..., None], np.nan, deviation)
     averages = []
     for i, weight in enumerate(WEIGHTS):
@@ -107,7 +110,7 @@ def judge(
         limits.append(np.broadcast_to(drift[..., i : i + 1], values[0].shape))
         averages.append(path[..., -1, :])
     judged = Judged(value=np.array(values), limit=np.array(limits), terms=known, whitened=whitened)
-    return judged, replace(watched, memory=memory[..., -1, :], average=np.array(averages))
+    return judged, replace(watched, memory=memory[..., -1, :], average=np.array(averages), age=float(age[-1]))
 
 
 def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched:
@@ -117,7 +120,7 @@ def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched
     ----------
     known, whitened : `terms` and `whitened` of `Judged`
     """
-    return replace(watched, law=learn(watched.law, known, whitened, lag=_lag(watched.watching)))
+    return replace(watched, law=learn(watched.law, known, whitened, lag=_lag(watched.watching), age=watched.age))
 
 
 def _averaged(average: FloatArray, deviation: FloatArray, weight: float) -> FloatArray:
@@ -136,16 +139,15 @@ def _lag(watching: Watching) -> int:
 
 
 def _limits(law: Law, watching: Watching) -> tuple[FloatArray, FloatArray]:
-    """Return the limits of jumps (..., n_tracks), by number of modes seen, and of drifts (..., 2)."""
+    """Return limits of jumps (..., (p + 1) p), by lasting directions and modes seen, and of drifts (..., 2)."""
     p, lead = law.scale.shape[-1], law.freedom.shape
     rounded = _FREEDOMS ** np.floor(np.log(law.freedom) / np.log(_FREEDOMS))
-    pairs = zip(law.rank.ravel().tolist(), rounded.ravel().tolist(), strict=True)
-    table = np.array([_limits_of(p, rank, freedom, watching) for rank, freedom in pairs])
-    table = table.reshape(*lead, p + len(WEIGHTS))
-    return table[..., :p], table[..., p:]
+    table = np.array([_limits_of(p, freedom, watching) for freedom in rounded.ravel().tolist()])
+    table = table.reshape(*lead, -1)
+    return table[..., : -len(WEIGHTS)], table[..., -len(WEIGHTS) :]
 
 
-@lru_cache(maxsize=1024)
-def _limits_of(p: int, rank: int, freedom: float, watching: Watching) -> tuple[float, ...]:
-    jumps = (jump_limit(n, rank, freedom, watching) for n in range(1, p + 1))
+@lru_cache(maxsize=256)
+def _limits_of(p: int, freedom: float, watching: Watching) -> tuple[float, ...]:
+    jumps = (jump_limit(n, lasting, freedom, watching) for lasting in range(p + 1) for n in range(1, p + 1))
     return (*jumps, *(drift_limit(p, freedom, weight, watching) for weight in WEIGHTS))

@@ -24,17 +24,24 @@ import numpy.typing as npt
 from scipy.special import gammaln
 
 from daq import FloatArray
-from monitor.detection.environment import N_TERMS, prior_std
+from monitor.detection.environment import N_TERMS, THERMOMETER_STD, prior_std
 
 BoolArray = npt.NDArray[np.bool_]
 
+CHUNK = 24  #: windows learnt from at once; what their mean moves by is slow
+FEARED_STD = 3e-4  #: of what an environment not yet seen may do to all log frequencies alike, and to each
+_FEARED_WINDOWS = 1440.0  # windows that this fear is worth: ten days of ten minutes
+_YEAR_WINDOWS = 26e3  # half a year of ten minutes: what an unmeasured temperature's seasons are worth
+_FEARED_SECONDS = 6 * 3600.0  # in which that comes
+_LASTING = 0.5  # of the fast variance: a direction that varies more for long makes successive windows alike
 COMMON_STD = 3e-3  # of what an unmeasured temperature does to all log frequencies alike (steel 0.018 %/K)
 _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
 _MOST_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
-_SLOW_WINDOWS = 36.0  # windows that a slow movement lasts: six hours of ten minutes
+_SLOW_WINDOWS = 144.0  # windows that a slow movement lasts: a day of ten minutes
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
-_TAILS = np.array([4.5, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have
+_TAILS = np.array([3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have ...
+_TAILS_PRIOR = np.array([-3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.0, 0.0])  # ... and the logarithm of how likely
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +54,9 @@ class Sums:
     n_difference: FloatArray  #: (...,)
     product: FloatArray  #: (..., n_tracks, n_tracks) residuals' products, summed
     n_product: FloatArray  #: (..., n_tracks, n_tracks)
-    tail: FloatArray  #: (..., 7) log likelihood of each tail
+    of_means: FloatArray  #: (..., n_tracks, n_tracks) products of residuals' means over `CHUNK` windows, summed
+    n_means: FloatArray  #: (...,)
+    tail: FloatArray  #: (..., n_tails) log likelihood of each tail
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,6 +72,7 @@ class Law:
     fast: FloatArray  #: (...,) variance new in every window, whitened
     freedom: FloatArray  #: (...,) degrees of freedom it is known with
     slow: FloatArray  #: (..., n_tracks, n_tracks) covariance that lasts, whitened
+    feared: FloatArray  #: (..., n_tracks, n_tracks) the same of what the baseline was too short to see
     rank: npt.NDArray[np.intp]  #: (...,) of what lasts
     tail: FloatArray  #: (...,) degrees of freedom of a deviation's tail
 
@@ -77,17 +87,43 @@ class Law:
 
     def residual(self, terms: FloatArray, whitened: FloatArray) -> FloatArray:
         """Return what the law does not predict (..., n_windows, n_tracks)."""
-        return whitened - terms @ self.coefficient
+        return whitened - terms[..., 0, :] @ self.coefficient
 
-    def lasting(self, terms: FloatArray) -> FloatArray:
-        """Return the covariance (..., n_windows, n_tracks, n_tracks) of what averaging does not make less."""
-        both = (terms[..., None, :, :] @ self.unknown * terms[..., None, :, :]).sum(-1)
+    def lasting(self, terms: FloatArray, age: FloatArray | None = None) -> FloatArray:
+        """Return the covariance (..., n_windows, n_tracks, n_tracks) of what averaging does not make less.
+
+        Parameters
+        ----------
+        terms : (..., n_windows, 2, q)
+        age : (n_windows,) since the baseline [s], from which on what is feared may have come; None: long ago
+        """
+        unknown = self.unsure(terms)
         along = self.common[..., :, None] * self.common[..., None, :]
         across = np.eye(self.scale.shape[-1]) - along
         spread = (
-            both[..., 0, :, None, None] * along[..., None, :, :] + both[..., 1, :, None, None] * across[..., None, :, :]
+            unknown[..., 0, None, None] * along[..., None, :, :] + unknown[..., 1, None, None] * across[..., None, :, :]
         )
-        return np.asarray(spread + self.slow[..., None, :, :])
+        kelvin = self.kelvin(terms)
+        come = 2 * (np.ones(1) if age is None else -np.expm1(-age / _FEARED_SECONDS))  # two moments' difference
+        slow = self.slow[..., None, :, :] + come[:, None, None] * self.feared[..., None, :, :]
+        return np.asarray(spread + slow + kelvin[..., :, None] * kelvin[..., None, :])
+
+    def unsure(self, terms: FloatArray) -> FloatArray:
+        """Return the law's own variance (..., n_windows, 2) along the common direction and across it."""
+        value = terms[..., None, :, 0, :]
+        return np.moveaxis((value @ self.unknown * value).sum(-1), -2, -1)
+
+    def kelvin(self, terms: FloatArray) -> FloatArray:
+        """Return what a thermometer that is off by its deviation makes of each mode (..., n_windows, n_tracks)."""
+        return np.asarray(THERMOMETER_STD * (terms[..., 1, :] @ self.coefficient))
+
+    def lasting_directions(self, terms: FloatArray) -> npt.NDArray[np.intp]:
+        """Return in how many directions (..., n_windows) successive windows differ from the law alike."""
+        least = _LASTING * self.fast[..., None]
+        unknown = self.unsure(terms)
+        some = self.rank[..., None] + ((self.kelvin(terms) ** 2).sum(-1) > least) + (unknown[..., 0] > least)
+        p = self.scale.shape[-1]
+        return np.asarray(np.where(unknown[..., 1] > least, p, np.minimum(some, p)), dtype=np.intp)
 
 
 def common_direction(scale: FloatArray) -> FloatArray:
@@ -95,15 +131,18 @@ def common_direction(scale: FloatArray) -> FloatArray:
     return np.asarray((1 / scale) / np.linalg.norm(1 / scale, axis=-1, keepdims=True))
 
 
-def first_law(log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, measured: BoolArray, lag: int) -> Law:
+def first_law(
+    log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, measured: BoolArray, lag: int, age: float
+) -> Law:
     """Learn from baseline windows, values far from the others' left out.
 
     Parameters
     ----------
     log_frequency, std : (..., n_windows, n_tracks), NaN where a window lacks a mode
-    terms : (..., n_windows, q) from `environment.terms`
+    terms : (..., n_windows, 2, q) from `environment.terms`
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
+    age : seconds that the windows last together
     """
     centre = np.nanmedian(log_frequency, axis=-2)
     scale = np.sqrt(np.nanmedian(std**2, axis=-2))
@@ -111,24 +150,28 @@ def first_law(log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, 
     usual = 1.4826 * np.nanmedian(np.abs(whitened), axis=(-2, -1))
     cleaned = np.where(np.abs(whitened) > _WILD * usual[..., None, None], np.nan, whitened)
     blank = _blank(centre, scale, measured)
-    law = learn(blank, terms, cleaned, lag=lag)
+    law = learn(blank, terms, cleaned, lag=lag, age=age)
     for _ in range(2):  # what was rejected about the median is judged again about the law
         cleaned = np.where(_wild(law, terms, whitened), np.nan, whitened)
-        law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag)
+        law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag, age=age)
     return law
 
 
-def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int) -> Law:
-    """Return the law after more windows, whitened by it; a window of NaN teaches nothing."""
+def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: float) -> Law:
+    """Return the law after more windows, whitened by it; a window of NaN teaches nothing.
+
+    The longer ago watching began (`age` [s]), the more of what is feared may be in them.
+    """
     kept = np.where(_wild(law, terms, whitened), np.nan, whitened)
     seen = np.isfinite(kept)
     share = seen.mean(-1)
     filled = _filled(law, terms, kept)
-    weights = share[..., None, :] / _noise(law)[..., :, None]
+    weights = share[..., None, :] / _noise(law, age)[..., :, None]
     along = law.common[..., None, :] * (filled @ law.common[..., :, None])
     weighted = weights[..., 0, :, None] * along + weights[..., 1, :, None] * (filled - along)
-    new_information = np.swapaxes(terms[..., None, :, :] * weights[..., None], -1, -2) @ terms[..., None, :, :]
-    moment = np.swapaxes(terms, -1, -2) @ weighted
+    value = terms[..., 0, :]
+    new_information = np.swapaxes(value[..., None, :, :] * weights[..., None], -1, -2) @ value[..., None, :, :]
+    moment = np.swapaxes(value, -1, -2) @ weighted
     solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
     scattered = _scattered(solved, solved.residual(terms, kept), lag)
     return _tail(scattered, terms, scattered.residual(terms, whitened))
@@ -145,7 +188,9 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray) -> Law:
         n_difference=np.zeros(lead),
         product=np.zeros((*lead, p, p)),
         n_product=np.zeros((*lead, p, p)),
-        tail=np.zeros((*lead, len(_TAILS))),
+        of_means=np.zeros((*lead, p, p)),
+        n_means=np.zeros(lead),
+        tail=np.broadcast_to(_TAILS_PRIOR, (*lead, len(_TAILS))),
     )
     return Law(
         centre=centre,
@@ -157,13 +202,16 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray) -> Law:
         fast=np.ones(lead),
         freedom=np.full(lead, _STATED_WORTH),
         slow=np.zeros((*lead, p, p)),
+        feared=np.zeros((*lead, p, p)),
         rank=np.zeros(lead, dtype=np.intp),
-        tail=np.full(lead, _TAILS[3]),
+        tail=np.full(lead, 8.0),
     )
 
 
 def _with_scatter(blank: Law, law: Law) -> Law:
-    return replace(blank, fast=law.fast, freedom=law.freedom, slow=law.slow, rank=law.rank, tail=law.tail)
+    return replace(
+        blank, fast=law.fast, freedom=law.freedom, slow=law.slow, feared=law.feared, rank=law.rank, tail=law.tail
+    )
 
 
 def _wild(law: Law, terms: FloatArray, whitened: FloatArray) -> BoolArray:
@@ -177,17 +225,18 @@ def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
     seen = np.isfinite(residual)
     along = law.common[..., None, :]
     together = np.where(seen, residual * along, 0.0).sum(-1) / np.maximum((seen * along**2).sum(-1), 1e-12)
-    return np.where(seen, whitened, terms @ law.coefficient + together[..., None] * along)
+    return np.where(seen, whitened, terms[..., 0, :] @ law.coefficient + together[..., None] * along)
 
 
-def _noise(law: Law) -> FloatArray:
+def _noise(law: Law, age: float) -> FloatArray:
     """Return the variance (..., 2) with which one window tells of the common and of the own part.
 
     A slow movement stays for many windows, so that together they tell no more of it than one.
     """
     p = law.scale.shape[-1]
-    along = np.einsum("...i,...ij,...j->...", law.common, law.slow, law.common)
-    across = (np.trace(law.slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
+    slow = law.slow - np.expm1(-age / _FEARED_SECONDS) * law.feared
+    along = np.einsum("...i,...ij,...j->...", law.common, slow, law.common)
+    across = (np.trace(slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
     return law.fast[..., None] + _SLOW_WINDOWS * np.stack([along, np.maximum(across, 0.0)], axis=-1)
 
 
@@ -207,6 +256,7 @@ def _scattered(law: Law, residual: FloatArray, lag: int) -> Law:
     """Return the law with its scatter learnt from the residuals too."""
     seen = np.isfinite(residual)
     there = np.where(seen, residual, 0.0)
+    means = _means(residual)
     half = 0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2
     sums = replace(
         law.sums,
@@ -214,38 +264,68 @@ def _scattered(law: Law, residual: FloatArray, lag: int) -> Law:
         n_difference=law.sums.n_difference + np.isfinite(half).sum((-2, -1)),
         product=law.sums.product + np.swapaxes(there, -1, -2) @ there,
         n_product=law.sums.n_product + np.swapaxes(seen, -1, -2).astype(float) @ seen.astype(float),
+        of_means=law.sums.of_means + np.swapaxes(means, -1, -2) @ means,
+        n_means=law.sums.n_means + means.any(-1).sum(-1),
     )
     worth = _EFFICIENCY * sums.n_difference
     fast = (_STATED_WORTH + _EFFICIENCY * sums.difference) / (_STATED_WORTH + worth)
-    slow, rank = _dominant(sums, fast)
-    if not law.measured.all():
-        size = np.where(law.measured, 0.0, ((COMMON_STD / law.scale) ** 2).sum(-1))
-        slow = slow + size[..., None, None] * law.common[..., :, None] * law.common[..., None, :]
-        rank = np.minimum(rank + ~law.measured, law.scale.shape[-1])
+    slow, feared = _slow(law, sums, fast)
+    rank = (np.linalg.eigvalsh(slow + feared) > _LASTING * fast[..., None]).sum(-1)
     freedom = np.minimum(_STATED_WORTH + worth, _MOST_FREEDOM)
-    return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, rank=rank)
+    return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, feared=feared, rank=rank)
 
 
-def _dominant(sums: Sums, fast: FloatArray) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-    """Return the covariance of the directions that vary more than chance makes any vary, and their number.
+def _means(residual: FloatArray) -> FloatArray:
+    """Return means (..., n_chunks, n_tracks) over `CHUNK` windows, zero where a mode was hardly there."""
+    n = residual.shape[-2] // CHUNK
+    pieces = residual[..., : n * CHUNK, :].reshape(*residual.shape[:-2], n, CHUNK, residual.shape[-1])
+    seen = np.isfinite(pieces).sum(-2)
+    return np.where(seen > CHUNK // 3, np.where(np.isfinite(pieces), pieces, 0.0).sum(-2) / np.maximum(seen, 1), 0.0)
+
+
+def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the covariances of what lasts: seen in means over hours and in windows beside that; and feared.
+
+    What the environment may do that the baseline was too short to see is feared, the less the more was seen.
+    """
+    n = np.mean(sums.n_product, axis=(-2, -1))
+    hours = _dominant(sums.of_means / np.maximum(sums.n_means, 1)[..., None, None], sums.n_means, fast / CHUNK)
+    windows = _dominant(sums.product / np.maximum(sums.n_product - 1, 1) - hours, n, fast)
+    share = _FEARED_WINDOWS / (_FEARED_WINDOWS + n)
+    unmeasured = np.where(law.measured, 0.0, _YEAR_WINDOWS / (_YEAR_WINDOWS + n))
+    feared = _alike(law, share, FEARED_STD, FEARED_STD) + _alike(law, unmeasured, COMMON_STD, COMMON_STD / 3)
+    return (1 - share)[..., None, None] * (hours + windows), feared
+
+
+def _alike(law: Law, share: FloatArray, common_std: float, own_std: float) -> FloatArray:
+    """Return the covariance of a relative change of all frequencies alike, and of each beside, times a share."""
+    inverse = 1 / law.scale
+    own = own_std**2 * inverse[..., None] ** 2 * np.eye(inverse.shape[-1])
+    return np.asarray(share[..., None, None] * (common_std**2 * inverse[..., :, None] * inverse[..., None, :] + own))
+
+
+def _dominant(covariance: FloatArray, n: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the covariance of the directions that vary more than chance makes any vary.
 
     Few windows of a slow movement show it a few times only; its variance is taken larger by what that leaves open.
+
+    Parameters
+    ----------
+    covariance : (..., n_tracks, n_tracks) of n values
+    noise : (...,) variance that each direction has by chance
 
     References
     ----------
     Johnstone, I. M. (2001). On the distribution of the largest eigenvalue in principal components analysis. Annals of
     Statistics 29, 295-327: mean and deviation of the largest eigenvalue of noise; 2.02 is its 99 % quantile.
     """
-    p = sums.product.shape[-1]
-    covariance = sums.product / np.maximum(sums.n_product - 1, 1)
-    n = np.maximum(np.mean(sums.n_product, axis=(-2, -1)), 3.0)
-    value, vector = np.linalg.eigh(covariance / fast[..., None, None])
+    n, p = np.maximum(n, 3.0), covariance.shape[-1]
+    value, vector = np.linalg.eigh(covariance / noise[..., None, None])
     root = np.sqrt(n - 1) + np.sqrt(p)
     chance = (root**2 + 2.02 * root * (1 / np.sqrt(n - 1) + 1 / np.sqrt(p)) ** (1 / 3)) / n
     kept = value > chance[..., None]
-    open_factor = np.minimum(1 + 2 * _SLOW_WINDOWS / n, 3.0)
-    excess = np.where(kept, value - 1, 0.0) * (fast * open_factor)[..., None]
-    return (vector * excess[..., None, :]) @ np.swapaxes(vector, -1, -2), kept.sum(-1)
+    excess = np.where(kept, value - 1, 0.0) * noise[..., None]
+    return np.asarray((vector * excess[..., None, :]) @ np.swapaxes(vector, -1, -2))
 
 
 def _tail(law: Law, terms: FloatArray, residual: FloatArray) -> Law:

@@ -11,7 +11,6 @@ Lowry, C. A., Woodall, W. H., Champ, C. W., Rigdon, S. E. (1992). A multivariate
 control chart. Technometrics 34, 46-53.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -66,25 +65,23 @@ def jump_limit(n: int, lasting: int, freedom: float, watching: Watching) -> floa
     freedom : degrees of freedom of the variance
     watching : rate, overlap, hold
     """
-    return _limit(
-        lambda h: _run_rate(n, min(lasting, n), watching.overlap, watching.hold, h), n, freedom, watching.rate
-    )
+    return _limit(_run_rate(n, min(lasting, n), watching.overlap, watching.hold), n, freedom, watching.rate)
 
 
 @lru_cache(maxsize=4096)
 def drift_limit(n: int, freedom: float, weight: float, watching: Watching) -> float:
     """Return the limit of an EWMA's squared distance over its number of modes."""
     correlation = averaged(weight, watching.overlap)[1]
-    return _limit(lambda h: _crossing_rate(n, correlation, h), n, freedom, watching.rate)
+    return _limit(_crossing_rate(n, correlation), n, freedom, watching.rate)
 
 
-def _limit(rate: Callable[[FloatArray], FloatArray], n: int, freedom: float, wanted: float) -> float:
-    """Return the distance over n at which the rate, averaged over the variance's posterior, is the wanted one."""
-    known = np.log(np.maximum(rate(_DISTANCES), 1e-280))
-    node, weight = np.polynomial.legendre.leggauss(60)
-    normal = 7.0 * node
-    variance = freedom / chi2.ppf(ndtr(normal), freedom) if freedom < 1e4 else np.ones(len(node))
-    share = 7.0 * weight * norm.pdf(normal)
+def _limit(rate: FloatArray, n: int, freedom: float, wanted: float) -> float:
+    """Return the distance over n at which the rate, averaged over the variance's posterior, is the wanted one.
+
+    `rate` is that of a known variance at `_DISTANCES`; beyond, its logarithm goes on straight.
+    """
+    known = np.log(np.maximum(rate, 1e-280))
+    variance, share = _variances(freedom)
     tried = np.geomspace(0.5 * n, 60.0 * n, 300)
     there = tried[:, None] / variance
     slope = (known[-1] - known[-21]) / (_DISTANCES[-1] - _DISTANCES[-21])
@@ -94,40 +91,59 @@ def _limit(rate: Callable[[FloatArray], FloatArray], n: int, freedom: float, wan
     return float(np.interp(-np.log(wanted), -np.log(mean), tried) / n)
 
 
-def _run_rate(n: int, lasting: int, overlap: float, hold: int, limits: FloatArray) -> FloatArray:
-    """Return how often a run of `hold` windows over each limit begins; `lasting` of the n directions never change."""
+@lru_cache(maxsize=64)
+def _variances(freedom: float) -> tuple[FloatArray, FloatArray]:
+    """Return nodes of the variance's posterior, over its estimate, and their weights."""
+    node, weight = np.polynomial.legendre.leggauss(60)
+    normal = 7.0 * node
+    variance = freedom / chi2.ppf(ndtr(normal), freedom) if freedom < 1e4 else np.ones(len(node))
+    return variance, 7.0 * weight * norm.pdf(normal)
+
+
+@lru_cache(maxsize=1024)
+def _run_rate(n: int, lasting: int, overlap: float, hold: int) -> FloatArray:
+    """Return how often a run of `hold` windows over each distance begins; `lasting` of n directions never change."""
     free = n - lasting
-    alone = chi2.sf(limits, n)
+    alone = chi2.sf(_DISTANCES, n)
     if hold == 1 or free == 0:
         return np.asarray(alone)
-    single = np.where(limits > 0, chi2.sf(limits, free), 1.0)
-    pair = _pair(free, overlapping(overlap, 1), limits)
+    single = chi2.sf(_DISTANCES, free)
+    pair = _pair(free, overlapping(overlap, 1))
     run = pair * (pair / single) ** (hold - 2)
     if not lasting:
         return np.asarray(run)
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
-    root = np.sqrt(limits)[:, None] * (node + 1) / 2  # q = root^2 takes the density's pole at zero away
-    density = chi2.pdf(root**2, lasting) * 2 * root * np.sqrt(limits)[:, None] / 2
-    left = np.interp(limits[:, None] - root**2, np.append(0.0, limits), np.append(0.0, np.log(run)))
-    return np.asarray((density * np.exp(left)) @ weight + chi2.sf(limits, lasting))
+    root, density = _distances_under(lasting)
+    left = np.interp(_DISTANCES[:, None] - root**2, np.append(0.0, _DISTANCES), np.append(0.0, np.log(run)))
+    return np.asarray((density * np.exp(left)).sum(-1) + chi2.sf(_DISTANCES, lasting))
 
 
-def _pair(n: int, correlation: float, limits: FloatArray) -> FloatArray:
-    """Return the chance that two successive distances are over each limit."""
-    alone = chi2.sf(limits, n)
+def _pair(n: int, correlation: float) -> FloatArray:
+    """Return the chance that two successive distances are over each of `_DISTANCES`."""
+    alone = chi2.sf(_DISTANCES, n)
     if correlation == 0:
         return np.asarray(alone**2)
-    return np.maximum(alone - _crossing_rate(n, correlation, limits), 1e-300)
+    return np.asarray(np.maximum(alone - _crossing_rate(n, correlation), 1e-300))
 
 
-def _crossing_rate(n: int, correlation: float, limits: FloatArray) -> FloatArray:
-    """Return the chance that a distance is under each limit and the next one over it.
+@lru_cache(maxsize=256)
+def _crossing_rate(n: int, correlation: float) -> FloatArray:
+    """Return the chance that a distance is under each of `_DISTANCES` and the next one over it.
 
     The vector is Gaussian and its next value, given the present one, too: the next distance is non-central chi-square.
     """
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
     left = 1 - correlation**2
-    root = np.sqrt(limits)[:, None] * (node + 1) / 2
-    density = chi2.pdf(root**2, n) * 2 * root * np.sqrt(limits)[:, None] / 2
-    over = ncx2.sf(limits[:, None] / left, n, correlation**2 * root**2 / left)
-    return np.asarray((density * over) @ weight)
+    root, density = _distances_under(n)
+    over = ncx2.sf(_DISTANCES[:, None] / left, n, correlation**2 * root**2 / left)
+    return np.asarray((density * over).sum(-1))
+
+
+@lru_cache(maxsize=64)
+def _distances_under(n: int) -> tuple[FloatArray, FloatArray]:
+    """Return roots of distances under each of `_DISTANCES`, and their chi-square density times the weight.
+
+    The root takes the density's pole at zero away.
+    """
+    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    half = np.sqrt(_DISTANCES)[:, None] / 2
+    root = half * (node + 1)
+    return root, np.asarray(chi2.pdf(root**2, n) * 2 * root * half * weight)

@@ -1,16 +1,16 @@
 """Detectors hold their rate, find what is small and stays, and are not fooled by temperature or wild values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import poisson
 
 from daq import FloatArray
-from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watched, Watching, accept, judge, start
+from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
 
 P, STD, STEP = 8, 5e-4, 600.0
 DAY = 144  # windows
-PER_WINDOW = 2e-4  # false alarms of each detector: some hundred a run
-WATCHING = Watching(rate=PER_WINDOW, overlap=0.0, hold=2)
 YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
@@ -29,50 +29,63 @@ def count(judged: list[Judged]) -> FloatArray:
     return np.array([jumps, *((over[i][:, 1:] & ~over[i][:, :-1]).sum() for i in (1, 2))])
 
 
-@pytest.mark.parametrize("n_baseline", [12, DAY])
-@pytest.mark.parametrize("factor", [0.7, 1.6])
-def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(n_baseline: int, factor: float) -> None:
-    """Gaussian windows whose real deviation is `factor` times the stated; upper Poisson bound at 1e-4."""
-    random, n_sites, n_chunks = np.random.default_rng(3), 150, 25
+@pytest.mark.parametrize(
+    ("factor", "n_baseline", "n_sites", "rate", "fear"), [(0.7, 12, 60, 4e-4, True), (1.6, DAY, 60, 2e-3, False)]
+)
+def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
+    factor: float, n_baseline: int, n_sites: int, rate: float, fear: bool
+) -> None:
+    """Gaussian windows whose real deviation is `factor` times the stated; Poisson bounds at 1e-4.
+
+    Where an environment not seen is feared, and does not come, there is an upper bound only. With a true mean, no
+    fear and no heavy tails the stated rate must come: not less than half of it, as a table of limits is rounded down
+    in degrees of freedom and pairs in longer runs are counted once more.
+    """
+    random, n_chunks = np.random.default_rng(3), 15
 
     def windows(n: int) -> FloatArray:
         return factor * STD * random.standard_normal((n_sites, n, P))
 
     warm = np.full((n_sites, n_baseline), 20.0)
-    watched = started(windows(n_baseline), warm, WATCHING)
+    watched = started(windows(n_baseline), warm, Watching(rate=rate, overlap=0.0, hold=2))
+    if not fear:
+        law, none = watched.law, np.zeros_like(watched.law.slow)
+        law = replace(law, slow=none, feared=none, unknown=law.unknown * 0, rank=law.rank * 0, tail=law.tail * 0 + 100)
+        law = replace(law, centre=law.centre * 0, coefficient=law.coefficient * 0)  # the true mean
+        watched = replace(watched, law=law)
     judged: list[Judged] = []
     for _ in range(n_chunks):
-        judged.append((found := judge(watched, windows(CHUNK), warm[:, :1].repeat(CHUNK, 1), seconds(CHUNK)))[0])
+        judged.append((found := judge(watched, windows(CHUNK), np.full((n_sites, CHUNK), 20.0), seconds(CHUNK)))[0])
         watched = found[1]
-        if len(judged) > GUARD // CHUNK:
-            old = judged[-1 - GUARD // CHUNK]
-            watched = accept(watched, old.terms, old.whitened)
-    expected = PER_WINDOW * n_sites * n_chunks * CHUNK
+    expected = rate * n_sites * n_chunks * CHUNK
     print(f"seed 3, {count(judged)} false alarms where {expected:.0f} are stated")
     assert np.all(count(judged) <= poisson.ppf(1 - 1e-4, expected))
-    assert count(judged)[0] >= 0.4 * expected  # and is not deaf: scores of short baselines give away half at most
+    if not fear:
+        assert count(judged)[0] >= poisson.ppf(1e-4, 0.5 * expected)
+        assert count(judged)[1] >= poisson.ppf(1e-4, 0.5 * expected)
 
 
-def test_a_shift_of_one_deviation_that_stays_is_found_within_a_quarter_of_a_day() -> None:
-    """All modes by their own deviation, which no single window shows.
+def test_a_shift_of_a_deviation_and_a_half_that_stays_is_found_within_a_quarter_of_a_day() -> None:
+    """Modes to and fro, as no temperature does, by what no single window shows.
 
-    The quick average of eight modes has T2/p = 9 once settled (variance 1/9 of a window's) against a limit of 5, and
-    is half way there in three windows; a quarter of a day is 36.
+    Settled, the quick average of such modes has T2/p = 20 by itself (variance 1/9 of a window's) and 3 where the
+    environment's feared 3e-4 is allowed for wholly, which six hours do to two thirds: the jump or an average shows it.
     """
     random = np.random.default_rng(5)
-    warm = np.full(DAY, 20.0)
-    watched = started(STD * random.standard_normal((DAY, P)), warm)
-    shifted = STD * (1 + random.standard_normal((36, P)))
+    warm = np.full(14 * DAY, 20.0)
+    watched = started(STD * random.standard_normal((len(warm), P)), warm)
+    shifted = STD * (1.5 * (-1.0) ** np.arange(P) + random.standard_normal((36, P)))
     judged, _ = judge(watched, shifted, warm[:36], seconds(36))
-    assert judged.value[1, -1] > judged.limit[1, -1]
-    calm, _ = judge(watched, shifted - STD, warm[:36], seconds(36))
+    assert (judged.value[1] > judged.limit[1])[-6:].any()
+    calm, _ = judge(watched, STD * random.standard_normal((36, P)), warm[:36], seconds(36))
     assert not calm.over.any()
 
 
 def test_temperature_is_taken_out_where_seen_and_allowed_for_where_not() -> None:
-    """-2e-4 per kelvin (steel, the modulus): 5 K seen in a day, then 30 K colder, which must not be an alarm."""
+    """-2e-4 per kelvin (steel, the modulus): 5 K seen for days, then 30 K colder, which must not be an alarm."""
     random = np.random.default_rng(6)
-    temperature = 15 + 5 * np.sin(2 * np.pi * np.arange(3 * DAY) / DAY)
+    sign = (-1.0) ** np.arange(P)  # of a change that no temperature makes
+    temperature = 15 + 5 * np.sin(2 * np.pi * np.arange(7 * DAY) / DAY)
 
     def windows(celsius: FloatArray) -> FloatArray:
         return -2e-4 * celsius[:, None] + STD * random.standard_normal((len(celsius), P))
@@ -80,16 +93,17 @@ def test_temperature_is_taken_out_where_seen_and_allowed_for_where_not() -> None
     watched = started(windows(temperature), temperature)
     next_day, watched = judge(watched, windows(temperature[:DAY]), temperature[:DAY], seconds(DAY))
     assert not next_day.over.any()
-    changed, _ = judge(watched, windows(temperature[:12]) - 4 * STD, temperature[:12], seconds(12))
+    changed, _ = judge(watched, windows(temperature[:12]) + 6 * STD * sign, temperature[:12], seconds(12))
     assert changed.over.all()
-    fall = np.linspace(15, -15, 2 * DAY)
+    fall = np.append(np.linspace(15, -15, 2 * DAY), np.full(DAY, -15.0))
     cold, watched = judge(watched, windows(fall), fall, seconds(len(fall)))
     assert not cold.over.any()
-    ratio = cold.value[0, -1] / cold.limit[0, -1]
+    size = np.diagonal(watched.law.lasting(cold.terms), axis1=-2, axis2=-1).mean(-1)
     known = accept(watched, cold.terms, cold.whitened)
-    again, _ = judge(known, windows(np.full(36, -15.0)) - 4 * STD, np.full(36, -15.0), seconds(36))
-    print(f"seed 6, unchanged at -15 degC: {ratio:.2f} of the limit")
-    assert again.over[6:].all()  # once the cold has been seen, changes show in it too
+    after = np.diagonal(known.law.lasting(cold.terms), axis1=-2, axis2=-1).mean(-1)
+    print(f"seed 6, variance allowed for: warm {size[0]:.1f}, first cold {size[-1]:.1f}, once learnt {after[-1]:.1f}")
+    assert size[-1] > 100 * size[0]
+    assert after[-1] < 0.01 * size[-1]
 
 
 def test_without_thermometers_what_all_modes_do_alike_is_no_alarm_but_what_one_does_is() -> None:
@@ -99,8 +113,8 @@ def test_without_thermometers_what_all_modes_do_alike_is_no_alarm_but_what_one_d
     noise = STD * random.standard_normal((36, P))
     alike, _ = judge(watched, noise + 3e-3, unknown[:36], seconds(36))
     assert not alike.over.any()
-    own, _ = judge(watched, noise + 3e-3 * np.eye(P)[2], unknown[:36], seconds(36))
-    assert own.over.mean() > 0.9  # six deviations of one mode of eight
+    own, _ = judge(watched, noise + 1e-2 * (-1.0) ** np.arange(P), unknown[:36], seconds(36))
+    assert own.over.mean() > 0.9  # ten times what temperature does to each mode beside the others
 
 
 def test_wild_values_and_missing_modes_neither_spoil_the_baseline_nor_alarm() -> None:

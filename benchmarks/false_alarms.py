@@ -1,0 +1,218 @@
+"""False alarms over simulated years, and how late masses are found: the tables of docs/detection.md.
+
+Sites live through weather that the detectors' own model does not have: the structure follows the air by two inertias
+and is heated by a sun that no thermometer sees, it stiffens smoothly where it freezes, something slow (moisture, load)
+moves every mode in its own way, and identification has heavy tails, wild values and missing modes.
+
+    python benchmarks/false_alarms.py [SITES [DAYS]]
+"""
+
+import sys
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import chi2
+
+from daq import FloatArray
+from monitor.alarms import Alarm, AlarmRules
+from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watched, Watching, accept, judge, start
+
+P, STEP, DAY = 8, 600.0, 144
+YEAR = 52596  # windows
+RULES = AlarmRules(hold_windows=2, clear_windows=2, clear_ratio=0.8, cooldown=3600 * 10**9)
+WATCHING = Watching(rate=1 / YEAR / len(DETECTORS), overlap=0.0, hold=2)
+MASSES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # of the structure's
+LOOK = 14  # days that a mass is looked for
+REAL = 1.3  # real over stated deviation of identification
+
+
+@dataclass
+class Weather:
+    """Sites as their sensors see them; every call goes on in time."""
+
+    random: np.random.Generator
+    n: int  #: sites
+    window: int = 0
+    state: dict[str, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Draw the sites."""
+        draw, n = self.random, self.n
+        self.season = draw.uniform(0, 1, n)  # when watching begins
+        self.swing = draw.uniform(8, 14, n)  # K, half the seasons' difference
+        self.mean = draw.uniform(6, 14, n)  # degC
+        self.stated = draw.uniform(3e-4, 1e-3, (n, P))
+        self.slope = -2e-4 * (1 + 0.2 * draw.standard_normal((n, P)))
+        self.ice = draw.choice([0.0, 5e-4, 1.5e-3], n)[:, None] * (1 + 0.3 * draw.standard_normal((n, P)))
+        self.moisture = 1.5e-4 * draw.standard_normal((n, P))
+        self.absent = draw.uniform(0, 0.15, (n, P))
+        self.inertia = draw.uniform(1, 10, n)  # h
+        self.state = {name: np.zeros(n) for name in ("front", "cloud", "wet", "heat")} | {"core": self._air(0.0)}
+
+    def _air(self, front: FloatArray | float) -> FloatArray:
+        time_ = self.season + self.window / YEAR
+        summer = np.sin(2 * np.pi * time_)
+        daily = (5 + 3 * summer) * np.sin(2 * np.pi * (self.window / DAY + 0.6))
+        return np.asarray(self.mean + self.swing * summer + daily + front)
+
+    def _follow(self, name: str, towards: FloatArray | float, hours: FloatArray | float) -> FloatArray:
+        share = -np.expm1(-STEP / 3600 / np.asarray(hours))
+        self.state[name] = self.state[name] + share * (towards - self.state[name])
+        return self.state[name]
+
+    def _wander(self, name: str, std: float, hours: float) -> FloatArray:
+        kept = np.exp(-STEP / 3600 / hours)
+        noise = std * np.sqrt(1 - kept**2) * self.random.standard_normal(self.n)
+        self.state[name] = kept * self.state[name] + noise
+        return self.state[name]
+
+    def next(self, n_windows: int) -> tuple[FloatArray, FloatArray]:
+        """Return log frequencies (n, n_windows, P), NaN where missing, and thermometers' readings (n, n_windows)."""
+        log_frequency = np.empty((self.n, n_windows, P))
+        read = np.empty((self.n, n_windows))
+        for k in range(n_windows):
+            air = self._air(self._wander("front", 4.0, 60.0))
+            day = np.maximum(np.sin(2 * np.pi * (self.window / DAY + 0.72)), 0.0)
+            heat = self._follow("heat", 4 * day * np.clip(1 + self._wander("cloud", 1.0, 20.0), 0, 2), 2.0)
+            core = self._follow("core", air + heat, self.inertia)
+            inside = 0.7 * core + 0.3 * (air + heat)
+            frozen = np.logaddexp(0.0, -inside / 1.5) * 1.5  # K below freezing, with a soft knee
+            wet = self._wander("wet", 1.0, 120.0)
+            log_frequency[:, k] = (
+                self.slope * inside[:, None] + self.ice * frozen[:, None] + self.moisture * wet[:, None]
+            )
+            read[:, k] = air
+            self.window += 1
+        error = self.random.standard_t(5, log_frequency.shape) * np.sqrt(3 / 5)
+        error *= np.where(self.random.random(error.shape) < 2e-3, 8.0, 1.0)
+        log_frequency += REAL * self.stated[:, None, :] * error
+        missing = self.random.random(error.shape) < self.absent[:, None, :]
+        missing |= self.random.random((self.n, n_windows, 1)) < 5e-3
+        log_frequency[missing] = np.nan
+        return log_frequency, read + 0.2 * self.random.standard_normal(read.shape)
+
+
+@dataclass
+class Sites:
+    """Many sites watched at once, with the alarm that `modalwatch run` has."""
+
+    weather: Weather
+    n_baseline: int
+    thermometers: bool
+
+    def __post_init__(self) -> None:
+        """Learn."""
+        y, read = self._next(self.n_baseline)
+        std = np.where(np.isfinite(y), self.weather.stated[:, None, :], np.nan)
+        self.watched: Watched = start(y, std, read, np.full(self.n_baseline, STEP), WATCHING)
+        self.alarms = [Alarm(rules=RULES) for _ in range(self.weather.n)]
+        self.waiting: list[tuple[FloatArray, FloatArray]] = []
+        self.raised: list[tuple[int, int, str]] = []  # site, window, detector
+        self.in_alarm = 0
+
+    def _next(self, n: int) -> tuple[FloatArray, FloatArray]:
+        y, read = self.weather.next(n)
+        return y, read if self.thermometers else np.full_like(read, np.nan)
+
+    def watch(self, shift: FloatArray | None = None) -> None:
+        """Judge one chunk of windows, the log frequencies changed by `shift` (n, P)."""
+        y, read = self._next(CHUNK)
+        y = y if shift is None else y + shift[:, None, :]
+        judged, self.watched = judge(self.watched, y, read, np.full(CHUNK, STEP))
+        calm = self._alarm(judged)
+        for _, whitened in self.waiting:
+            whitened[~calm] = np.nan
+        self.waiting.append((judged.terms, np.where(calm[:, None, None], judged.whitened, np.nan)))
+        if len(self.waiting) > GUARD // CHUNK:
+            self.watched = accept(self.watched, *self.waiting.pop(0))
+
+    def _alarm(self, judged: Judged) -> np.ndarray:
+        ratio = judged.value / judged.limit
+        level, first = ratio.max(0), ratio.argmax(0)
+        busy = (level > 1).any(1) | np.array([a.condition != "normal" or a.run > 0 for a in self.alarms])
+        calm = np.ones(len(self.alarms), dtype=bool)
+        for site in np.flatnonzero(busy):
+            for k in range(CHUNK):
+                window = self.weather.window - CHUNK + k
+                self.alarms[site], changes = self.alarms[site].consider(int(window * STEP * 1e9), float(level[site, k]))
+                for change in changes:
+                    if change.state == "alarm" and change.kind == "state":
+                        self.raised.append((int(site), window, DETECTORS[first[site, k]]))
+                self.in_alarm += self.alarms[site].state == "alarm"
+                calm[site] &= self.alarms[site].state == "normal"
+        return calm
+
+
+def false_alarms(n_sites: int, days: int, n_baseline: int, *, thermometers: bool, seed: int) -> None:
+    """Print a line of the first table."""
+    began = time.process_time()
+    sites = Sites(Weather(np.random.default_rng(seed), n_sites), n_baseline, thermometers)
+    for _ in range(days * DAY // CHUNK):
+        sites.watch()
+    years, n = n_sites * days / 365.25, len(sites.raised)
+    low, high = chi2.ppf(0.025, 2 * n) / 2 if n else 0.0, chi2.ppf(0.975, 2 * n + 2) / 2
+    by = ", ".join(f"{sum(r[2] == d for r in sites.raised)}" for d in DETECTORS)
+    share = sites.in_alarm / (n_sites * days * DAY)
+    print(
+        f"| {n_baseline} | {'yes' if thermometers else 'no'} | {years:.0f} | {n} ({by}) | {n / years:.2f} "
+        f"| {low / years:.2f} to {high / years:.2f} | {100 * share:.2f} % | {time.process_time() - began:.0f} s |",
+        flush=True,
+    )
+
+
+def delays(n_sites: int, n_baseline: int, *, settled_days: int, thermometers: bool, seed: int) -> None:
+    """Print the second table: median delay until the alarm, beside a test that knows everything but the time."""
+    random = np.random.default_rng(seed)
+    place = random.uniform(0.05, 0.95, n_sites)
+    part = 2 * np.sin(np.pi * np.arange(1, P + 1) * place[:, None]) ** 2  # of a mass in each mode of a beam
+    for mass in MASSES:
+        sites = Sites(Weather(np.random.default_rng((seed, 1)), n_sites), n_baseline, thermometers)
+        for _ in range(settled_days * DAY // CHUNK):
+            sites.watch()
+        began, shift = sites.weather.window, -0.5 * mass * part
+        standing = np.array([a.state == "alarm" for a in sites.alarms])
+        sites.raised.clear()
+        for _ in range(LOOK * DAY // CHUNK):
+            sites.watch(shift)
+        first = np.full(n_sites, np.inf)
+        for site, window, _ in sites.raised:
+            first[site] = min(first[site], window - began + 1)
+        found = first[~standing]
+        size = ((shift / (REAL * sites.weather.stated)) ** 2 * (1 - sites.weather.absent)).sum(1)[~standing]
+        best = np.maximum(np.log(YEAR) / (size / 2), 1.0)
+        spread = " / ".join(_hours(v) for v in np.quantile(found, [0.5, 0.9], method="higher"))
+        ideal = " / ".join(_hours(v) for v in np.quantile(best, [0.5, 0.9]))
+        print(
+            f"| {100 * mass:g} % | {n_baseline} + {settled_days} days | {100 * np.isfinite(found).mean():.0f} % "
+            f"| {spread} | {ideal} | {100 * (best <= LOOK * DAY).mean():.0f} % |",
+            flush=True,
+        )
+
+
+def _hours(windows: float) -> str:
+    if not np.isfinite(windows):
+        return "not found"
+    hours = windows * STEP / 3600
+    return f"{hours:.1f} h" if hours < 100 else f"{hours / 24:.0f} d"
+
+
+def main() -> None:
+    """Print both tables."""
+    n_sites = int(sys.argv[1]) if len(sys.argv) > 1 else 550
+    days = int(sys.argv[2]) if len(sys.argv) > 2 else 365
+    head = ("baseline windows", "thermometers", "years", "false alarms (jump, quick, slow)", "a year", "95 %")
+    print(f"| {' | '.join(head)} | in alarm | CPU |")
+    print("|---|---|---|---|---|---|---|---|")
+    for n_baseline, thermometers in ((DAY, True), (24, True), (DAY, False)):
+        false_alarms(n_sites, days, n_baseline, thermometers=thermometers, seed=1)
+    print(
+        f"\n| mass | baseline | found in {LOOK} days | delay, median / 9 of 10 | best, median / 9 of 10 | best finds |"
+    )
+    print("|---|---|---|---|---|---|")
+    for n_baseline, settled in ((DAY, 1), (28 * DAY, 60)):
+        delays(max(n_sites // 9, 10), n_baseline, settled_days=settled, thermometers=True, seed=2)
+
+
+if __name__ == "__main__":
+    main()
