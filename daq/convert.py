@@ -18,7 +18,7 @@ from daq.errors import DataError
 from daq.log import LogWriter
 from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
-from daq.universalfile import read_universal
+from daq.universalfile import read_universal, write_universal
 
 _LARGEST = (1 << 30) - 1  # count
 _LEAST_SCALE = float(np.finfo(float).tiny)  # m/s2 a count: what is less has no quotients
@@ -205,15 +205,17 @@ def _blocks(recording: Recording, device: str) -> Iterator[Block]:
 
 
 def export_recording(path: Path, recording: Recording) -> None:
-    """Write a recording to a new file that `read_data` reads: .npz, .mat, anything else as a table of text.
+    """Write a recording to a new file that `read_data` reads: .npz, .mat, .uff, .unv, else a table of text.
 
-    Times count from the recording's start; a missing sample is NaN.
+    Times count from the recording's start; a missing sample is NaN, which universal files do not have.
 
     Raises
     ------
     DataError
-        If the file exists or cannot be written.
+        If the file exists or cannot be written, or a universal file is asked for and samples are missing.
     """
+    if path.suffix.lower() in _UNIVERSAL and (missing := np.count_nonzero(np.isnan(recording.data))):
+        raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
     names = [channel.name for channel in recording.channels]
     arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
     try:
@@ -223,6 +225,8 @@ def export_recording(path: Path, recording: Recording) -> None:
             elif path.suffix.lower() == ".mat":
                 # the stubs know no open files
                 savemat(file, arrays | {"channels": np.array(names, object)}, do_compression=True)  # type: ignore[arg-type]
+            elif path.suffix.lower() in _UNIVERSAL:
+                write_universal(path, recording)
             else:
                 _write_csv(file, recording, names)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Time histories of universal files (UFF dataset 58), as modal test systems export them.
+"""Time histories of universal files (UFF dataset 58), as modal test systems export and import them.
 
 References
 ----------
@@ -16,13 +16,15 @@ import pyuff
 from daq.arrayfile import Arrays
 from daq.derivative import derivative
 from daq.errors import DataError
-from daq.recording import FloatArray
+from daq.recording import FloatArray, Recording
 
 _TIME_RESPONSE = 1
 _UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION = 0, 1, 11, 12
 _READ = {_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION}
 _KINDS = {8: "displacement", 9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
 _AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+_TIME = 17  # of an abscissa [s]
+_SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
 _SAME = 1e-6  # relative: sampling intervals are printed with six digits
 
 Dataset = dict[str, Any]  # as pyuff returns it
@@ -67,6 +69,43 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
     )
 
 
+def write_universal(path: Path, recording: Recording) -> None:
+    """Write a recording as time responses (text, twelve digits) with the channels' names in their first ID line.
+
+    The interval between samples is printed with six digits, as the format asks for. The file must be there and empty.
+
+    Parameters
+    ----------
+    path : of the file
+    recording : Recording
+    """
+    t = np.arange(len(recording.data)) / recording.rate
+    begun = f"first sample at {recording.start} ns UTC"
+    responses = [
+        pyuff.prepare_58(
+            func_type=_TIME_RESPONSE,
+            id1=channel.name,
+            id2="acceleration [m/s2]",
+            id3=begun,
+            rsp_ent_name="NONE",
+            rsp_node=0,
+            rsp_dir=0,
+            ref_ent_name="NONE",
+            ref_node=0,
+            ref_dir=0,
+            abscissa_spacing=1,
+            abscissa_spec_data_type=_TIME,
+            ordinate_spec_data_type=_ACCELERATION,
+            orddenom_spec_data_type=_UNKNOWN,
+            binary=0,
+            data=column,
+            x=t,
+        )
+        for channel, column in zip(recording.channels, recording.data.T, strict=True)
+    ]
+    pyuff.UFF(str(path)).write_sets([_SI_UNITS, *responses], "overwrite")
+
+
 def _datasets(path: Path) -> list[tuple[int, Dataset]]:
     """Return the datasets that pyuff knows, with their numbers."""
     try:
@@ -88,8 +127,11 @@ def _datasets(path: Path) -> list[tuple[int, Dataset]]:
 def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     """Return the name of each channel, all different."""
     by_node = [_node_name(s) for _, s in series]
-    by_line = [str(s["id1"]).strip() for _, s in series]
-    for names in (by_node, by_line):
+    by_line = [line if (line := str(s["id1"]).strip()) != "NONE" else "" for _, s in series]
+    numbered = by_node if all(s["rsp_node"] for _, s in series) else []  # node 0 is none
+    for names in (numbered, by_line, by_node):
+        if not names:
+            continue
         if len(set(names)) == len(names) and all(names):
             return names
     twice = next(name for name in by_node if by_node.count(name) > 1)

@@ -297,7 +297,7 @@ def log_info(
 @log_app.command("export")
 def log_export(
     log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz or .mat.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz, .mat or .uff.")],
 ) -> None:
     """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""
     from monitor.cli.logs import export_command

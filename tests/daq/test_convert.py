@@ -180,6 +180,24 @@ def test_what_is_exported_is_imported_again(tmp_path: Path, ending: str) -> None
         export_recording(path, found)
 
 
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_universal_file_that_is_exported_is_imported_again(tmp_path: Path, n: int) -> None:
+    data = np.random.default_rng(8).standard_normal((500, n))
+    channels = tuple(Channel(name=name, device="import", axis=k) for k, name in enumerate(("a b", "é", "c")[:n]))
+    path, recording = tmp_path / "data.uff", Recording(channels=channels, data=data, rate=51.2, start=START)
+    export_recording(path, recording)
+    found = read_data(path, start=START)
+    assert found.channels == channels
+    assert found.rate == pytest.approx(51.2, rel=5e-6)  # the format prints the interval with six digits
+    np.testing.assert_allclose(found.data, data, atol=1e-11)  # and values with twelve
+    with pytest.raises(DataError, match=r"data\.uff: cannot be written: File exists"):
+        export_recording(path, recording)
+    data[100:120, 0] = np.nan
+    with pytest.raises(DataError, match=r"gap\.uff: cannot hold a gap: 20 samples are missing"):
+        export_recording(tmp_path / "gap.uff", recording)
+    assert not (tmp_path / "gap.uff").exists()
+
+
 def test_arrays_one_a_channel_with_times(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, t=np.arange(6) / 8, left=np.arange(6.0), right=np.ones(6))

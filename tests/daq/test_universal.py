@@ -67,6 +67,15 @@ def test_where_nodes_do_not_tell_channels_apart_their_lines_do(tmp_path: Path) -
     assert [c.name for c in read_data(path).channels] == ["acc 0", "acc 1", "acc 2"]
 
 
+def test_a_channel_without_a_node_is_named_by_its_line(tmp_path: Path) -> None:
+    assert [
+        c.name for c in read_data(universal(tmp_path / "a.uff", time_response(SIGNALS[:, 0], 0, id1="top"))).channels
+    ] == ["top"]
+    assert [c.name for c in read_data(universal(tmp_path / "b.uff", time_response(SIGNALS[:, 0], 0))).channels] == [
+        "0_x"
+    ]
+
+
 def test_velocities_become_accelerations(tmp_path: Path) -> None:
     sets = time_response(SIGNALS[:, 0], 1, ordinate_spec_data_type=11), time_response(SIGNALS[:, 1], 2)
     found = read_data(universal(tmp_path / "test.uff", *sets))
