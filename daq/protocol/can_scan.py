@@ -101,7 +101,7 @@ class ScanDecoder:
     them is lost. So messages with a counter must count alike; and of each message without one exactly as many must have
     come as the counter has gone on: since the last counter if it is sent before the counter, up to the next one if it
     is sent after. Then none is missing, and each belongs where it stands. One lost frame costs its own scan, a scan
-    lost whole at most one beside it; halves of two scans never meet. A frame that repeats the one before it bit by bit
+    lost whole those beside it; halves of two scans never meet. A frame that repeats the one before it bit by bit
     is dropped: a sender repeats what it believes unheard (ISO 11898-1: the last bit of a frame ends it for receivers
     only).
 

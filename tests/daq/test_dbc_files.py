@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from daq import DbcError, DbcSensor, read_layout
 
@@ -80,6 +82,30 @@ def test_what_is_wrong_is_one_line_that_names_the_file(
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(DbcError, match=r"none\.dbc: cannot be read: No such file"):
         read_layout(DbcSensor(file=tmp_path / "none.dbc", signals=("a",), counter="n"))
+
+
+@given(st.data())
+def test_a_damaged_file_is_read_or_refused_with_its_name(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """Bytes are cut out, doubled or overwritten: either there is a layout, or one clear error."""
+    text = FILE.read_bytes()
+    start = data.draw(st.integers(0, len(text)))
+    stop = data.draw(st.integers(start, min(len(text), start + 40)))
+    damaged = text[:start] + data.draw(st.sampled_from([b"", b"@", b"0", b"64|", text[start:stop] * 2])) + text[stop:]
+    file = tmp_path_factory.getbasetemp() / "damaged.dbc"
+    file.write_bytes(damaged)
+    said = refusal(DbcSensor(file=file, signals=AXES, counter="Counter", temperature="Temp"))
+    assert said is None or (said.startswith(f"{file}: ") and "\n" not in said)
+
+
+def refusal(sensor: DbcSensor) -> str | None:
+    """Return why a sensor's layout cannot be read, None if it can."""
+    try:
+        read_layout(sensor)
+    except DbcError as error:
+        return str(error)
+    return None
 
 
 def test_the_shipped_file_is_read_in_the_order_of_arbitration() -> None:

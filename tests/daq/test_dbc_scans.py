@@ -32,8 +32,8 @@ BO_ 19 E: 2 N
  SG_ T : 0|16@1- (0.01,0) [0|0] "degC" N
 """
 COUNTERS = {"every": "n", "middle": "middle", "last": "last", "first": "first"}
-#: scans that one lost whole may cost: itself, and one beside it where messages without a counter are counted
-COST = {"every": 1, "middle": 2, "last": 2, "first": 2}
+#: scans that one lost whole may cost: itself, and those beside it on the sides where messages without a counter are
+COST = {"every": 1, "middle": 3, "last": 2, "first": 2}
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +144,34 @@ def test_what_is_no_number_or_does_not_fit_is_dropped(tmp_path: Path) -> None:
         scans.counts[:, 0] * layout.scale, [0.5 * 9.80665, -1.25 * 9.80665], atol=layout.scale / 2
     )
     assert decoder.bad_frames == 4
+
+
+def test_a_number_that_the_counter_does_not_have_is_none(tmp_path: Path) -> None:
+    file = tmp_path / "alive.dbc"
+    file.write_text(
+        'VERSION ""\nBU_: N\nBO_ 1 A: 2 N\n SG_ a : 0|8@1- (1,0) [0|0] "g" N\n SG_ n : 8|4@1+ (1,0) [0|14] "" N\n'
+    )
+    layout = read_layout(DbcSensor(file=file, signals=("a",), counter="n"))
+    frames = can_frames([(1, bytes([7, number])) for number in (13, 14, 15, 0, 1)])
+    scans = ScanDecoder(layout).feed(frames, np.zeros(5, np.intp))
+    assert (layout.modulus, scans.counter.tolist()) == (15, [13, 14, 1])  # the one after it counts on from none
+
+
+@given(
+    name=st.sampled_from(list(COUNTERS)),
+    pieces=st.lists(
+        st.lists(st.tuples(st.integers(15, 20), st.binary(max_size=8)), max_size=30), min_size=1, max_size=4
+    ),
+)
+def test_any_frames_are_taken(layouts: dict[str, ScanLayout], name: str, pieces: list[list[tuple[int, bytes]]]) -> None:
+    """Whatever comes, scans are of one shape, their counters are some, and no frame is counted twice."""
+    decoder, layout, n = ScanDecoder(layouts[name]), layouts[name], 0
+    for piece in pieces:
+        scans = decoder.feed(can_frames(piece), np.zeros(len(piece), np.intp))
+        assert scans.counts.shape == (len(scans.counter), 3)
+        assert ((scans.counter >= 0) & (scans.counter < layout.modulus)).all()
+        n += len(scans.counter)
+    assert len(layout.messages) * n + decoder.bad_frames <= sum(map(len, pieces)) + len(layout.messages)
 
 
 def test_temperature_comes_when_it_comes(layouts: dict[str, ScanLayout]) -> None:

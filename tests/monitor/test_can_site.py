@@ -15,6 +15,7 @@ from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
 
+IMU = Path(__file__).parents[2] / "examples" / "imu.dbc"
 SITE = """structure = "t_structure.toml"
 [analysis]
 window_seconds = 60
@@ -135,3 +136,48 @@ def blocks_of(log: Path) -> list[Block]:
         return [item for item in read_log(log) if isinstance(item, Block)]
     except LogError:
         return []
+
+
+DBC_SITE = """structure = "t_structure.toml"
+[[device]]
+name = "beam_left"
+driver = "can-dbc"
+can = {interface = "slcan", channel = "PORT"}
+dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
+rate = 1000
+channels = {y = "beam_left_y", z = "beam_left_z"}
+"""
+
+
+@pytest.fixture
+def dbc_site(site: Path) -> Path:
+    (site.parent / "imu.dbc").write_text(IMU.read_text())
+    return site
+
+
+def test_check_hears_a_dbc_sensor_and_says_when_it_sends_at_another_rate(
+    modalwatch: Commands, dbc_site: Path, tmp_path: Path
+) -> None:
+    with can_process(tmp_path, 0, dbc=(str(IMU), "0", "0")) as bus:
+        dbc_site.write_text(DBC_SITE.replace("PORT", bus.channel).replace("rate = 1000", "rate = 400"))
+        done = modalwatch("check", dbc_site)
+    assert (done.code, done.err) == (1, ""), done
+    assert "imu GroupCounter 0x6, Acceleration 0x34" in done.out
+    assert "device beam_left: expected 400 scans a second, found " in done.out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"imu.dbc"', '"gone.dbc"', "gone.dbc: cannot be read: No such file or directory"),
+        ('"accX"', '"accx"', "imu.dbc: has no signal 'accx', did you mean 'accX'?"),
+        ('"Counter"', '"Count"', "imu.dbc: has no signal 'Count', did you mean 'Counter'?"),
+    ],
+)
+def test_a_dbc_file_that_does_not_fit_is_one_line(
+    modalwatch: Commands, dbc_site: Path, old: str, new: str, says: str
+) -> None:
+    dbc_site.write_text(DBC_SITE.replace(old, new))
+    for command in ("check", "run"):
+        assert_refused(modalwatch(command, dbc_site), f"{dbc_site.parent}/{says}")
+    assert not (dbc_site.parent / "log").exists()
