@@ -1,6 +1,7 @@
 """The monitoring service: start, loop, stop."""
 
 import math
+import shutil
 import signal
 import threading
 import time
@@ -8,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from daq import (
     CHANNELS,
@@ -35,9 +37,11 @@ from monitor.errors import SettingsError, StartError
 from monitor.history import HistoryRecorder, database_url
 from monitor.inbox import taken
 from monitor.live import LiveView
-from monitor.notices import couriers
+from monitor.notices import Courier, couriers
 from monitor.result_events import result_event
 from monitor.settings import DeviceSettings, RecorderSettings, Settings, load_settings
+from monitor.vitals import NAME, Vitals
+from monitor.web import Source, web_process
 from monitor.worker import TOPIC_STOPPED, Result, Worker
 from updater import load_structure, portable_text
 
@@ -62,6 +66,11 @@ class Site:
     def name(self) -> str:
         """What it is called in notices: the structure file's name."""
         return Path(self.settings.structure).stem
+
+    @property
+    def source(self) -> Source:
+        """Where others find its state."""
+        return Source(name=self.name, state=self.state, url=database_url(self.settings.history.url, self.state))
 
     @property
     def state(self) -> Path:
@@ -157,7 +166,11 @@ def run(
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
         history = stack.enter_context(_history(site))
         told = stack.enter_context(couriers(settings.notify, site.state, site.name))
-        take = _all((worker.feed, history.put, *(c.put for c in told), *((live.show,) if live else ())))
+        vitals = _vitals(site)
+        if settings.web:
+            web = settings.web
+            stack.enter_context(web_process(site.source, web.bind, web.port, web.token_file))
+        take = _all((worker.feed, history.put, vitals.take, *(c.put for c in told), *((live.show,) if live else ())))
         keeper = LogKeeper(recorder, DiskGuard(folder, _retention(settings.recorder)), take)
         log = stack.enter_context(LogThread(keeper, take, chunk_seconds=settings.recorder.chunk_seconds))
         if live and live.problem:
@@ -167,6 +180,7 @@ def run(
             _report(worker, log, on_result, clock)
             for topic, payload in (*taken(site.state), *history.said(), *(s for c in told for s in c.said())):
                 log.put(Event(topic=topic, time=clock.now(), payload=payload))
+            vitals.write(_more(log, keeper, history, told, live, folder))
         for reader in readers:
             reader.stop()
         for reader in readers:
@@ -175,6 +189,32 @@ def run(
         while _report(worker, log, on_result, clock):
             pass
     return RunReport(logs=tuple(recorder.paths), dropped=log.dropped, disk_failure=keeper.problem)
+
+
+def _vitals(site: Site) -> Vitals:
+    analysis, clock = site.settings.analysis, site.settings.clock
+    step = analysis.window_seconds * (1 - analysis.overlap) / (clock.speed if clock else 1.0)
+    return Vitals(site.state / NAME, tuple(device.name for device in site.settings.device), step)
+
+
+def _more(
+    log: LogThread,
+    keeper: LogKeeper,
+    history: HistoryRecorder,
+    told: Sequence[Courier],
+    live: LiveView | None,
+    logs: Path,
+) -> dict[str, Any]:
+    """Return what is well or not beside the devices and windows."""
+    return {
+        "dropped": log.dropped,
+        "disk": keeper.problem,
+        "disk_free": shutil.disk_usage(logs).free,
+        "history": history.problem,
+        "not_in_history": history.dropped,
+        "notices": "; ".join(courier.problem for courier in told if courier.problem) or None,
+        "viewer": live.problem if live else None,
+    }
 
 
 def _rotation(recorder: RecorderSettings) -> Rotation:

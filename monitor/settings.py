@@ -2,6 +2,7 @@
 
 import difflib
 import tomllib
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 from urllib.parse import urlsplit
@@ -208,6 +209,19 @@ class NotifySettings(_Section):
         return url
 
 
+def _address(host: str) -> str:
+    ip_address(host)  # raises ValueError
+    return host
+
+
+class WebSettings(_Section):
+    """Health, metrics and a status page; leave the section out for none."""
+
+    bind: Annotated[str, AfterValidator(_address)] = "127.0.0.1"  #: beyond this machine looking takes the token too
+    port: Annotated[int, Field(ge=1, le=65535)] = 8765
+    token_file: str | None = None  #: web_token in the state folder unless given; drawn where there is none
+
+
 class ViewerSettings(_Section):
     """The live view, served on 127.0.0.1; leave the section out for none."""
 
@@ -234,6 +248,7 @@ class Settings(_Section):
     alarm: AlarmSettings = AlarmSettings()
     history: HistorySettings = HistorySettings()
     notify: tuple[NotifySettings, ...] = ()
+    web: WebSettings | None = None
     viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None
 
@@ -322,6 +337,7 @@ def _explain(error: ValidationError) -> str:
         AlarmSettings,
         HistorySettings,
         NotifySettings,
+        WebSettings,
         ViewerSettings,
         ClockSettings,
     )

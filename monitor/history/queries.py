@@ -168,6 +168,13 @@ class Reader:
         last = self._rows(select(table.c.state).order_by(table.c.time.desc()).limit(1))
         return str(last[0][0]) if last else "learning"
 
+    def diagnosis(self, since: int) -> str | None:
+        """Return the newest diagnosis since a time [ns UTC] as JSON."""
+        table = schema.diagnoses
+        query = select(table.c.json).where(table.c.end >= since).order_by(table.c.end.desc()).limit(1)
+        last = self._rows(query)
+        return str(last[0][0]) if last else None
+
     def reference(self) -> str | None:
         """Return the newest baseline as the JSON of a `ReferenceResult`."""
         table = schema.references

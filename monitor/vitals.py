@@ -1,0 +1,108 @@
+"""How a running monitor is: what others may look at, written to one small file each second."""
+
+import json
+import os
+import threading
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from daq import Block, Event, Item
+from monitor.result_events import event_result
+from monitor.results import TOPIC_WINDOW, WindowResult
+
+NAME = "status.json"
+_EVERY = 1.0  # s
+
+
+@dataclass
+class DeviceVitals:
+    """One device since the start."""
+
+    scans: int = 0
+    gaps: int = 0
+    lost: bool = False
+    heard: float | None = None  #: wall time of the last block [s since 1970]
+    rate: float = 0.0  #: scans a second of wall time since the last look [Hz]
+    seen: int = field(default=0, repr=False)  #: scans at the last look
+
+
+class Vitals:
+    """Gathers the state of a run; called from the log's thread and the main one.
+
+    Parameters
+    ----------
+    path : of the file
+    devices : names
+    step_seconds : of wall time between windows
+    """
+
+    def __init__(self, path: Path, devices: tuple[str, ...], step_seconds: float) -> None:
+        self._path, self._lock, self._started = path, threading.Lock(), time.time()
+        self._devices = {name: DeviceVitals() for name in devices}
+        self._step_seconds, self._windowed = step_seconds, self._started
+        self._window: dict[str, Any] = {}
+        self._written = self._started
+        self._due = 0.0
+
+    def take(self, item: Item) -> None:
+        """Take what was logged."""
+        with self._lock:
+            if isinstance(item, Block):
+                self._heard(item)
+            elif item.topic == TOPIC_WINDOW:
+                self._analysed(item)
+            else:
+                self._happened(item)
+
+    def write(self, more: dict[str, Any]) -> None:
+        """Write the file once a second, with what else is known; a disk that does not take it is said elsewhere."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + _EVERY
+        unfinished = self._path.with_suffix(".part")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            unfinished.write_text(json.dumps(self._content() | more), encoding="utf-8")
+            os.replace(unfinished, self._path)
+        except OSError:
+            return
+
+    def _content(self) -> dict[str, Any]:
+        with self._lock:
+            now = time.time()
+            for device in self._devices.values():
+                device.rate = (device.scans - device.seen) / max(now - self._written, 1e-3)
+                device.seen = device.scans
+            self._written = now
+            return {
+                "time": now,
+                "started": self._started,
+                "pid": os.getpid(),
+                "step_seconds": self._step_seconds,
+                "windowed": self._windowed,
+                "window": self._window,
+                "devices": {name: asdict(device) for name, device in self._devices.items()},
+            }
+
+    def _heard(self, block: Block) -> None:
+        device = self._devices.get(block.device)
+        if device is not None:
+            device.scans += len(block.counts)
+            device.heard, device.lost = time.time(), False
+
+    def _happened(self, event: Event) -> None:
+        device = self._devices.get(str(event.payload.get("device", "")))
+        if device is not None:
+            device.gaps += event.topic == "/event/gap"
+            device.lost = event.topic == "/event/device_lost" or (device.lost and event.topic != "/event/device_back")
+
+    def _analysed(self, event: Event) -> None:
+        result = event_result(event)
+        if isinstance(result, WindowResult):
+            self._windowed = time.time()
+            self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
+            self._window["n_modes"] = len(result.modes)
+            self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}

@@ -1,0 +1,7 @@
+"""The outside face: health, metrics and a status page, served by a process of its own from files and the history."""
+
+from monitor.web.app import make_app
+from monitor.web.process import web_process
+from monitor.web.source import Source
+
+__all__ = ["Source", "make_app", "web_process"]

@@ -1,0 +1,84 @@
+"""Who may see and do what: loopback may look; acting, and looking from elsewhere, takes the token."""
+
+import base64
+import binascii
+import os
+import secrets
+from pathlib import Path
+
+from starlette.datastructures import MutableHeaders
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+def read_token(path: Path) -> str:
+    """Return the token in a file that only its owner reads; one is drawn where there is none."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(secrets.token_urlsafe(24) + "\n")
+    token = path.read_text(encoding="utf-8").strip()
+    if len(token) < 16:
+        raise ValueError(f"{path}: expected a token of at least 16 characters, found {len(token)}")
+    return token
+
+
+class Guard:
+    """Lets a request through, or refuses it; sets the headers that keep a browser from harm.
+
+    Parameters
+    ----------
+    app : what is guarded
+    token : the password of any user, or a bearer token
+    open_to_look : whether looking takes no token: only where nobody but this machine can reach the port
+    """
+
+    def __init__(self, app: ASGIApp, *, token: str, open_to_look: bool) -> None:
+        self._app, self._token, self._open = app, token, open_to_look
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or hand it on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(_HEADERS)
+            await send(message)
+
+        refusal = self._refusal(Request(scope))
+        await (refusal or self._app)(scope, receive, send_guarded)
+
+    def _refusal(self, request: Request) -> PlainTextResponse | None:
+        looks = request.method in ("GET", "HEAD")
+        if self._open and request.url.hostname not in ("127.0.0.1", "localhost", "::1"):
+            return PlainTextResponse("this is not the name of this machine\n", 421)  # a page elsewhere gave us its name
+        if not (looks and self._open) and not secrets.compare_digest(_given(request).encode(), self._token.encode()):
+            ask = {"WWW-Authenticate": 'Basic realm="modalwatch: any name, the token as password"'}
+            return PlainTextResponse("this takes the token\n", 401, headers=ask)
+        if not looks and "x-modalwatch" not in request.headers:  # which no page elsewhere can set
+            return PlainTextResponse("expected the header X-Modalwatch\n", 403)
+        return None
+
+
+def _given(request: Request) -> str:
+    kind, _, rest = request.headers.get("authorization", "").partition(" ")
+    if kind.lower() == "bearer":
+        return rest.strip()
+    try:
+        return base64.b64decode(rest, validate=True).decode().partition(":")[2] if kind.lower() == "basic" else ""
+    except (binascii.Error, UnicodeDecodeError):
+        return ""

@@ -1,0 +1,66 @@
+"""/metrics in the text form that Prometheus reads."""
+
+import time
+from typing import Any
+
+from prometheus_client import CollectorRegistry, Gauge, generate_latest
+
+from monitor.web.source import problems
+
+_STATES = ("learning", "normal", "watch", "alarm")
+
+
+def metrics(vitals: dict[str, Any] | None, state: str | None) -> bytes:
+    """Return the figures; of a monitor that never ran, only that it is not well."""
+    registry = CollectorRegistry()
+    _gauge(registry, "healthy", "1 if nothing is stale or lost", float(not problems(vitals)))
+    if vitals is not None:
+        _of_monitor(registry, vitals)
+        _of_devices(registry, vitals["devices"])
+        _of_window(registry, vitals["window"])
+    if state is not None:
+        gauge = Gauge("modalwatch_state", "1 for the state of the alarm", ["state"], registry=registry)
+        for name in _STATES:
+            gauge.labels(name).set(name == state)
+    return generate_latest(registry)
+
+
+def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
+    now = time.time()
+    _gauge(registry, "start_time_seconds", "Start of the monitor", vitals["started"])
+    _gauge(registry, "vitals_age_seconds", "Since the monitor last said how it is", now - vitals["time"])
+    _gauge(registry, "window_age_seconds", "Since a window was last analysed", now - vitals["windowed"])
+    _gauge(registry, "dropped_items", "Items that did not reach the log", vitals["dropped"])
+    _gauge(registry, "history_dropped_items", "Items that the history had no room for", vitals["not_in_history"])
+    _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])
+    for name in ("disk", "history", "notices", "viewer"):
+        _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals[name])))
+
+
+def _of_devices(registry: CollectorRegistry, devices: dict[str, Any]) -> None:
+    rate = Gauge("modalwatch_scan_rate_hertz", "Scans a second of wall time", ["device"], registry=registry)
+    scans = Gauge("modalwatch_scans", "Since the start", ["device"], registry=registry)
+    gaps = Gauge("modalwatch_gaps", "Since the start", ["device"], registry=registry)
+    lost = Gauge("modalwatch_device_lost", "1 while it is", ["device"], registry=registry)
+    for name, device in devices.items():
+        rate.labels(name).set(device["rate"])
+        scans.labels(name).set(device["scans"])
+        gaps.labels(name).set(device["gaps"])
+        lost.labels(name).set(device["lost"])
+
+
+def _of_window(registry: CollectorRegistry, window: dict[str, Any]) -> None:
+    if not window:
+        return
+    _gauge(registry, "window_modes", "Modes in the last window", window["n_modes"])
+    if window["novelty"] and window["novelty"]["t2"] is not None:
+        _gauge(registry, "novelty", "Of the last window", window["novelty"]["t2"])
+        _gauge(registry, "novelty_limit", "Of the last window", window["novelty"]["limit"] or float("nan"))
+    frequency = Gauge("modalwatch_mode_frequency_hertz", "In the last window", ["mode"], registry=registry)
+    if window["phase"] != "learning":
+        for mode, value in window["frequencies"].items():
+            frequency.labels(mode).set(value)
+
+
+def _gauge(registry: CollectorRegistry, name: str, text: str, value: float) -> None:
+    Gauge(f"modalwatch_{name}", text, registry=registry).set(value)

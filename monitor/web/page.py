@@ -1,0 +1,110 @@
+"""The status page: what changes is rendered here and put into the page each two seconds."""
+
+import json
+import math
+import time
+from datetime import UTC, datetime
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from monitor.alarm_words import duration_text
+from monitor.history import AlarmRow, EventRow
+from monitor.web.drawings import course_svg, structure_svg
+from monitor.web.source import Past, Source, problems
+from monitor.words import utc
+
+_ENVIRONMENT = Environment(loader=PackageLoader("monitor.web"), undefined=StrictUndefined, autoescape=True)
+_SAID = {
+    "learning": "Learning the baseline",
+    "normal": "Normal",
+    "watch": "Watch: one window over the limit",
+    "alarm": "ALARM: the structure has changed",
+}
+
+
+def page_html(source: Source) -> str:
+    """Return the frame, with the present state already in it."""
+    return _ENVIRONMENT.get_template("page.html").render(name=source.name, content=Markup(state_html(source)))
+
+
+def state_html(source: Source) -> str:
+    """Return what changes."""
+    return _ENVIRONMENT.get_template("state.html").render(**_content(source))
+
+
+def _content(source: Source) -> dict[str, Any]:
+    vitals, past = source.vitals(), source.past()
+    standing = [alarm for alarm in past.alarms if alarm.cleared is None] if past else []
+    state = past.state if past else "learning"
+    return {
+        "name": source.name,
+        "state": state,
+        "said": _SAID[state],
+        "problems": problems(vitals) + ([] if past else ["the history says nothing yet"]),
+        "alarm": _alarm(standing[-1]) if standing else None,
+        "alarms": [_alarm(alarm) for alarm in reversed(past.alarms)] if past else [],
+        "structure": structure_svg(past.reference, past.places) if past and past.reference else None,
+        "novelty": _novelty(past) if past else None,
+        "modes": _modes(past) if past else [],
+        "devices": _devices(vitals) if vitals else [],
+        "events": [_event(event) for event in reversed(past.events)] if past else [],
+        "window": utc(past.windows[-1].end) if past else None,
+        "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
+    }
+
+
+def _alarm(alarm: AlarmRow) -> dict[str, Any]:
+    lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
+    return {
+        "raised": utc(alarm.raised),
+        "lasted": lasted,
+        "text": alarm.text,
+        "acknowledged": utc(alarm.acknowledged) if alarm.acknowledged else None,
+    }
+
+
+def _novelty(past: Past) -> dict[str, Any] | None:
+    levels = [w.t2 / w.limit for w in past.windows if w.t2 is not None and w.limit]
+    if not levels:
+        return None
+    shown = [math.log10(max(level, 1e-2)) for level in levels]
+    return {"text": f"{levels[-1]:.2f} times the limit", "over": levels[-1] > 1, "course": course_svg(shown, 0.0, 64.0)}
+
+
+def _modes(past: Past) -> list[dict[str, Any]]:
+    found = []
+    for mode, points in past.trends.items():
+        shifts = [p.shift_percent for p in points if p.shift_percent is not None]
+        if shifts:
+            damping = points[-1].damping
+            figures = {"frequency": f"{points[-1].frequency:.3f}", "shift": f"{shifts[-1]:+.2f}"}
+            figures |= {"damping": "-" if damping is None else f"{100 * damping:.2f}"}
+            found.append({"id": mode, "course": course_svg(shifts)} | figures)
+    return found
+
+
+def _devices(vitals: dict[str, Any]) -> list[dict[str, Any]]:
+    now = time.time()
+    return [
+        {
+            "name": name,
+            "rate": f"{device['rate']:.0f}",
+            "gaps": device["gaps"],
+            "state": "lost" if device["lost"] else _age(device["heard"], now),
+        }
+        for name, device in vitals["devices"].items()
+    ]
+
+
+def _age(heard: float | None, now: float) -> str:
+    if heard is None:
+        return "nothing yet"
+    return "ok" if now - heard < 3 else f"silent {duration_text(now - heard)}"
+
+
+def _event(event: EventRow) -> dict[str, str]:
+    payload = json.loads(event.json)
+    said = ", ".join(f"{name} {value}" for name, value in payload.items() if value != "")
+    return {"time": utc(event.time), "what": event.topic.removeprefix("/event/").replace("_", " "), "said": said}

@@ -1,0 +1,60 @@
+"""The server in a process of its own: nothing a visitor does can touch the watch."""
+
+import multiprocessing
+import os
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ipaddress import ip_address
+
+import uvicorn
+
+from monitor.errors import StartError
+from monitor.processes import deaf_to_stop_signals
+from monitor.web.app import make_app
+from monitor.web.guard import read_token
+from monitor.web.source import Source
+
+
+@contextmanager
+def web_process(source: Source, host: str, port: int, token_file: str | None) -> Iterator[str]:
+    """Serve for as long as the context lasts; yield the address.
+
+    Raises
+    ------
+    StartError
+        If the port is taken or the token cannot be used.
+    """
+    try:
+        token = read_token(source.state / "web_token" if token_file is None else source.state.parent / token_file)
+        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except (OSError, ValueError) as error:
+        raise StartError(f"web: {host}:{port}: {error}") from error
+    with listener:
+        context = multiprocessing.get_context("spawn")
+        arguments = (source, listener, token, ip_address(host).is_loopback, os.getpid())
+        process = context.Process(target=_serve, args=arguments, name="web", daemon=True)
+        with deaf_to_stop_signals():
+            process.start()
+    try:
+        yield f"http://{f'[{host}]' if ':' in host else host}:{port}"
+    finally:
+        process.kill()
+        process.join()
+
+
+def _serve(source: Source, listener: socket.socket, token: str, open_to_look: bool, parent: int) -> None:
+    os.nice(10)  # whoever looks waits for those who measure
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    app = make_app(source, token=token, open_to_look=open_to_look)
+    config = uvicorn.Config(app, log_level="error", access_log=False, server_header=False, lifespan="off")
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _end_with(parent: int) -> None:
+    """End when the monitor has been killed: nobody would be there to be told of."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(0)

@@ -1,0 +1,102 @@
+"""What the pages are made from: the monitor's file of vitals, and the history; none reaches into the monitor."""
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from monitor.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
+from monitor.results import ReferenceResult
+from monitor.vitals import NAME
+from updater import Diagnosis
+
+_STALE_SECONDS = 10.0  # without a new file of vitals
+_SILENT_SECONDS = 5.0  # without data of a device
+_WINDOWS_LATE = 3.0  # steps without a window
+_SHOWN = 300  # windows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Past:
+    """What the history holds of late."""
+
+    state: str
+    windows: list[WindowRow]
+    trends: dict[int, list[TrendPoint]]
+    alarms: list[AlarmRow]
+    events: list[EventRow]
+    reference: ReferenceResult | None
+    places: list[tuple[float, float, float]]  #: where the standing alarm's causes are [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where a site's state stands."""
+
+    name: str
+    state: Path  #: folder
+    url: str  #: of the history
+
+    def vitals(self) -> dict[str, Any] | None:
+        """Return the newest vitals; None where no monitor has ever run."""
+        try:
+            found: dict[str, Any] = json.loads((self.state / NAME).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found
+
+    def past(self) -> Past | None:
+        """Return what the history holds of the last windows; None where it cannot be asked."""
+        try:
+            with Reader(self.url) as reader:
+                whole = reader.span()
+                if whole is None:
+                    return None
+                windows = reader.windows(whole, _SHOWN)
+                late = Span(start=windows[0].end, end=whole.end)
+                reference = reader.reference()
+                alarms = reader.alarms(whole)[-5:]
+                standing = [alarm.raised for alarm in alarms if alarm.cleared is None]
+                found = reader.diagnosis(standing[-1]) if standing else None
+                return Past(
+                    state=reader.state(),
+                    windows=windows,
+                    trends={mode: reader.trend(mode, late, "window") for mode in reader.modes()},
+                    alarms=alarms,
+                    events=reader.events(Span(start=0, end=2**62), 8),
+                    reference=ReferenceResult.model_validate_json(reference) if reference else None,
+                    places=_places(Diagnosis.model_validate_json(found)) if found else [],
+                )
+        except (HistoryError, ValueError):
+            return None
+
+
+def _places(diagnosis: Diagnosis) -> list[tuple[float, float, float]]:
+    return [cause.where.position for cause in diagnosis.causes if cause.where and cause.where.position]
+
+
+def problems(vitals: dict[str, Any] | None) -> list[str]:
+    """Say what is stale or lost, and why that is known; empty for a monitor that is well."""
+    if vitals is None:
+        return ["no monitor has run here yet"]
+    now = time.time()
+    if (age := now - vitals["time"]) > _STALE_SECONDS:
+        return [f"the monitor has not said anything for {age:.0f} s"]
+    found = [problem for name, device in vitals["devices"].items() for problem in _device_problems(name, device, now)]
+    step = vitals["step_seconds"]
+    if (late := now - vitals["windowed"]) > _WINDOWS_LATE * step:
+        found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
+    if vitals["dropped"]:
+        found.append(f"{vitals['dropped']} items did not reach the log")
+    found += [f"{name}: {vitals[name]}" for name in ("disk", "history", "notices", "viewer") if vitals[name]]
+    return found
+
+
+def _device_problems(name: str, device: dict[str, Any], now: float) -> list[str]:
+    if device["lost"]:
+        return [f"device {name} is lost"]
+    if device["heard"] is None:
+        return [f"device {name} has sent nothing yet"]
+    silent = now - device["heard"]
+    return [f"device {name} has been silent for {silent:.0f} s"] if silent > _SILENT_SECONDS else []

@@ -1,0 +1,24 @@
+"use strict";
+const state = document.getElementById("state");
+const link = document.getElementById("link");
+
+async function refresh() {
+  try {
+    const answer = await fetch("/state", { cache: "no-store" });
+    if (!answer.ok) throw new Error(answer.status);
+    state.innerHTML = await answer.text();  // rendered and escaped by the server
+    link.textContent = "live";
+  } catch (error) {
+    link.textContent = "NO CONNECTION since " + new Date().toLocaleTimeString();
+    return;
+  }
+}
+
+state.addEventListener("click", async (event) => {
+  if (!event.target.matches("[data-acknowledge]")) return;
+  event.target.disabled = true;
+  const answer = await fetch("/acknowledge", { method: "POST", headers: { "X-Modalwatch": "page" } });
+  event.target.textContent = answer.ok ? "Told the monitor" : "Refused: " + answer.status;
+});
+
+setInterval(refresh, 2000);

@@ -1,0 +1,192 @@
+"""Health, metrics and the status page: what is stale is named, and only who has the token may act."""
+
+import asyncio
+import json
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from daq_helpers import make_block
+from history_helpers import run_events, sqlite_url
+
+from daq import Event
+from monitor.errors import StartError
+from monitor.history import HistoryStore
+from monitor.inbox import taken
+from monitor.vitals import NAME, Vitals
+from monitor.web import Source, make_app, web_process
+
+TOKEN = "0123456789abcdef"
+ACT = {"X-Modalwatch": "test", "Authorization": f"Bearer {TOKEN}"}
+WELL = dict.fromkeys(("disk", "history", "notices", "viewer")) | {"dropped": 0, "disk_free": 5e9, "not_in_history": 0}
+
+
+EVENTS = run_events()
+
+
+@pytest.fixture(scope="module")
+def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the history of a run that has found a mass."""
+    folder = tmp_path_factory.mktemp("history")
+    with HistoryStore(sqlite_url(folder)) as store:
+        store.write([*EVENTS, Event(topic="/event/device_back", time=10**18, payload={"device": "<script>alert(1)"})])
+    return folder
+
+
+@pytest.fixture
+def source(tmp_path: Path, history: Path) -> Source:
+    """Return what a run leaves behind that goes on."""
+    shutil.copytree(history, tmp_path, dirs_exist_ok=True)
+    vitals = Vitals(tmp_path / NAME, ("left", "right"), 600.0)
+    for name in ("left", "right"):
+        vitals.take(make_block(name, 0))
+    for event in EVENTS:
+        vitals.take(event)
+    vitals.write(WELL)
+    return Source(name="bridge <b>", state=tmp_path, url=sqlite_url(tmp_path))
+
+
+class Client:
+    """Asks the application without a port in between."""
+
+    def __init__(self, source: Source, *, open_to_look: bool = True) -> None:
+        self._app = make_app(source, token=TOKEN, open_to_look=open_to_look)
+
+    def ask(self, method: str, path: str, **how: Any) -> httpx.Response:
+        async def asked() -> httpx.Response:
+            transport = httpx.ASGITransport(self._app)
+            async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8765") as asking:
+                return await asking.request(method, path, **how)
+
+        return asyncio.run(asked())
+
+    def get(self, path: str, **how: Any) -> httpx.Response:
+        return self.ask("GET", path, **how)
+
+    def post(self, path: str, **how: Any) -> httpx.Response:
+        return self.ask("POST", path, **how)
+
+
+def changed(source: Source, **fields: Any) -> Source:
+    file = source.state / NAME
+    file.write_text(json.dumps(json.loads(file.read_text()) | fields))
+    return source
+
+
+def test_running_monitor_is_healthy(source: Source) -> None:
+    answer = Client(source).get("/healthz")
+    assert (answer.status_code, answer.json()) == (200, {"healthy": True, "problems": []})
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"time": time.time() - 60}, "has not said anything for"),
+        ({"windowed": time.time() - 4000}, "no window has been analysed for"),
+        ({"dropped": 3}, "3 items did not reach the log"),
+        ({"disk": "No space left"}, "disk: No space left"),
+        ({"history": "database is locked"}, "history: database is locked"),
+        ({"devices": {"left": {"lost": True, "heard": 1.0}}}, "device left is lost"),
+        ({"devices": {"left": {"lost": False, "heard": None}}}, "device left has sent nothing yet"),
+        ({"devices": {"left": {"lost": False, "heard": 1.0}}}, "device left has been silent for"),
+    ],
+)
+def test_what_is_stale_is_named(source: Source, fields: dict[str, Any], says: str) -> None:
+    answer = Client(changed(source, **fields)).get("/healthz")
+    assert answer.status_code == 503
+    [problem] = answer.json()["problems"]
+    assert says in problem
+
+
+def test_site_that_never_ran_has_a_page_all_the_same(tmp_path: Path) -> None:
+    looked = Client(Source(name="new", state=tmp_path, url=sqlite_url(tmp_path)))
+    assert looked.get("/healthz").json()["problems"] == ["no monitor has run here yet"]
+    assert "Learning the baseline" in looked.get("/").text
+    assert "modalwatch_healthy 0.0" in looked.get("/metrics").text
+
+
+def test_vitals_follow_devices(tmp_path: Path) -> None:
+    vitals = Vitals(tmp_path / NAME, ("left",), 600.0)
+    vitals.take(make_block("left", 0))
+    vitals.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
+    vitals.take(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
+    vitals.write(WELL)
+    device = json.loads((tmp_path / NAME).read_text())["devices"]["left"]
+    assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
+
+
+def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
+    text = Client(source).get("/metrics").text
+    found = dict(re.findall(r"^(modalwatch_\S+) (\S+)$", text, re.MULTILINE))
+    assert found["modalwatch_healthy"] == "1.0"
+    assert found['modalwatch_device_lost{device="left"}'] == "0.0"
+    assert float(found["modalwatch_novelty"]) > float(found["modalwatch_novelty_limit"])
+    assert found["modalwatch_window_modes"] == "6.0"
+    assert sum(float(v) for k, v in found.items() if k.startswith("modalwatch_state")) == 1.0
+
+
+def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> None:
+    answer = Client(source).get("/")
+    for text in ("bridge &lt;b&gt;", "<svg", "Acknowledge", "Novelty", "left", "gap"):
+        assert text in answer.text
+    assert "<script>alert" not in answer.text
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert "unsafe" not in answer.headers["content-security-policy"]
+    assert (answer.headers["x-content-type-options"], answer.headers["cache-control"]) == ("nosniff", "no-store")
+    for name in ("/page.css", "/page.js"):
+        assert Client(source).get(name).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("headers", "code"),
+    [
+        ({}, 401),
+        ({"X-Modalwatch": "test"}, 401),
+        ({"X-Modalwatch": "test", "Authorization": "Bearer wrong"}, 401),
+        ({"X-Modalwatch": "test", "Authorization": "Basic !"}, 401),
+        ({"Authorization": f"Bearer {TOKEN}"}, 403),  # a form on another site's page could do that
+        (ACT, 202),
+    ],
+)
+def test_acknowledging_takes_the_token(source: Source, headers: dict[str, str], code: int) -> None:
+    answer = Client(source).post("/acknowledge?by=Ada", headers=headers)
+    assert answer.status_code == code
+    assert [payload["by"] for _, payload in taken(source.state)] == (["Ada"] if code == 202 else [])
+
+
+def test_password_of_any_user_is_the_token(source: Source) -> None:
+    answer = Client(source).post("/acknowledge", headers={"X-Modalwatch": "test"}, auth=("ada", TOKEN))
+    assert answer.status_code == 202
+
+
+def test_beyond_this_machine_looking_takes_the_token_too(source: Source) -> None:
+    looked = Client(source, open_to_look=False)
+    assert {looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/page.js")} == {401}
+    assert looked.get("/", headers=ACT).status_code == 200
+
+
+def test_page_elsewhere_that_gives_us_its_name_is_refused(source: Source) -> None:
+    assert Client(source).get("/", headers={"Host": "evil.example"}).status_code == 421
+
+
+@pytest.mark.live
+def test_server_in_a_process_of_its_own(source: Source) -> None:
+    port = 20_000 + os.getpid() % 20_000
+    with web_process(source, "127.0.0.1", port, None) as url:
+        end = time.monotonic() + 20.0
+        while True:
+            try:
+                answer = httpx.get(f"{url}/healthz")
+                break
+            except httpx.ConnectError:
+                assert time.monotonic() < end
+                time.sleep(0.05)
+        assert answer.status_code in (200, 503)
+        assert (source.state / "web_token").stat().st_mode & 0o777 == 0o600
+        with pytest.raises(StartError, match="in use"), web_process(source, "127.0.0.1", port, None):
+            pass
