@@ -39,11 +39,12 @@ paper: $(VENV)/.done
 frames: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/frame_elements.py
 
-# Our SLCAN bus beside python-can's, DBC sensors beside cantools, the decoder of burst frames: the tables in docs/daq.md, a minute.
+# Our SLCAN bus beside python-can's, DBC sensors beside cantools, decoders, plugs pulled: the tables in docs/daq.md, two minutes.
 bench: $(VENV)/.done
 	$(BIN)/python benchmarks/can_bus.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/can_dbc.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/decode.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/serial_ports.py
 
 # What kills and power cuts cost a log, its size, how quickly it is mended: the tables in docs/daq.md, six minutes.
 log-crash: $(VENV)/.done

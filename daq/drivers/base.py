@@ -13,7 +13,7 @@ from daq.log import Event, Item
 from daq.recording import Block, Flag, IndexArray, IntArray
 from daq.timebase import unwrap
 
-_RETRY_SECONDS = 0.5
+_RETRY_SECONDS = 0.1
 
 
 @dataclass(frozen=True, eq=False)

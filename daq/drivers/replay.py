@@ -22,7 +22,7 @@ _WAIT_SECONDS = 0.1
 _PIECE_SECONDS = 0.02  # of wall time: what a read brings, as from a port
 _LATEST_SECONDS = 2.0  # of wall time to a device's first scan
 _STARTING_SECONDS = 60.0  # of a log in which its devices begin one after the other
-_BACK_SECONDS = 0.6  # of wall time to the next scan, from which on a device that was lost would not answer
+_BACK_SECONDS = 0.2  # of wall time to the next scan, from which on a device that was lost would not answer
 
 
 class ReplayedDevice:

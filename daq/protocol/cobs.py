@@ -80,11 +80,12 @@ def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
     It is linear over bits: the sum of what each byte does at its place.
     """
     table, start = _crc_table(content.shape[1])
-    return np.asarray(np.bitwise_xor.reduce(table[np.arange(content.shape[1]), content], axis=1) ^ start, np.uint16)
+    row = content + 256 * np.arange(content.shape[1])
+    return np.asarray(np.bitwise_xor.reduce(table.take(row), axis=1) ^ start, np.uint16)
 
 
 @lru_cache(maxsize=16)
 def _crc_table(m: int) -> tuple[npt.NDArray[np.uint16], np.uint16]:
-    """Return what each value of a byte does at each place (m, 256), and what all-zero contents of m bytes have."""
+    """Return what each value of a byte does at each place (m * 256,), and what all-zero contents of m bytes have."""
     table = [[crc_hqx(bytes([value]) + bytes(m - 1 - place), 0) for value in range(256)] for place in range(m)]
-    return np.array(table, np.uint16).reshape(m, 256), np.uint16(crc_hqx(bytes(m), _CRC_START))
+    return np.array(table, np.uint16).reshape(m * 256), np.uint16(crc_hqx(bytes(m), _CRC_START))

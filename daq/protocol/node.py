@@ -35,9 +35,9 @@ _HELLO = np.dtype(
     ]
 )
 _COMMAND = np.dtype([("type", "u1"), ("rate", "<u4")])
-_TYPES = {_SCAN: SCAN, _HELLO: HELLO}
 _STUFFING = cobs.CRC_SIZE + 1
 SCAN_SIZE = _SCAN.itemsize + _STUFFING + 1  #: bytes on the line, the zero included
+_FROM_THE_START = np.zeros(1, np.intp)
 _LONGEST = _HELLO.itemsize + _STUFFING
 
 
@@ -116,12 +116,13 @@ class NodeDecoder:
         """Take the next bytes and return the scans that are complete."""
         stream = np.frombuffer(self._rest + data, np.uint8)
         ends = np.flatnonzero(stream == 0)
-        starts = np.r_[0, ends + 1]
+        starts = np.concatenate([_FROM_THE_START, ends + 1])
         length = ends - starts[:-1]
         keep = max(int(starts[-1]), len(stream) - _LONGEST - 1)  # enough to know that a frame is too long
         self._rest = stream[keep:].tobytes()
         self.bad_bytes += keep - int(np.count_nonzero(length == 0))  # zeros alone say nothing, and harm nobody
-        hellos, scans = (self._intact(stream, starts[:-1], length, layout) for layout in (_HELLO, _SCAN))
+        hellos = self._intact(stream, starts[:-1][length == _HELLO.itemsize + _STUFFING], _HELLO, HELLO)
+        scans = self._intact(stream, starts[:-1][length == _SCAN.itemsize + _STUFFING], _SCAN, SCAN)
         if len(hellos):
             self.hello = _hello(hellos[-1])
         return NodeScans(
@@ -132,14 +133,14 @@ class NodeDecoder:
         )
 
     def _intact(
-        self, stream: cobs.Bytes, starts: npt.NDArray[np.intp], length: npt.NDArray[np.intp], layout: np.dtype[np.void]
+        self, stream: cobs.Bytes, begin: npt.NDArray[np.intp], layout: np.dtype[np.void], kind: int
     ) -> npt.NDArray[np.void]:
-        """Return the intact frames of one layout among what stands between zeros."""
-        size = layout.itemsize + _STUFFING
-        begin = starts[length == size]
-        content, good = cobs.unseal(stream[begin[:, None] + np.arange(size)])
-        found = np.ascontiguousarray(content[good & (content[:, 0] == _TYPES[layout])])
-        self.bad_bytes -= len(found) * (size + 1)
+        """Return the intact frames of one type among those that are as long as it."""
+        if not len(begin):
+            return np.empty(0, layout)
+        content, good = cobs.unseal(stream[begin[:, None] + np.arange(layout.itemsize + _STUFFING)])
+        found = np.ascontiguousarray(content[good & (content[:, 0] == kind)])
+        self.bad_bytes -= len(found) * (layout.itemsize + _STUFFING + 1)
         return found.view(layout)[:, 0]
 
 
