@@ -11,6 +11,7 @@ from rich.table import Table
 
 from daq import low_grade
 from monitor.daemon import Site, load_site
+from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
 from monitor.settings import AXES, DeviceSettings
@@ -64,6 +65,7 @@ def _say_plan(site: Site) -> None:
         f"over after {settings.alarm.clear_windows} calm ones" + (", once acknowledged" if settings.alarm.latch else "")
     )
     console.print(f"log:       {escape(str(folder))}, {free / 1e9:.1f} GB free", soft_wrap=True)
+    console.print(f"disk:      {disk_plan(settings, free)}", soft_wrap=True)
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:
