@@ -120,6 +120,8 @@ class CanHub:
         taken = np.zeros(len(chunk.frames), bool)
         for member in self.members:
             taken |= member.pick(chunk)
+        if taken.all():
+            return
         services = ~taken & np.isin(chunk.frames.ids & ~np.uint32(0x7F), _SERVICE_IDS)
         if services.any():
             now = time.time()

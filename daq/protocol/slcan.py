@@ -34,6 +34,11 @@ _VALUE = np.full(256, 255, np.uint8)  # of a hex digit; 255: is none
 _VALUE[_DIGITS] = np.arange(16)
 _VALUE[np.frombuffer(b"abcdef", np.uint8)] = np.arange(10, 16)
 
+# what every read needs, made once: reads are small and many
+_FIRST, _PADDING = np.zeros(1, np.intp), np.zeros(_LONGEST, np.uint8)
+_COLUMNS, _DATA_COLUMNS = np.arange(_LONGEST), np.arange(16)
+_WEIGHTS = (16 ** np.arange(8)[::-1]).astype(np.uint32)
+
 Bytes = npt.NDArray[np.uint8]
 
 
@@ -63,7 +68,7 @@ class SlcanDecoder:
         """Take the next bytes and return the frames that are complete."""
         stream = np.frombuffer(self._rest + data, np.uint8)
         ends = np.flatnonzero((stream == END) | (stream == REFUSED))
-        starts = np.r_[0, ends + 1]
+        starts = np.concatenate([_FIRST, ends + 1])
         # of a line without end enough is kept to know that it is too long
         self._rest = stream[max(starts[-1], len(stream) - _LONGEST - 1) :].tobytes()
         length = ends - starts[:-1]
@@ -71,8 +76,8 @@ class SlcanDecoder:
         return self._frames(stream, starts[lines], length[lines])
 
     def _frames(self, stream: Bytes, starts: npt.NDArray[np.intp], length: npt.NDArray[np.intp]) -> CanFrames:
-        padded = np.r_[stream, np.zeros(_LONGEST, np.uint8)]
-        text = padded[starts[:, None] + np.arange(_LONGEST)]
+        padded = np.concatenate([stream, _PADDING])
+        text = padded[starts[:, None] + _COLUMNS]
         kind = text[:, 0]
         ids, dlc = np.zeros(len(text), np.uint32), np.zeros(len(text), np.uint8)
         data, good = np.zeros((len(text), 8), np.uint8), np.zeros(len(text), bool)
@@ -81,7 +86,9 @@ class SlcanDecoder:
             if len(rows):
                 found = _parse(_VALUE[text[rows, 1:]], kind[rows] == remote, length[rows], n_digits)
                 ids[rows], dlc[rows], data[rows], good[rows] = found
-        self.bad_lines += int(np.count_nonzero(~good & ~np.isin(kind, _ANSWERS)))
+        if good.all():
+            return CanFrames(ids, dlc, data)
+        self.bad_lines += int(np.count_nonzero(~np.isin(kind[~good], _ANSWERS)))
         return CanFrames(ids[good], dlc[good], data[good])
 
 
@@ -91,13 +98,12 @@ def _parse(
     """Return ids, lengths, data, and which of them to believe, of lines (n, 25) as values of their digits."""
     size = value[:, n_digits]
     n_data = np.where(remote, 0, 2 * size.astype(np.intp))
-    used = np.arange(16) < n_data[:, None]
+    used = n_data[:, None] > _DATA_COLUMNS
     digits = value[:, n_digits + 1 : n_digits + 17]
     good = (size <= 8) & (length == 2 + n_digits + n_data) & (value[:, :n_digits] < 16).all(1)
     good &= ((digits < 16) | ~used).all(1)
     digits = np.where(used, digits, 0).astype(np.uint8)
-    weight = (16 ** np.arange(n_digits)[::-1]).astype(np.uint32)
-    ids = np.asarray(value[:, :n_digits] @ weight, np.uint32)
+    ids = np.asarray(value[:, :n_digits] @ _WEIGHTS[-n_digits:], np.uint32)
     good &= ids <= (0x7FF if n_digits == 3 else NUMBER)
     ids |= np.where(remote, REMOTE, 0).astype(np.uint32) | np.uint32(0 if n_digits == 3 else EXTENDED)
     return ids, size, np.asarray(digits[:, ::2] << 4 | digits[:, 1::2], np.uint8), np.asarray(good)
