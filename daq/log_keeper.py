@@ -4,12 +4,14 @@ import contextlib
 import time
 from collections import Counter, deque
 from collections.abc import Callable
+from pathlib import Path
 
 from daq.disk_guard import DiskGuard, Surplus
 from daq.errors import LogError
 from daq.log import Event, Item
 from daq.recorder import LogRecorder
 from daq.recording import Block
+from daq.repair import repair_log
 
 _KEPT = 20_000  # items in memory while the disk takes none: at four blocks a second of 32 devices, some 2.5 minutes
 _RETRY_SECONDS = 5.0
@@ -19,7 +21,8 @@ class LogKeeper:
     """Writes a run's log for as long as there is a disk, and makes room on it; not for several threads.
 
     What was taken since the last flush is kept in memory. If the disk fails, the open file is cut back to that flush,
-    and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted.
+    and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted. Then the
+    file that was cut back gets its end, if the disk has room for that.
 
     Events, in the log and told: /event/log_deleted before a file goes; /event/disk_low and /event/disk_ok where there
     is nothing that may go; /event/recording_stopped and /event/recording_resumed (with what was lost).
@@ -40,6 +43,7 @@ class LogKeeper:
         self._stopped: str | None = None  # why nothing is written
         self._low = False
         self._retry = 0.0
+        self._cut: Path | None = None  # the file that has no end
         self._lost_now: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()  #: device -> scans (events: their number) that no file has
 
@@ -98,6 +102,7 @@ class LogKeeper:
     def _stop(self, error: OSError | LogError) -> None:
         """Leave the open file as it was after its last flush; go on at once if room can be made."""
         self._recorder.abandon()
+        self._cut = self._recorder.paths[-1]
         self._stopped = str(error)
         self._say("recording_stopped", {"why": self._stopped})
         self._resume()
@@ -116,6 +121,10 @@ class LogKeeper:
         self._lost_now.clear()
         self._pending.clear()
         self._say("recording_resumed", {"kept": kept, "lost": lost})
+        if self._cut and self._cut.exists():
+            with contextlib.suppress(LogError):  # else the next start does
+                repair_log(self._cut)
+        self._cut = None
 
     def _surplus(self) -> Surplus | None:
         try:

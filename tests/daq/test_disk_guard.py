@@ -146,6 +146,7 @@ def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatc
     indices = [block.first_index // 250 for block in all_blocks(recorder.paths)]
     assert indices == [*range(9), 21, 22, 23]
     assert newest_log(tmp_path) == PartedLog(tuple(recorder.paths))
+    assert all(inspect_log(path).whole for path in recorder.paths)
 
 
 def test_what_the_disk_does_not_take_at_the_end_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,6 +85,7 @@ def test_recording_goes_on_once_there_is_room_and_nothing_is_lost(tmp_path: Path
     assert topics[0] == "/event/recording_stopped"
     assert topics[-1] == "/event/recording_resumed"
     assert [topic for topic, _ in said["told"]] == topics  # type: ignore[attr-defined]
+    assert all(inspect_log(path).whole for path in out.glob("*.mcap"))
 
 
 @needs_mount
