@@ -21,8 +21,8 @@ class LogKeeper:
     """Writes a run's log for as long as there is a disk, and makes room on it; not for several threads.
 
     What was taken since the last flush is kept in memory. If the disk fails, the open file is cut back to that flush,
-    and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted. Then the
-    file that was cut back gets its end, if the disk has room for that.
+    and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted. Then
+    the file that was cut back gets its end, if the disk has room for that.
 
     Events, in the log and told: /event/log_deleted before a file goes; /event/disk_low and /event/disk_ok where there
     is nothing that may go; /event/recording_stopped and /event/recording_resumed (with what was lost).
