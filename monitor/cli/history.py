@@ -19,6 +19,7 @@ from monitor.words import utc
 
 console = Console(highlight=False)
 _DAY = 86_400 * 10**9  # ns
+_EVER = 2**62  # ns UTC
 _MOST = 20  # lines of a table
 
 
@@ -92,7 +93,7 @@ def look(reader: Reader, last: float | None) -> Found:
         levels=_levels(reader, span, days),
         alarms=reader.alarms(span),
         trends={mode: reader.trend(mode, span) for mode in reader.modes()},
-        events=reader.events(span),
+        events=reader.events(Span(start=span.start, end=_EVER)),  # those after the last window too
     )
 
 

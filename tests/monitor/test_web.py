@@ -5,7 +5,9 @@ import json
 import os
 import re
 import shutil
+import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,8 @@ from monitor.inbox import taken
 from monitor.vitals import NAME, Vitals
 from monitor.web import Source, make_app, web_process
 
+PORT = 20_000 + os.getpid() % 20_000
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 TOKEN = "0123456789abcdef"
 ACT = {"X-Modalwatch": "test", "Authorization": f"Bearer {TOKEN}"}
 WELL = dict.fromkeys(("disk", "history", "notices", "viewer")) | {"dropped": 0, "disk_free": 5e9, "not_in_history": 0}
@@ -174,19 +178,41 @@ def test_page_elsewhere_that_gives_us_its_name_is_refused(source: Source) -> Non
     assert Client(source).get("/", headers={"Host": "evil.example"}).status_code == 421
 
 
+@pytest.fixture(scope="module")
+def served(history: Path) -> Iterator[str]:
+    """Return the address of a server in a process of its own; it waits until that has come up."""
+    source = Source(name="bridge", state=history, url=sqlite_url(history))
+    with web_process(source, "127.0.0.1", PORT, None) as url:
+        assert httpx.get(f"{url}/healthz", timeout=60.0).status_code == 503  # no monitor runs there
+        yield url
+
+
 @pytest.mark.live
-def test_server_in_a_process_of_its_own(source: Source) -> None:
-    port = 20_000 + os.getpid() % 20_000
-    with web_process(source, "127.0.0.1", port, None) as url:
-        end = time.monotonic() + 20.0
-        while True:
-            try:
-                answer = httpx.get(f"{url}/healthz")
-                break
-            except httpx.ConnectError:
-                assert time.monotonic() < end
-                time.sleep(0.05)
-        assert answer.status_code in (200, 503)
-        assert (source.state / "web_token").stat().st_mode & 0o777 == 0o600
-        with pytest.raises(StartError, match="in use"), web_process(source, "127.0.0.1", port, None):
-            pass
+def test_server_draws_a_token_that_only_its_owner_reads(served: str, history: Path) -> None:
+    token = history / "web_token"
+    assert token.stat().st_mode & 0o777 == 0o600
+    answer = httpx.post(f"{served}/acknowledge", headers={"X-Modalwatch": "x"}, auth=("", token.read_text().strip()))
+    assert answer.status_code == 202
+    assert len(list(taken(history))) == 1
+
+
+@pytest.mark.live
+def test_port_in_use_stops_the_start(served: str, source: Source) -> None:
+    with (
+        pytest.raises(StartError, match=f"web: 127.0.0.1:{PORT}: .*in use"),
+        web_process(source, "127.0.0.1", PORT, None),
+    ):
+        pass
+
+
+@pytest.mark.live
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+def test_page_renews_itself_in_a_browser(served: str, tmp_path: Path) -> None:
+    """Within five seconds of its own time it has asked for the state, twice, and put it in."""
+    options = ["--headless", "--disable-gpu", "--no-sandbox", "--disable-dev-shm-usage", f"--user-data-dir={tmp_path}"]
+    command = [str(BROWSER), *options, "--virtual-time-budget=5000", "--dump-dom", served]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert "ALARM: the structure has changed" in shown
+    assert 'class="member"' in shown
+    assert "live, renewed" in shown  # by the script, which the page's own policy has let run
+    assert "NO CONNECTION" not in shown

@@ -7,10 +7,9 @@ async function refresh() {
     const answer = await fetch("/state", { cache: "no-store" });
     if (!answer.ok) throw new Error(answer.status);
     state.innerHTML = await answer.text();  // rendered and escaped by the server
-    link.textContent = "live";
+    link.textContent = "live, renewed " + new Date().toLocaleTimeString();
   } catch (error) {
-    link.textContent = "NO CONNECTION since " + new Date().toLocaleTimeString();
-    return;
+    if (!link.textContent.startsWith("NO")) link.textContent = "NO CONNECTION since " + new Date().toLocaleTimeString();
   }
 }
 
