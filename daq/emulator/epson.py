@@ -1,5 +1,6 @@
 """An Epson M-A352 on a pty."""
 
+from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
 from daq.hostclock import HostClock
@@ -19,6 +20,7 @@ class EmulatedEpson(SerialEmulator):
     serial_number : eight characters
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC]
+    faults : of its line
     """
 
     def __init__(
@@ -29,8 +31,9 @@ class EmulatedEpson(SerialEmulator):
         serial_number: str,
         clock_error: float = 0.0,
         temperature: float = 21.0,
+        faults: LineFaults = NO_FAULTS,
     ) -> None:
-        super().__init__(source, clock, frame_size=epson.FRAME_SIZE, clock_error=clock_error)
+        super().__init__(source, clock, frame_size=epson.FRAME_SIZE, clock_error=clock_error, faults=faults)
         self._temperature = epson.temperature_raw(temperature)
         self._registers = _registers(serial_number)
         self._window = 0

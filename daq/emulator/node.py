@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
 from daq.hostclock import HostClock
@@ -25,6 +26,7 @@ class EmulatedNode(SerialEmulator):
     axes : that it measures
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC], None without a sensor
+    faults : of its line
     """
 
     def __init__(
@@ -38,8 +40,9 @@ class EmulatedNode(SerialEmulator):
         axes: tuple[int, ...] = (0, 1, 2),
         clock_error: float = 0.0,
         temperature: float | None = 21.0,
+        faults: LineFaults = NO_FAULTS,
     ) -> None:
-        super().__init__(source, clock, frame_size=node.SCAN_SIZE, clock_error=clock_error)
+        super().__init__(source, clock, frame_size=node.SCAN_SIZE, clock_error=clock_error, faults=faults)
         self._serial_number, self._scale, self._axes = serial_number, scale, axes
         self._temperature = node.NO_TEMPERATURE if temperature is None else round(100 * temperature)
         self._decoder = node.CommandDecoder()

@@ -4,6 +4,7 @@ import os
 import tty
 from abc import ABC, abstractmethod
 
+from daq.emulator.line_faults import FaultyLine, LineFaults
 from daq.emulator.serving import PORT_BUFFER, SampleSource
 from daq.hostclock import HostClock
 from daq.recording import IntArray
@@ -21,9 +22,12 @@ class SerialEmulator(ABC):
     clock : of the world it lives in
     frame_size : bytes a scan, at most
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
+    faults : of the line
     """
 
-    def __init__(self, source: SampleSource, clock: HostClock, *, frame_size: int, clock_error: float) -> None:
+    def __init__(
+        self, source: SampleSource, clock: HostClock, *, frame_size: int, clock_error: float, faults: LineFaults
+    ) -> None:
         self._source, self._clock = source, clock
         self._frame_size, self._clock_error = frame_size, clock_error
         self._master, self._slave = os.openpty()
@@ -31,7 +35,8 @@ class SerialEmulator(ABC):
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
         self._unplugged = False
-        self._pending = bytearray()
+        self.line = FaultyLine(faults)  #: counts what it harmed
+        self._pending = bytearray(self.line.babble())
         self._started: int | None = None
         self._true_rate = 0.0  # of the scans, by the world's clock [Hz]
         self._due = 0
@@ -97,12 +102,12 @@ class SerialEmulator(ABC):
         room = max(0, (PORT_BUFFER - len(self._pending)) // self._frame_size)
         self.dropped += max(0, n - room)
         if room:
-            self.say(self.encode(counts[:room], self._due))
+            self.say(self.line.carried(self.encode(counts[:room], self._due)))
             self.sent += min(n, room)
         self._due = due
 
     def _drain(self) -> None:
-        if self._pending:
+        if self._pending and self.line.hands_over():
             try:
                 del self._pending[: os.write(self._master, self._pending)]
             except OSError:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
 from daq.hostclock import HostClock
@@ -21,12 +22,21 @@ class EmulatedWitmotion(SerialEmulator):
     clock : of the world it lives in
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC]
+    faults : of its line
     """
 
     def __init__(
-        self, source: SampleSource, clock: HostClock, *, clock_error: float = 0.0, temperature: float = 21.0
+        self,
+        source: SampleSource,
+        clock: HostClock,
+        *,
+        clock_error: float = 0.0,
+        temperature: float = 21.0,
+        faults: LineFaults = NO_FAULTS,
     ) -> None:
-        super().__init__(source, clock, frame_size=wit.N_TYPES * wit.PACKET_SIZE, clock_error=clock_error)
+        super().__init__(
+            source, clock, frame_size=wit.N_TYPES * wit.PACKET_SIZE, clock_error=clock_error, faults=faults
+        )
         self._temperature = round(100 * temperature)
         self._content = _AS_BOUGHT
         self._unlocked = False
