@@ -13,6 +13,8 @@ from daq.log import Event, Item
 from daq.recording import Block, Flag, IndexArray, IntArray
 from daq.timebase import unwrap
 
+_PACE_SECONDS = 20.0  # of wall time until a rate is believed: a busy host may be a second late
+_RATE_TOLERANCE = 0.05  # twice that lateness, and far more than a clock is off
 _RETRY_SECONDS = 0.1
 
 
@@ -175,6 +177,34 @@ def _in_order(index: IndexArray, following: int) -> IndexArray:
     return np.flatnonzero(ascending)
 
 
+class _Pace:
+    """Tells, once, that a device does not send at the rate that is expected of it.
+
+    One that cannot be told its rate, or does as it likes, would shift all frequencies by as much.
+
+    Parameters
+    ----------
+    rate : expected, scans a second [Hz]
+    seconds : of data to watch [s]
+    """
+
+    def __init__(self, rate: float, seconds: float) -> None:
+        self._rate, self._seconds = rate, seconds
+        self._began: tuple[int, int] | None = None  # (index, time) of the first block
+        self._told = False
+
+    def differs(self, block: Block) -> float | None:
+        """Return the rate found [Hz] if it is another one."""
+        if self._began is None or block.flags & Flag.RESTARTED:
+            self._began = block.pair_index, block.pair_time
+        seconds = 1e-9 * (block.pair_time - self._began[1])
+        if self._told or seconds < self._seconds:
+            return None
+        found = (block.pair_index - self._began[0]) / seconds
+        self._told = abs(found / self._rate - 1) > _RATE_TOLERANCE
+        return found if self._told else None
+
+
 class DeviceReader(threading.Thread):
     """Reads one device for as long as asked, and takes it back by itself when it was lost.
 
@@ -205,6 +235,7 @@ class DeviceReader(threading.Thread):
         self._silent_seconds = silent_seconds
         self._n_scans = max(1, round(block_seconds * rate))
         self._blocks = self._new_blocks()
+        self._pace = _Pace(rate, _PACE_SECONDS * clock.speed)
         self._ending = threading.Event()
         self._end = 0  # index after the last block handed on
         self._identity: dict[str, Any] = {}  # of the device that was there at the start
@@ -265,6 +296,8 @@ class DeviceReader(threading.Thread):
             self._sink(self._event("gap", {"first_index": self._end, "missing": missing, "exact": exact}))
         self._end = block.end_index
         self._sink(block)
+        if found := self._pace.differs(block):
+            self._sink(self._event("wrong_rate", {"expected": self._rate, "found": round(found, 3)}))
 
     def _reconnect(self) -> None:
         """Wait for the same device: a port may be given to another one meanwhile, whose signals are not this one's."""

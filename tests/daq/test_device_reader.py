@@ -72,9 +72,11 @@ class ScriptedDriver:
         return
 
 
-def played(script: list[Step], refusals: int = 0, bad: dict[int, int] | None = None, strangers: int = 0) -> list[Item]:
+def played(
+    script: list[Step], refusals: int = 0, bad: dict[int, int] | None = None, strangers: int = 0, speed: float = 1000.0
+) -> list[Item]:
     """Return what a reader hands on."""
-    clock, items = HandClock(), list[Item]()
+    clock, items = HandClock(speed=speed), list[Item]()
     driver = ScriptedDriver(clock, script, refusals=refusals, bad=bad or {}, strangers=strangers)
     reader = driver.reader = DeviceReader("beam", driver, RATE, clock, items.append, block_seconds=0.25)
     reader.connect()
@@ -185,3 +187,11 @@ def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
     (wrong,) = events_of(items, "wrong_device")
     assert wrong["found"] == {"serial": "S2"}
     assert len(events_of(items, "device_back")) == 1
+
+
+@pytest.mark.parametrize(("n", "found"), [(250, None), (245, None), (100, 400.0), (300, 1200.0)])
+def test_a_device_that_sends_at_another_rate_is_told_once(n: int, found: float | None) -> None:
+    """A read brings n scans in a quarter of a second, for 25 s; after 20 s it is told, and not again."""
+    script: list[Step] = [(0.25, range(k * n, (k + 1) * n)) for k in range(100)]
+    expected = [] if found is None else [{"device": "beam", "expected": RATE, "found": pytest.approx(found)}]
+    assert events_of(played(script, speed=1.0), "wrong_rate") == expected
