@@ -6,7 +6,7 @@ from monitor.result_events import event_result
 from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
 from monitor.words import change_text, utc
 
-_ROUTINE = ("gap", "acknowledge", "stopped", "notice_failed", "notice_back", "log_deleted")
+_ROUTINE = ("gap", "acknowledge", "stopped", "notice_failed", "notice_back", "log_deleted", "device_open")
 
 
 class News:
@@ -43,7 +43,7 @@ class News:
     def _change(self, change: AlarmResult) -> Notice | None:
         before, self._state = self._state, change.state
         if change.raised:
-            self._raised, self._causes = change.time, ()
+            self._raised = change.time
         if change.quiet or change.state == "watch":
             return None
         if change.kind in ("flapping", "steady"):
@@ -58,12 +58,15 @@ class News:
         return self._notice("recovery", change.time, change.text) if over else None
 
     def _sharper(self, window: WindowResult) -> Notice | None:
-        if self._state != "alarm" or window.diagnosis is None:
-            return None
         found = window.diagnosis
+        if found is None:
+            return None
         causes = (found.verdict, *(f"{c.cause} {c.where.member if c.where else ''}" for c in found.causes))
         known, self._causes = self._causes, causes
-        return self._notice("update", window.end, change_text(found)) if causes != known else None
+        new = (
+            self._state == "alarm" and causes != known
+        )  # the window that raises it comes first, and is told by the alarm
+        return self._notice("update", window.end, change_text(found)) if new else None
 
     def _notice(self, kind: NoticeKind, time: int, text: str) -> Notice:
         alarm = None if kind == "trouble" else self._raised

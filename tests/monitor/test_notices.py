@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
 
 NOTICE = Notice(kind="alarm", site="bridge", time=5, utc="then", state="alarm", text="200 g", alarm=4)
+LAST: dict[str, Any] = {"extended_model": None, "next_measurement": ""}
 ALARM = change(10, "alarm", "ALARM: a mass")
 
 
@@ -82,6 +84,21 @@ def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
     news = News("bridge")
     told = [notice for event in run_events() if (notice := news.of(event))]
     assert [(notice.kind, notice.alarm == notice.time) for notice in told] == [("alarm", True)]
+
+
+def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
+    """The window that raises the alarm comes before it and is told by it; then a figure, then the cause changes."""
+    alarmed = next(e for e in run_events() if e.payload.get("phase") == "alarm")
+
+    def window(cause: str, mass: float) -> Event:
+        found = {"cause": cause, "probability": 1.0, "where": None, "cannot_be_told_from": []}
+        found |= {"parameters": {"mass": {"value": mass, "std": 0.01, "unit": "kg"}}}
+        diagnosis = {"verdict": "explained", "causes": [found], "rejected": [], "modes": [], "gain": None}
+        return replace(alarmed, payload=alarmed.payload | {"diagnosis": diagnosis | LAST})
+
+    news = News("bridge")
+    events = [window("added_mass", 0.2), ALARM, window("added_mass", 0.21), window("distributed_mass", 0.2)]
+    assert [notice.kind for event in events if (notice := news.of(event))] == ["alarm", "update"]
 
 
 @pytest.mark.parametrize(
