@@ -74,7 +74,7 @@ def start(
         terms(temperature, memory),
         measured=known.mean(-1) > 0.5,
         lag=_lag(watching),
-        age=float(seconds.sum()),
+        step=float(np.median(seconds)),
     )
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
     return Watched(law=law, watching=watching, memory=memory[..., -1, :], average=average)

@@ -30,15 +30,15 @@ BoolArray = npt.NDArray[np.bool_]
 
 CHUNK = 24  #: windows learnt from at once; what their mean moves by is slow
 FEARED_STD = 3e-4  #: of what an environment not yet seen may do to all log frequencies alike, and to each
-_FEARED_WINDOWS = 1440.0  # windows that this fear is worth: ten days of ten minutes
-_YEAR_WINDOWS = 26e3  # half a year of ten minutes: what an unmeasured temperature's seasons are worth
+_FEARED_WORTH = 10 * 86400.0  # s of windows that this fear is worth
+_YEAR_WORTH = 15.6e6  # s that an unmeasured temperature's seasons are worth: half a year
 _FEARED_SECONDS = 6 * 3600.0  # in which that comes
 _LASTING = 0.5  # of the fast variance: a direction that varies more for long makes successive windows alike
 COMMON_STD = 3e-3  # of what an unmeasured temperature does to all log frequencies alike (steel 0.018 %/K)
 _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
 _MOST_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
-_SLOW_WINDOWS = 144.0  # windows that a slow movement lasts: a day of ten minutes
+_SLOW_SECONDS = 86400.0  # that a slow movement lasts
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
 _TAILS = np.array([3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have ...
 _TAILS_PRIOR = np.array([-3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.0, 0.0])  # ... and the logarithm of how likely
@@ -66,6 +66,7 @@ class Law:
     centre: FloatArray  #: (..., n_tracks) log frequency that whitened ones are counted from
     scale: FloatArray  #: (..., n_tracks) standard deviation stated by a window
     measured: BoolArray  #: (...,) whether temperature is
+    step: float  #: from one window to the next [s]
     sums: Sums
     coefficient: FloatArray  #: (..., q, n_tracks)
     unknown: FloatArray  #: (..., 2, q, q) covariance of the coefficients: common, own
@@ -132,7 +133,7 @@ def common_direction(scale: FloatArray) -> FloatArray:
 
 
 def first_law(
-    log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, measured: BoolArray, lag: int, age: float
+    log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, measured: BoolArray, lag: int, step: float
 ) -> Law:
     """Learn from baseline windows, values far from the others' left out.
 
@@ -142,14 +143,15 @@ def first_law(
     terms : (..., n_windows, 2, q) from `environment.terms`
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
-    age : seconds that the windows last together
+    step : from one window to the next [s]
     """
     centre = np.nanmedian(log_frequency, axis=-2)
     scale = np.sqrt(np.nanmedian(std**2, axis=-2))
     whitened = (log_frequency - centre[..., None, :]) / scale[..., None, :]
     usual = 1.4826 * np.nanmedian(np.abs(whitened), axis=(-2, -1))
     cleaned = np.where(np.abs(whitened) > _WILD * usual[..., None, None], np.nan, whitened)
-    blank = _blank(centre, scale, measured)
+    blank = _blank(centre, scale, measured, step)
+    age = log_frequency.shape[-2] * step
     law = learn(blank, terms, cleaned, lag=lag, age=age)
     for _ in range(2):  # what was rejected about the median is judged again about the law
         cleaned = np.where(_wild(law, terms, whitened), np.nan, whitened)
@@ -177,7 +179,7 @@ def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: f
     return _tail(scattered, terms, scattered.residual(terms, whitened))
 
 
-def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray) -> Law:
+def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: float) -> Law:
     """Return the law before anything is measured, but for the frequencies about which it is drawn."""
     lead, p = centre.shape[:-1], centre.shape[-1]
     information = np.stack([np.eye(N_TERMS) / std[..., None, :] ** 2 for std in prior_std(scale)], axis=-3)
@@ -196,6 +198,7 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray) -> Law:
         centre=centre,
         scale=scale,
         measured=measured,
+        step=step,
         sums=sums,
         coefficient=np.zeros((*lead, N_TERMS, p)),
         unknown=_inverse(information),
@@ -235,9 +238,11 @@ def _noise(law: Law, age: float) -> FloatArray:
     """
     p = law.scale.shape[-1]
     slow = law.slow - np.expm1(-age / _FEARED_SECONDS) * law.feared
+    lasted = np.mean(law.sums.n_product, axis=(-2, -1)) * law.step + age
+    alike = np.minimum(_SLOW_SECONDS, lasted)[..., None] / law.step
     along = np.einsum("...i,...ij,...j->...", law.common, slow, law.common)
     across = (np.trace(slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
-    return law.fast[..., None] + _SLOW_WINDOWS * np.stack([along, np.maximum(across, 0.0)], axis=-1)
+    return law.fast[..., None] + alike * np.stack([along, np.maximum(across, 0.0)], axis=-1)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -291,8 +296,9 @@ def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArra
     n = np.mean(sums.n_product, axis=(-2, -1))
     hours = _dominant(sums.of_means / np.maximum(sums.n_means, 1)[..., None, None], sums.n_means, fast / CHUNK)
     windows = _dominant(sums.product / np.maximum(sums.n_product - 1, 1) - hours, n, fast)
-    share = _FEARED_WINDOWS / (_FEARED_WINDOWS + n)
-    unmeasured = np.where(law.measured, 0.0, _YEAR_WINDOWS / (_YEAR_WINDOWS + n))
+    watched = n * law.step
+    share = _FEARED_WORTH / (_FEARED_WORTH + watched)
+    unmeasured = np.where(law.measured, 0.0, _YEAR_WORTH / (_YEAR_WORTH + watched))
     feared = _alike(law, share, FEARED_STD, FEARED_STD) + _alike(law, unmeasured, COMMON_STD, COMMON_STD / 3)
     return (1 - share)[..., None, None] * (hours + windows), feared
 
