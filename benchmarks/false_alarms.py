@@ -211,7 +211,7 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|")
     for n_baseline, settled in ((DAY, 1), (28 * DAY, 60)):
-        delays(max(n_sites // 9, 10), n_baseline, settled_days=settled, thermometers=True, seed=2)
+        delays(max(n_sites * 60 // 550, 10), n_baseline, settled_days=settled, thermometers=True, seed=2)
 
 
 if __name__ == "__main__":
