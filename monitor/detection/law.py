@@ -242,7 +242,7 @@ def _noise(law: Law, age: float) -> FloatArray:
     alike = np.minimum(_SLOW_SECONDS, lasted)[..., None] / law.step
     along = np.einsum("...i,...ij,...j->...", law.common, slow, law.common)
     across = (np.trace(slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
-    return law.fast[..., None] + alike * np.stack([along, np.maximum(across, 0.0)], axis=-1)
+    return np.asarray(law.fast[..., None] + alike * np.stack([along, np.maximum(across, 0.0)], axis=-1))
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
