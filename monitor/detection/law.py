@@ -41,7 +41,7 @@ _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
 _SLOW_SECONDS = 86400.0  # that a slow movement lasts
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
 _TAILS = np.array([3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have ...
-_TAILS_PRIOR = np.array([-3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.0, 0.0])  # ... and the logarithm of how likely
+_TAILS_PRIOR = np.array([-12.0, -11.0, -10.0, -9.0, -8.0, -7.0, -5.0, -3.0, 0.0])  # ... and the logarithm of how likely
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -207,7 +207,7 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         slow=np.zeros((*lead, p, p)),
         feared=np.zeros((*lead, p, p)),
         rank=np.zeros(lead, dtype=np.intp),
-        tail=np.full(lead, 8.0),
+        tail=np.full(lead, 100.0),
     )
 
 
