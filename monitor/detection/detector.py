@@ -98,7 +98,7 @@ def judge(
     deviation = size * normal_score(law.residual(known, whitened) / size, law.tail[..., None, None])
     squared, n = distance(deviation, lasting + new)
     jump, drift = _limits(law, watched.watching)
-    at = (law.lasting_directions(known) * p + np.maximum(n - 1, 0))[..., None]
+    at = (law.lasting_directions(known, age) * p + np.maximum(n - 1, 0))[..., None]
     values = [squared / np.maximum(n, 1)]
     limits = [np.take_along_axis(jump[..., None, :], at, axis=-1)[..., 0]]
     taken = np.where((values[0] > limits[0])[..., None], np.nan, deviation)

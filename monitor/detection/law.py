@@ -105,8 +105,7 @@ class Law:
             unknown[..., 0, None, None] * along[..., None, :, :] + unknown[..., 1, None, None] * across[..., None, :, :]
         )
         kelvin = self.kelvin(terms)
-        come = 2 * (np.ones(1) if age is None else -np.expm1(-age / _FEARED_SECONDS))  # two moments' difference
-        slow = self.slow[..., None, :, :] + come[:, None, None] * self.feared[..., None, :, :]
+        slow = self.slow[..., None, :, :] + _come(age)[:, None, None] * self.feared[..., None, :, :]
         return np.asarray(spread + slow + kelvin[..., :, None] * kelvin[..., None, :])
 
     def unsure(self, terms: FloatArray) -> FloatArray:
@@ -118,13 +117,26 @@ class Law:
         """Return what a thermometer that is off by its deviation makes of each mode (..., n_windows, n_tracks)."""
         return np.asarray(THERMOMETER_STD * (terms[..., 1, :] @ self.coefficient))
 
-    def lasting_directions(self, terms: FloatArray) -> npt.NDArray[np.intp]:
-        """Return in how many directions (..., n_windows) successive windows differ from the law alike."""
+    def lasting_directions(self, terms: FloatArray, age: FloatArray) -> npt.NDArray[np.intp]:
+        """Return in how many directions (..., n_windows) successive windows differ from the law alike.
+
+        Arguments are those of `lasting`.
+        """
         least = _LASTING * self.fast[..., None]
         unknown = self.unsure(terms)
-        some = self.rank[..., None] + ((self.kelvin(terms) ** 2).sum(-1) > least) + (unknown[..., 0] > least)
+        rank = np.repeat(self.rank[..., None], terms.shape[-3], axis=-1)
+        young = np.flatnonzero(np.broadcast_to(_come(age), terms.shape[-3]) < 1.0)  # less is feared than rank counts
+        come = _come(age)[young, None, None] * self.feared[..., None, :, :]
+        value = np.linalg.eigvalsh(self.slow[..., None, :, :] + come)
+        rank[..., young] = (value > least[..., None]).sum(-1)
+        some = rank + ((self.kelvin(terms) ** 2).sum(-1) > least) + (unknown[..., 0] > least)
         p = self.scale.shape[-1]
         return np.asarray(np.where(unknown[..., 1] > least, p, np.minimum(some, p)), dtype=np.intp)
+
+
+def _come(age: FloatArray | None) -> FloatArray:
+    """Return how much of what is feared may have come by then: two moments differ by twice its variance."""
+    return 2 * (np.ones(1) if age is None else -np.expm1(-age / _FEARED_SECONDS))
 
 
 def common_direction(scale: FloatArray) -> FloatArray:
@@ -154,7 +166,7 @@ def first_law(
     age = log_frequency.shape[-2] * step
     law = learn(blank, terms, cleaned, lag=lag, age=age)
     for _ in range(2):  # what was rejected about the median is judged again about the law
-        cleaned = np.where(_wild(law, terms, whitened), np.nan, whitened)
+        cleaned = np.where(_wild(law, terms, whitened, age), np.nan, whitened)
         law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag, age=age)
     return law
 
@@ -164,7 +176,7 @@ def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: f
 
     The longer ago watching began (`age` [s]), the more of what is feared may be in them.
     """
-    kept = np.where(_wild(law, terms, whitened), np.nan, whitened)
+    kept = np.where(_wild(law, terms, whitened, age), np.nan, whitened)
     seen = np.isfinite(kept)
     share = seen.mean(-1)
     filled = _filled(law, terms, kept)
@@ -176,7 +188,7 @@ def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: f
     moment = np.swapaxes(value, -1, -2) @ weighted
     solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
     scattered = _scattered(solved, solved.residual(terms, kept), lag)
-    return _tail(scattered, terms, scattered.residual(terms, whitened))
+    return _tail(scattered, terms, scattered.residual(terms, whitened), age)
 
 
 def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: float) -> Law:
@@ -217,9 +229,13 @@ def _with_scatter(blank: Law, law: Law) -> Law:
     )
 
 
-def _wild(law: Law, terms: FloatArray, whitened: FloatArray) -> BoolArray:
-    variance = law.fast[..., None, None] + np.diagonal(law.lasting(terms), axis1=-2, axis2=-1)
-    return np.asarray(law.residual(terms, whitened) ** 2 > _WILD**2 * variance)
+def _wild(law: Law, terms: FloatArray, whitened: FloatArray, age: float) -> BoolArray:
+    return np.asarray(law.residual(terms, whitened) ** 2 > _WILD**2 * _variance(law, terms, age))
+
+
+def _variance(law: Law, terms: FloatArray, age: float) -> FloatArray:
+    """Return the variance (..., n_windows, n_tracks) of values that old, about the law."""
+    return law.fast[..., None, None] + np.diagonal(law.lasting(terms, np.array([age])), axis1=-2, axis2=-1)
 
 
 def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
@@ -334,10 +350,12 @@ def _dominant(covariance: FloatArray, n: FloatArray, noise: FloatArray) -> Float
     return np.asarray((vector * excess[..., None, :]) @ np.swapaxes(vector, -1, -2))
 
 
-def _tail(law: Law, terms: FloatArray, residual: FloatArray) -> Law:
-    """Return the law with what the residuals tell of their tails: the likelihood of Student's distributions."""
-    variance = law.fast[..., None, None] + np.diagonal(law.lasting(terms), axis1=-2, axis2=-1)
-    squared = (residual**2 / variance)[..., None]
+def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float) -> Law:
+    """Return the law with what the residuals tell of their tails: the likelihood of Student's distributions.
+
+    What is wild counts as if it were just that: one wrong mode in a short baseline tells of no tail.
+    """
+    squared = np.minimum(residual**2 / _variance(law, terms, age), _WILD**2)[..., None]
     half = (_TAILS + 1) / 2
     constant = gammaln(half) - gammaln(_TAILS / 2) - 0.5 * np.log(np.pi * (_TAILS - 2))
     gained = np.nansum(constant - half * np.log1p(squared / (_TAILS - 2)), axis=(-3, -2))
