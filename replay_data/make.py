@@ -16,7 +16,7 @@ from pathlib import Path
 from monitor.cli.demo import Plan, demo_command
 
 HERE = Path(__file__).parent
-PLAN = Plan(window=15.0, baseline_windows=6, windows=10, between=(95.0, 100.0), rate=500.0)
+PLAN = Plan(window=15.0, baseline_windows=8, windows=12, between=(125.0, 130.0), rate=500.0)
 MANIFEST = """# What happened in the logs of this folder; written by make.py.
 
 [[log]]
