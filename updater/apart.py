@@ -25,7 +25,7 @@ def by_place(found: Sequence[Candidate], sure: float) -> list[Candidate]:
     sure : share of the posterior from which on one place stands for all
     """
     every = [split for candidate in found for split in _split(candidate, sure)]
-    return sorted(every, key=lambda c: -c.log_evidence)
+    return sorted(every, key=lambda c: -round(c.log_evidence, 2))  # equals stay in their order
 
 
 def _split(candidate: Candidate, sure: float) -> list[Candidate]:
