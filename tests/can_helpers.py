@@ -4,7 +4,6 @@ import json
 import os
 import select
 import subprocess
-import sys
 import threading
 import time
 import tty
@@ -14,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daq_helpers import START
+from process_helpers import script_process
 
 from daq import EmulatedSlcan, ScaledClock
 
@@ -99,18 +99,6 @@ def can_process(folder: Path, n: int, speed: int = 1, dbc: tuple[str, ...] = ())
     """Run an adapter with n nodes, and a sensor of a DBC file if one is given; the process is gone afterwards."""
     clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
     link = folder / "adapter"
-    words = [str(link), str(n), str(speed), str(clock.origin_wall), str(clock.origin), *dbc]
-    environment = {**os.environ, "PYTHONPATH": str(SCRIPT.parents[1])}
-    with subprocess.Popen(
-        [sys.executable, str(SCRIPT), *words],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    ) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == '"ready"\n'
-            yield CanProcess(process, clock, str(link))
-        finally:
-            process.kill()
+    with script_process(SCRIPT, link, n, speed, clock.origin_wall, clock.origin, *dbc) as (process, ready):
+        assert ready == '"ready"\n'
+        yield CanProcess(process, clock, str(link))

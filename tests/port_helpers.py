@@ -1,9 +1,7 @@
 """Emulated serial devices in a process of their own."""
 
 import json
-import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daq_helpers import START
+from process_helpers import script_process
 
 from daq import ScaledClock
 
@@ -45,17 +44,5 @@ class Emulators:
 def emulators(n: int, speed: int = 1, kind: str = "epson-uart") -> Iterator[Emulators]:
     """Run n devices of the kind that a driver is for; the process is gone afterwards."""
     clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
-    words = [str(word) for word in (n, speed, clock.origin_wall, clock.origin, kind)]
-    environment = {**os.environ, "PYTHONPATH": str(SCRIPT.parents[1])}
-    with subprocess.Popen(
-        [sys.executable, str(SCRIPT), *words],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    ) as process:
-        try:
-            assert process.stdout is not None
-            yield Emulators(process, clock, json.loads(process.stdout.readline()))
-        finally:
-            process.kill()
+    with script_process(SCRIPT, n, speed, clock.origin_wall, clock.origin, kind) as (process, ports):
+        yield Emulators(process, clock, json.loads(ports))

@@ -99,7 +99,7 @@ def diagnose(
     if not found or found[0].p_value < (LEAST_P if len(found[0].chosen) == 1 else _LEAST_P_TOGETHER):
         every = sorted((*singles, *found), key=lambda c: -c.log_evidence)
         return _refused("unexplained", case, every[0].log_evidence, oddest(data, every[0].chosen))
-    if _MASSES[0] in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
+    if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, found[0].log_evidence, _STREWN)
     return _explained(case, found, compare(reference, heldout) if heldout else None)
 

@@ -1,9 +1,6 @@
 """`check`: devices looked at for a moment."""
 
 import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_helpers import Commands, assert_refused
+from process_helpers import script_process
 
 from daq import DriverError, Scans
 from monitor.probe import probe
@@ -99,20 +97,9 @@ def site(tmp_path: Path) -> Path:
 def port() -> Iterator[str]:
     """Return the port of an emulated device in a process of its own."""
     script = Path(__file__).parents[1] / "emulated_ports.py"
-    environment = {**os.environ, "PYTHONPATH": str(script.parents[1])}
     now = time.time_ns()
-    with subprocess.Popen(
-        [sys.executable, str(script), "1", "1", str(now), str(now)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    ) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())[0]
-        finally:
-            process.kill()
+    with script_process(script, 1, 1, now, now) as (_, ports):
+        yield str(json.loads(ports)[0])
 
 
 def test_check_says_what_would_run_and_who_answers(modalwatch: Commands, site: Path, port: str) -> None:
