@@ -39,7 +39,7 @@ from monitor.inbox import taken
 from monitor.live import LiveView
 from monitor.notices import Courier, couriers
 from monitor.result_events import result_event
-from monitor.settings import DeviceSettings, RecorderSettings, Settings, load_settings
+from monitor.settings import DeviceSettings, RecorderSettings, Settings, overrides, read_settings
 from monitor.vitals import NAME, Vitals
 from monitor.web import Source, web_process
 from monitor.worker import TOPIC_STOPPED, Result, Worker
@@ -78,15 +78,20 @@ class Site:
         return self.folder / self.settings.state
 
 
-def load_site(path: Path) -> Site:
+def load_site(path: Path, given: Sequence[str] = ()) -> Site:
     """Read SITE.toml and its structure.
+
+    Parameters
+    ----------
+    path : of the file
+    given : KEY=VALUE each, over what the file and the environment say
 
     Raises
     ------
-    SettingsError, StructureError, DbcError
+    ArgumentError, SettingsError, StructureError, DbcError
         Naming file and key; also if a channel is not a sensor of the structure, or there is no such driver.
     """
-    settings = load_settings(path)
+    text, settings = read_settings(path, overrides(given))
     for device in settings.device:
         if device.dbc is not None:
             read_layout(device.dbc.sensor)
@@ -104,7 +109,7 @@ def load_site(path: Path) -> Site:
     return Site(
         path=path,
         settings=settings,
-        site_text=path.read_text(encoding="utf-8"),
+        site_text=text,
         structure_text=portable_text(structure_path),
     )
 

@@ -1,6 +1,7 @@
 """`check`: what `run` would do, and whether the devices are there."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ _DONE, _NEEDS_A_PERSON = 0, 1
 console = Console(highlight=False)
 
 
-def check_command(path: Path) -> int:
+def check_command(path: Path, given: Sequence[str] = ()) -> int:
     """Say what would run; 1 if a device is there but not as it should be.
 
     Raises
@@ -31,7 +32,7 @@ def check_command(path: Path) -> int:
     StartError
         If a device does not answer.
     """
-    site = load_site(path)
+    site = load_site(path, given)
     _say_plan(site)
     with console.status(f"asking {len(site.settings.device)} devices ..."):
         found = probe_devices(site.settings)

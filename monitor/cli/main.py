@@ -54,12 +54,30 @@ def rig(
     typer.echo(f"{done.sent} frames sent, {done.dropped} dropped")
 
 
+_Given = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Setting instead of the file's: analysis.overlap=0.5; repeat."),
+]
+
+
 @app.command()
-def run(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
+def run(site: Annotated[Path, typer.Argument(metavar="SITE.toml")], given: _Given = None) -> None:
     """Watch a site until SIGTERM or Ctrl-C."""
     from monitor.cli.watch import run_command
 
-    raise typer.Exit(run_command(site))
+    raise typer.Exit(run_command(site, given or ()))
+
+
+@app.command()
+def settings(
+    site: Annotated[Path | None, typer.Argument(metavar="SITE.toml", help="Site; the defaults unless given.")] = None,
+    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON Schema that editors use.")] = False,
+    given: _Given = None,
+) -> None:
+    """Print all settings as TOML, each with what it means."""
+    from monitor.cli.settings_shown import settings_command
+
+    raise typer.Exit(settings_command(site, given or (), schema=schema))
 
 
 @app.command()
@@ -101,11 +119,11 @@ def replay(
 
 
 @app.command()
-def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
+def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")], given: _Given = None) -> None:
     """Validate settings, ask each device who it is and how fast it sends, say what would run."""
     from monitor.cli.check import check_command
 
-    raise typer.Exit(check_command(site))
+    raise typer.Exit(check_command(site, given or ()))
 
 
 @app.command()

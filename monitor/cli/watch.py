@@ -47,9 +47,15 @@ def _window_line(window: WindowResult) -> str:
     return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text
 
 
-def run_command(path: Path) -> int:
-    """Watch a site until told to stop."""
-    site = load_site(path)
+def run_command(path: Path, given: Sequence[str] = ()) -> int:
+    """Watch a site until told to stop.
+
+    Parameters
+    ----------
+    path : of SITE.toml
+    given : KEY=VALUE each, instead of what the file says
+    """
+    site = load_site(path, given)
     for said in mend_logs(site.folder / site.settings.recorder.folder):
         console.print(escape(said), soft_wrap=True)
     with stop_on_signals() as stop, live_view(site.settings, site.structure_text, site.site_text) as live:

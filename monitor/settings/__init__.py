@@ -1,0 +1,24 @@
+"""SITE.toml: what is connected where, and how it is watched; read, overridden, and written with all that it means."""
+
+from monitor.settings.annotated import EXAMPLE, annotated, json_schema
+from monitor.settings.device import AXES, DeviceSettings
+from monitor.settings.notify import NotifySettings
+from monitor.settings.overrides import Override, overrides
+from monitor.settings.reading import load_settings, parse_settings, read_settings
+from monitor.settings.site import RecorderSettings, Settings
+
+__all__ = [
+    "AXES",
+    "EXAMPLE",
+    "DeviceSettings",
+    "NotifySettings",
+    "Override",
+    "RecorderSettings",
+    "Settings",
+    "annotated",
+    "json_schema",
+    "load_settings",
+    "overrides",
+    "parse_settings",
+    "read_settings",
+]

@@ -1,0 +1,117 @@
+"""[[device]]: what is connected where."""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from daq import CanAddress, CanPlace, DbcAddress, DbcSensor, LogAddress, can_interfaces
+from monitor.settings.section import Positive, Section
+
+AXES = ("x", "y", "z")
+
+
+def _known_interface(interface: str) -> str:
+    if interface not in (known := can_interfaces()):
+        raise ValueError(f"expected one of {', '.join(known)}")
+    return interface
+
+
+class CanSettings(Section):
+    """Which CAN bus a device is on, instead of `port`."""
+
+    interface: Annotated[str, AfterValidator(_known_interface), Field(examples=["slcan"])]
+    """`slcan` for an adapter on a serial port; or any that python-can knows: `socketcan`, `socketcand`, .."""
+    channel: Annotated[str, Field(examples=["/dev/serial/by-id/usb-CAN_adapter-if00"])]
+    """serial port of the adapter, `can0`, .."""
+    node: Annotated[Annotated[int, Field(ge=1, le=127)] | None, Field(examples=[3])] = None
+    """CANopen id, 1 to 127; a device on a bus has this or `[device.dbc]`"""
+    bitrate: Annotated[int, Field(gt=0)] = 1_000_000
+    """of the bus [bit/s]; the same for all devices on it"""
+
+
+class DbcSettings(Section):
+    """Which signals of a DBC file are a device's, beside `can`."""
+
+    file: Annotated[str, Field(examples=["imu.dbc"])]
+    """DBC file that describes what the device sends (daq)"""
+    signals: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"x": "accX", "y": "accY", "z": "accZ"}])]
+    """`{x = "accX", ..}`: device axis -> SIGNAL, or MESSAGE.SIGNAL"""
+    counter: Annotated[str, Field(examples=["Counter"])]
+    """signal that counts scans"""
+    scale: Annotated[Positive | None, Field(examples=[0.01])] = None
+    """m/s2 a unit of the signals; as their unit in the file says unless given"""
+    temperature: Annotated[str | None, Field(examples=["Temperature"])] = None
+    """signal [degC]"""
+    order: Annotated[tuple[str, ...], Field(examples=[["ACC_X", "ACC_Y", "ACC_Z"]])] = ()
+    """messages of a scan as they are sent; by rising identifier unless given"""
+
+    @model_validator(mode="after")
+    def _axes(self) -> Self:
+        if set(self.signals) != set(AXES[: len(self.signals)]) or not self.signals:
+            raise ValueError("signals: expected those of x, of x and y, or of x, y and z")
+        return self
+
+    @property
+    def sensor(self) -> DbcSensor:
+        """The sensor that is meant."""
+        signals = tuple(signal for _, signal in sorted(self.signals.items()))
+        rest = self.model_dump(include={"counter", "scale", "temperature", "order"})
+        return DbcSensor(file=Path(self.file), signals=signals, **rest)
+
+
+class LogSettings(Section):
+    """Where a recorded device is, to be played again by the driver `replay`, instead of `port`."""
+
+    file: Annotated[str, Field(examples=["log"])]
+    """log, or folder of its files, that the driver `replay` plays"""
+    device: Annotated[str, Field(examples=["beam_left"])]
+    """name of the device in that log"""
+
+
+class DeviceSettings(Section):
+    """One accelerometer; as many of these as there are."""
+
+    name: Annotated[str, Field(examples=["beam_left"])]
+    """of each `[[device]]`; a name of yours, unique"""
+    driver: Annotated[str, Field(examples=["epson-uart"])]
+    """how to talk to it: a name of the table of drivers"""
+    port: Annotated[str | None, Field(examples=["/dev/serial/by-id/usb-FTDI_A352-if00-port0"])] = None
+    """serial port, best by `/dev/serial/by-id/`; a device has this, `can = {..}` or `log = {..}`"""
+    can: CanSettings | None = None
+    dbc: DbcSettings | None = None
+    log: LogSettings | None = None
+    rate: Positive = 1000.0
+    """scans a second [Hz]"""
+    channels: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"y": "beam_left_y", "z": "beam_left_z"}])]
+    """device axis = sensor of the structure; the other axes are logged, not analysed"""
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        found = [name for name in ("port", "can", "log") if getattr(self, name) is not None]
+        if len(found) != 1:
+            raise ValueError(f"expected one of `port`, `can` and `log`, found {' and '.join(found) or 'none'}")
+        if self.dbc is not None and self.can is None:
+            raise ValueError(f"expected `can` beside `dbc`, found `{found[0]}`")
+        if self.can is not None and (self.can.node is None) == (self.dbc is None):
+            raise ValueError(f"expected one of `can.node` and `dbc`, found {'none' if self.dbc is None else 'both'}")
+        return self
+
+    @model_validator(mode="after")
+    def _axes_that_are_sent(self) -> Self:
+        for axis in self.channels:
+            if self.dbc is not None and axis not in self.dbc.signals:
+                raise ValueError(f"channels: axis {axis} is none of `dbc.signals`, {', '.join(self.dbc.signals)}")
+        return self
+
+    @property
+    def place(self) -> str | CanPlace | LogAddress:
+        """Where it is connected."""
+        if self.log is not None:
+            return LogAddress(path=Path(self.log.file), device=self.log.device)
+        if self.can is None:
+            return self.port or ""
+        bus = self.can.model_dump(exclude={"node"})
+        if self.dbc is not None:
+            return DbcAddress(**bus, sensor=self.dbc.sensor)
+        return CanAddress(**bus, node=self.can.node or 0)

@@ -1,0 +1,158 @@
+"""SITE.toml read and checked, with one line that names file and key for what is wrong."""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from daq import CanPlace
+from monitor.errors import SettingsError
+from monitor.settings.device import DeviceSettings
+from monitor.settings.overrides import Override, overridden, overrides
+from monitor.settings.site import Settings
+
+_NO_SUCH = "extra_forbidden"
+
+
+def parse_settings(
+    text: str, path: Path | str = "SITE.toml", origins: Mapping[tuple[str, ...], str] | None = None
+) -> Settings:
+    """Read settings from TOML text.
+
+    Parameters
+    ----------
+    text : of the file
+    path : what errors name
+    origins : place of a setting -> what errors name instead, as it was not given in the file
+
+    Raises
+    ------
+    SettingsError
+        Naming the file, the key, what was found and, for a key nobody knows, the nearest right word.
+    """
+    try:
+        settings = Settings.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(path, str(error)) from error
+    except ValidationError as error:
+        raise _explained(error, path, origins or {}) from error
+    _check_devices(settings, path)
+    return settings
+
+
+def _check_devices(settings: Settings, path: Path | str) -> None:
+    """Refuse devices that cannot be told apart, or disagree about their bus."""
+    names = [device.name for device in settings.device] + [channel.name for channel in settings.channels]
+    for repeated in sorted({name for name in names if names.count(name) > 1}):
+        raise SettingsError(path, f"device: the name {repeated!r} is given twice")
+    places = [str(device.place) for device in settings.device]
+    for repeated in sorted({place for place in places if places.count(place) > 1}):
+        raise SettingsError(path, f"device: two are connected to {repeated}")
+    rates: dict[tuple[str, str], int] = {}
+    for address in (device.place for device in settings.device):
+        if isinstance(address, CanPlace) and rates.setdefault(address.bus, address.bitrate) != address.bitrate:
+            raise SettingsError(
+                path, f"device: {address} is at {address.bitrate} bit/s, its bus at {rates[address.bus]}"
+            )
+
+
+def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]:
+    """Read a settings file and put in what overrides it.
+
+    Returns
+    -------
+    text : of the file, with what overrides it
+    settings : the same, read; files that devices name are found from anywhere
+
+    Raises
+    ------
+    SettingsError
+        As for `parse_settings`; naming the variable or argument where a value was given there.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        tomllib.loads(text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(path, f"cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(path, str(error)) from error
+    text, origins = overridden(text, given)
+    return text, _from_folder(parse_settings(text, path, origins), path.parent)
+
+
+def load_settings(path: Path) -> Settings:
+    """Read a settings file, with what the environment says instead; errors as for `read_settings`."""
+    return read_settings(path, overrides())[1]
+
+
+def _from_folder(settings: Settings, folder: Path) -> Settings:
+    """Return settings whose DBC files and logs are found from anywhere."""
+
+    def found(device: DeviceSettings) -> DeviceSettings:
+        files = {"dbc": device.dbc, "log": device.log}
+        return device.model_copy(
+            update={
+                name: section.model_copy(update={"file": str(folder / section.file)})
+                for name, section in files.items()
+                if section is not None
+            }
+        )
+
+    return settings.model_copy(update={"device": tuple(found(device) for device in settings.device)})
+
+
+def _explained(error: ValidationError, path: Path | str, origins: Mapping[tuple[str, ...], str]) -> SettingsError:
+    # a misspelt key is also a missing one: say the former
+    first: Any = min(error.errors(), key=lambda e: e["type"] != _NO_SUCH)
+    place = tuple(str(part) for part in first["loc"])
+    origin = next((said for keys, said in origins.items() if place[: len(keys)] == keys), path)
+    return SettingsError(origin, f"{'.'.join(place)}: {_what(first, place)}" if place else _what(first, place))
+
+
+def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of pydantic's errors
+    if first["type"] == _NO_SUCH:
+        return "no such setting" + _nearest(place[-1], _near(place))
+    found = f"{first['msg']}, found {first['input']!r:.80}"
+    if first["type"] == "literal_error":
+        return found + _nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])
+    return found
+
+
+def _words(expected: str) -> list[str]:
+    return expected.replace(" or ", ", ").split(", ")
+
+
+def _nearest(word: str, known: Sequence[str]) -> str:
+    """Return the question whether another word was meant; the last part of dotted ones is compared."""
+    by_end = {name.rpartition(".")[2]: name for name in reversed(known)}
+    near = difflib.get_close_matches(word, by_end, 1)
+    return f", did you mean {by_end[near[0]]!r}?" if near else ""
+
+
+def _near(place: tuple[str, ...]) -> list[str]:
+    """Return the settings of the section that a place is in; where none is near, those of all sections in full."""
+    section: type[BaseModel] | None = Settings
+    for key in place[:-1]:
+        if section is not None and not key.isdigit():
+            section = section_of(section.model_fields[key].annotation) if key in section.model_fields else None
+    own = list(section.model_fields) if section else []
+    return own if _nearest(place[-1], own) else list(_all_keys(Settings))
+
+
+def _all_keys(section: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    for name, field in section.model_fields.items():
+        yield prefix + name
+        inner = section_of(field.annotation)
+        if inner is not None:
+            yield from _all_keys(inner, f"{prefix}{name}.")
+
+
+def section_of(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - any annotation of a field
+    """Return the section that a field holds, or holds many of; None for a plain value."""
+    for kind in (annotation, *get_args(annotation)):
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            return kind
+    return None

@@ -1,0 +1,153 @@
+"""A whole SITE.toml."""
+
+from ipaddress import ip_address
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from daq import Channel
+from monitor.alarms import AlarmRules
+from monitor.settings.device import AXES, DeviceSettings
+from monitor.settings.notify import NotifySettings
+from monitor.settings.section import Positive, Section
+
+
+class RecorderSettings(Section):
+    """Where the log goes, and how much of it is kept."""
+
+    folder: str = "log"
+    """where logs go"""
+    chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.2
+    """of wall time between writes to the file: a kill loses at most that and the last 0.2 s of blocks"""
+    rotate_mb: Positive = 512.0
+    """size of a log file at which the next one is begun [MB = 10^6 bytes]"""
+    rotate_minutes: Positive = 60.0
+    """of data in a log file at which the next one is begun"""
+    keep_days: Annotated[Positive | None, Field(examples=[365.0])] = None
+    """log files that were written longer ago are deleted; all are kept unless given"""
+    keep_gb: Annotated[Positive | None, Field(examples=[500.0])] = None
+    """of all log files that runs have recorded in the folder; beyond it the oldest are deleted"""
+    min_free_gb: Annotated[float, Field(ge=0)] = 1.0
+    """room left on the disk: the oldest log files are deleted for it, never the newest; 0 for never"""
+
+
+class AnalysisSettings(Section):
+    """How windows are cut and analysed."""
+
+    window_seconds: Positive = 600.0
+    """length of a window"""
+    overlap: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """share of a window that the next one repeats"""
+    band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
+    """[low, high] in Hz; chosen from rate and window unless given"""
+    baseline_windows: Annotated[int, Field(ge=5)] = 24
+    """windows to learn from before watching"""
+
+
+class AlarmSettings(Section):
+    """When to wake somebody."""
+
+    false_alarms_per_year: Positive = 1.0
+    """that all detectors together may give; sets their limits"""
+    hold_windows: Annotated[int, Field(ge=1)] = 2
+    """windows in a row over the limit that raise the alarm"""
+    clear_windows: Annotated[int, Field(ge=1)] = 2
+    """calm windows in a row that clear it"""
+    clear_ratio: Annotated[float, Field(gt=0, le=1)] = 0.8
+    """a window is calm when its novelty is under this share of the limit"""
+    latch: bool = False
+    """whether an alarm stands until it is acknowledged, though the windows be calm"""
+    cooldown_minutes: Annotated[float, Field(ge=0)] = 60.0
+    """an alarm raised again this soon after its end goes on instead of being a new one"""
+    flapping_changes: Annotated[int, Field(ge=3)] = 6
+    """alarms raised and cleared within `flapping_hours`, from which on they wake nobody"""
+    flapping_hours: Annotated[float, Field(ge=0)] = 24.0
+    """see `flapping_changes`"""
+
+    @property
+    def rules(self) -> AlarmRules:
+        """The same for the state machine."""
+        return AlarmRules(
+            hold_windows=self.hold_windows,
+            clear_windows=self.clear_windows,
+            clear_ratio=self.clear_ratio,
+            latch=self.latch,
+            cooldown=round(self.cooldown_minutes * 60e9),
+            flapping_changes=self.flapping_changes,
+            flapping_span=round(self.flapping_hours * 3600e9),
+        )
+
+
+class HistorySettings(Section):
+    """Where what was found is kept for years."""
+
+    url: Annotated[str | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
+    """`postgresql://USER@HOST/NAME`; a SQLite file in the state folder unless given"""
+
+
+def _address(host: str) -> str:
+    ip_address(host)  # raises ValueError
+    return host
+
+
+class WebSettings(Section):
+    """Health, metrics and a status page; leave the section out for none."""
+
+    bind: Annotated[str, AfterValidator(_address)] = "127.0.0.1"
+    """address to serve on (service.md); without a `[web]` section nothing is served"""
+    port: Annotated[int, Field(ge=1, le=65535)] = 8765
+    """its port"""
+    token_file: Annotated[str | None, Field(examples=["web_token"])] = None
+    """file with the token, relative to SITE.toml; `web_token` in the state folder unless given"""
+
+
+class ViewerSettings(Section):
+    """The live view, served on 127.0.0.1; leave the section out for none."""
+
+    port: Annotated[int, Field(ge=1, le=65534)] = 9876
+    """of the live results; signals on the next one; without a `[viewer]` section nothing is served"""
+    memory_mb: Annotated[int, Field(ge=16)] = 256
+    """results kept for viewers that come late; the oldest go first"""
+
+
+class ClockSettings(Section):
+    """The time scale of an emulated rig or of logs that are played; leave it out for real devices."""
+
+    speed: Positive = 1.0
+    """of an emulated rig, or of logs that are played: seconds of data a second; leave `[clock]` out for real devices"""
+    origin_wall: Annotated[int | None, Field(examples=[1_767_225_600_000_000_000])] = None
+    """of an emulated rig: wall time [ns UTC] at which ..."""
+    origin: Annotated[int | None, Field(examples=[1_767_225_600_000_000_000])] = None
+    """... data time was this [ns UTC]; both are the start unless given"""
+
+
+class Settings(Section):
+    """What is connected where, and how it is watched."""
+
+    structure: Annotated[str, Field(examples=["t_structure.toml"])]
+    """structure file"""
+    state: str = "state"
+    """folder for what outlives a run"""
+    device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1)]
+    recorder: RecorderSettings = RecorderSettings()
+    analysis: AnalysisSettings = AnalysisSettings()
+    alarm: AlarmSettings = AlarmSettings()
+    history: HistorySettings = HistorySettings()
+    notify: tuple[NotifySettings, ...] = ()
+    web: WebSettings | None = None
+    viewer: ViewerSettings | None = None
+    clock: ClockSettings | None = None
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Analysed channels, in the order of the devices."""
+        return tuple(
+            Channel(name=name, device=device.name, axis=AXES.index(axis))
+            for device in self.device
+            for axis, name in device.channels.items()
+        )
+
+    @property
+    def step_seconds(self) -> float:
+        """From the start of a window to that of the next [s]."""
+        return self.analysis.window_seconds * (1 - self.analysis.overlap)
