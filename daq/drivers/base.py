@@ -27,6 +27,7 @@ class Scans:
     temperature: float  #: [degC]
     bad_bytes: int  #: dropped while these were read
     age: int = 0  #: since the bytes were here [ns of wall time]
+    warning: str = ""  #: what the device has said of itself, or is to be told of it though it sends
 
 
 class Driver(Protocol):
@@ -277,6 +278,8 @@ class DeviceReader(threading.Thread):
         while not self._ending.is_set():
             scans = self._driver.read()
             now = self._clock.now() - round(scans.age * self._clock.speed)
+            if scans.warning:
+                self._sink(self._event("device_warning", {"what": scans.warning}))
             for block in self._blocks.add(scans, now):
                 self._hand_on(block)
             if len(scans.counts):

@@ -11,6 +11,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoEr
 from daq.can_address import CanAddress
 from daq.drivers.base import Scans
 from daq.drivers.can_hub import Member, join_bus, leave_bus
+from daq.drivers.heartbeat import PERIOD_MS, HeartbeatConsumer
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
 from daq.protocol.frames import concatenate
@@ -44,10 +45,11 @@ class EpsonCan:
             raise ValueError(f"rate of {address}: expected one of {sorted(epson.RATES)} Hz, found {rate:g}")
         self._address, self._rate = address, int(rate)
         self._member: Member | None = None
+        self._heartbeat: HeartbeatConsumer | None = None
         self._decoder = epson.ScanDecoder(address.node)
 
     def open(self) -> dict[str, Any]:
-        """Join the bus, check who answers, set rate, filter and process data, start it."""
+        """Join the bus, check who answers, set rate, filter, process data and heartbeat, start it."""
         number = self._address.node
         member = join_bus(self._address, frozenset({epson.TPDO1 + number, epson.TPDO2 + number}))
         self._member, node = member, member.hub.add_node(number)
@@ -69,7 +71,9 @@ class EpsonCan:
         _write(node, epson.TPDO1_COB, epson.COB_NO_RTR | epson.TPDO1 + self._address.node, 4)
         _write(node, epson.TPDO2_COB, epson.COB_NO_RTR | epson.TPDO2 + self._address.node, 4)
         self._apply(node, period, taps)
+        _write(node, epson.HEARTBEAT, PERIOD_MS, 2)
         self._decoder = epson.ScanDecoder(self._address.node)
+        self._heartbeat = HeartbeatConsumer(node)
         node.nmt.send_command(_START)
         return identity
 
@@ -98,11 +102,16 @@ class EpsonCan:
 
     def read(self) -> Scans:
         """Return the scans that have arrived; none if nothing came within 0.1 s."""
-        if self._member is None:
+        if self._member is None or self._heartbeat is None:
             raise DeviceLost(str(self._address), "is not open")
         chunks = self._member.take(_READ_SECONDS)
+        if chunks:
+            self._heartbeat.note_scans()
+        if trouble := self._heartbeat.trouble():
+            raise DeviceLost(str(self._address), trouble)
+        warning = self._heartbeat.warning()
         if not chunks:
-            return Scans(np.empty((0, 3), np.int32), np.empty(0, np.int32), float("nan"), 0)
+            return Scans(np.empty((0, 3), np.int32), np.empty(0, np.int32), float("nan"), 0, warning=warning)
         before = self._decoder.bad_frames
         counts, counter = self._decoder.feed(concatenate([chunk.frames for chunk in chunks]))
         return Scans(
@@ -111,11 +120,12 @@ class EpsonCan:
             temperature=float("nan"),  # its process data carry none
             bad_bytes=8 * (self._decoder.bad_frames - before),
             age=time.perf_counter_ns() - chunks[-1].arrived,
+            warning=warning,
         )
 
     def close(self) -> None:
         """Stop the device if it still listens, and leave the bus."""
-        member, self._member = self._member, None
+        member, self._member, self._heartbeat = self._member, None, None
         if member is None:
             return
         try:

@@ -12,7 +12,7 @@ from daq.protocol.frames import CanFrames
 
 _INITIALISING, _OPERATIONAL, _PRE_OPERATIONAL, _STOPPED = 0, 5, 127, 4
 _START, _STOP, _ENTER_PRE_OPERATIONAL, _RESET = 1, 2, 128, (129, 130)
-_NMT, _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x000, 0x600, 0x580, 0x700
+_NMT, _EMERGENCY, _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x000, 0x080, 0x600, 0x580, 0x700
 
 
 class EmulatedEpsonCan:
@@ -45,8 +45,11 @@ class EmulatedEpsonCan:
         self.node = node
         self._source, self._clock, self._clock_error = source, clock, clock_error
         self._apply_seconds, self._deaf_until = apply_seconds, 0.0
-        self._objects = SdoServer(_objects(node, serial_number, product), self._written)
+        self._reset_objects = _objects(node, serial_number, product)
+        self._objects = SdoServer(dict(self._reset_objects), self._written)
         self._state = _PRE_OPERATIONAL
+        self._hung = False
+        self._unsaid: list[Frame] = []  # that it sends by itself, next time
         self._started: int | None = None
         self._due = 0
         self._rate = 1000.0
@@ -61,6 +64,8 @@ class EmulatedEpsonCan:
 
     def hear(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
+        if self._hung:
+            return []
         if can_id == _NMT and len(data) == 2 and data[1] in (0, self.node):
             return self._command(data[0])
         if can_id == _SDO_REQUEST + self.node and time.monotonic() >= self._deaf_until and self._state != _STOPPED:
@@ -78,6 +83,20 @@ class EmulatedEpsonCan:
             self._started = None
         return [(_HEARTBEAT + self.node, bytes([_INITIALISING]))] if command in _RESET else []
 
+    def power_cycle(self) -> None:
+        """Lose power for a moment: it boots, and says so, without what it was told."""
+        self._hung, self._started, self._next_beat, self._state = False, None, None, _PRE_OPERATIONAL
+        self._objects = SdoServer(dict(self._reset_objects), self._written)
+        self._unsaid = [(_HEARTBEAT + self.node, bytes([_INITIALISING]))]
+
+    def hang(self) -> None:
+        """Do nothing more until it is reset by its power."""
+        self._hung, self._started, self._next_beat = True, None, None
+
+    def fail(self, code: int, register: int = 0x01) -> None:
+        """Send an emergency (CiA 301, section 7.2.7), and go on."""
+        self._unsaid.append((_EMERGENCY + self.node, code.to_bytes(2, "little") + bytes([register]) + bytes(5)))
+
     def _written(self, place: Place) -> None:
         if place == epson.APPLY:
             self._rate = 1000.0 / self._objects[epson.PERIOD]
@@ -87,12 +106,13 @@ class EmulatedEpsonCan:
             self._next_beat = self._clock.now() if self._objects[epson.HEARTBEAT] else None
 
     def beats(self) -> list[Frame]:
-        """Return the heartbeat if it is due."""
+        """Return what it says by itself: the heartbeat if it is due, emergencies."""
+        said, self._unsaid = self._unsaid, []
         now = self._clock.now()
         if self._next_beat is None or now < self._next_beat:
-            return []
+            return said
         self._next_beat = now + self._objects[epson.HEARTBEAT] * 1_000_000
-        return [(_HEARTBEAT + self.node, bytes([self._state]))]
+        return [*said, (_HEARTBEAT + self.node, bytes([self._state]))]
 
     def scans(self, room: int) -> CanFrames:
         """Return the process data that are due, of as many scans as there is room for; the others are dropped."""

@@ -37,7 +37,7 @@ class EmulatedBusNode(Protocol):
         ...
 
     def beats(self) -> list[Frame]:
-        """Return the heartbeat if it is due."""
+        """Return what it says by itself: a heartbeat that is due, emergencies."""
         ...
 
     def scans(self, room: int) -> CanFrames:

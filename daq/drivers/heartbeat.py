@@ -1,0 +1,78 @@
+"""A CANopen node's heartbeat and emergencies, as its master hears them (CiA 301, sections 7.2.8.3 and 7.2.7).
+
+What a heartbeat tells that missing scans do not: at once, that a node has started anew or left its operational state;
+and of one whose scans are missing, whether it lives.
+"""
+
+import time
+from collections import deque
+
+import canopen
+from canopen.emcy import EmcyError
+from canopen.nmt import NMT_STATES
+
+PERIOD_MS = 250  #: between heartbeats, as the node is told
+PATIENCE = 1.0  #: s without one, four periods: they have the lowest priority of all frames on a bus
+_BOOT_UP, _OPERATIONAL = 0, 5
+_FULL_SECONDS = 2.0  # without a heartbeat, though scans come, until that is told
+
+
+class HeartbeatConsumer:
+    """What one node's heartbeats say, from the time on that it was told to become operational.
+
+    Frames come in the bus's thread, questions in the driver's.
+
+    Parameters
+    ----------
+    node : whose; it must send one every `PERIOD_MS`, and be told to start next
+    """
+
+    def __init__(self, node: canopen.RemoteNode) -> None:
+        self._said: deque[int] = deque(maxlen=16)  # states that nobody has looked at
+        self._warnings: deque[str] = deque(maxlen=16)
+        self._heard = self._scanned = time.monotonic()
+        self._running = self._told = False
+        node.nmt.add_heartbeat_callback(self._beat)
+        node.emcy.add_callback(self._emergency)
+
+    def _beat(self, state: int) -> None:
+        self._heard = time.monotonic()
+        self._said.append(state)
+
+    def _emergency(self, error: EmcyError) -> None:
+        what = f"emergency {error.code:#06x}: {error.get_desc() or 'no description'}"
+        self._warnings.append(f"{what} (register {error.register:#04x}, data {error.data.hex()})")
+
+    def note_scans(self) -> None:
+        """Note that scans have come just now."""
+        self._scanned = time.monotonic()
+
+    @property
+    def alive(self) -> bool:
+        """Whether heartbeats come."""
+        return time.monotonic() - self._heard < PATIENCE
+
+    def trouble(self) -> str:
+        """Return why the node counts as lost, empty while it does not.
+
+        Scans that come outweigh a heartbeat that does not: on a full bus it is the first that no longer gets through.
+        """
+        while self._said:
+            state = self._said.popleft()
+            if state == _BOOT_UP:
+                return "it has started anew: its settings are gone"
+            if self._running and state != _OPERATIONAL:
+                return f"its heartbeat says {NMT_STATES.get(state, state)}, expected OPERATIONAL"
+            self._running |= state == _OPERATIONAL  # one that was under way when it was told to start may say otherwise
+        quiet = time.monotonic() - max(self._heard, self._scanned)
+        return f"neither heartbeat nor scan for {PATIENCE:g} s" if quiet > PATIENCE else ""
+
+    def warning(self) -> str:
+        """Return what is to be told of the node though its scans come, empty if nothing is; each once."""
+        if self._warnings:
+            return self._warnings.popleft()
+        late = time.monotonic() - self._heard > _FULL_SECONDS
+        news, self._told = late and not self._told, late
+        if not news:
+            return ""
+        return f"no heartbeat for {_FULL_SECONDS:g} s though scans come: the bus is full, or another master is on it"
