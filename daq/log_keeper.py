@@ -53,6 +53,11 @@ class LogKeeper:
         lost = ", ".join(f"{count} of {name}" for name, count in (self.lost + self._lost_now).items())
         return "; ".join(filter(None, (self._stopped, lost and f"lost: {lost}"))) or None
 
+    @property
+    def losing(self) -> bool:
+        """Tell whether what comes is lost: the disk takes nothing, and memory is full."""
+        return bool(self._lost_now)
+
     def write(self, item: Item) -> None:
         """Take an item; it is in a file after the next flush, if the disk takes it."""
         if len(self._pending) >= self._room and self._stopped:

@@ -49,6 +49,7 @@ class LogThread:
         self._queue: queue.Queue[Item | None] = queue.Queue(capacity)
         self._thread = threading.Thread(target=self._run, name="log")
         self.dropped = 0  #: items that found the queue full
+        self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
         self.failure: OSError | None = None  #: why writing stopped; items go on to `on_written`
 
     def put(self, item: Item) -> None:
@@ -78,6 +79,7 @@ class LogThread:
                 self._on_written(item)
             if time.monotonic() >= due:
                 self._guarded(self._writer.flush)
+                self.turned = time.monotonic()
                 due = time.monotonic() + self._chunk_seconds
         self._guarded(self._writer.close)
 

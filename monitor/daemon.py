@@ -39,6 +39,7 @@ from monitor.inbox import taken
 from monitor.live import LiveView
 from monitor.notices import Courier, couriers
 from monitor.result_events import result_event
+from monitor.service_manager import ServiceManager, SignsOfLife
 from monitor.settings import DeviceSettings, RecorderSettings, Settings, overrides, read_settings
 from monitor.vitals import NAME, Vitals
 from monitor.web import Source, web_process
@@ -181,11 +182,16 @@ def run(
         if live and live.problem:
             log.put(Event(topic="/event/no_viewer", time=clock.now(), payload={"why": live.problem}))
         readers = _start_readers(settings, clock, log)
+        manager = ServiceManager()
+        manager.ready()
         while not stop.is_set():
             _report(worker, log, on_result, clock)
             for topic, payload in (*taken(site.state), *history.said(), *(s for c in told for s in c.said())):
                 log.put(Event(topic=topic, time=clock.now(), payload=payload))
-            vitals.write(_more(log, keeper, history, told, live, folder))
+            if vitals.write(_more(log, keeper, history, told, live, folder)):
+                manager.status(vitals.line)
+            manager.feed(_signs(vitals, log, keeper))
+        manager.stopping()
         for reader in readers:
             reader.stop()
         for reader in readers:
@@ -200,6 +206,10 @@ def _vitals(site: Site) -> Vitals:
     analysis, clock = site.settings.analysis, site.settings.clock
     step = analysis.window_seconds * (1 - analysis.overlap) / (clock.speed if clock else 1.0)
     return Vitals(site.state / NAME, tuple(device.name for device in site.settings.device), step)
+
+
+def _signs(vitals: Vitals, log: LogThread, keeper: LogKeeper) -> SignsOfLife:
+    return SignsOfLife(data=vitals.silence, disk=time.monotonic() - log.turned, losing=keeper.losing)
 
 
 def _more(

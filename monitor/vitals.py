@@ -1,5 +1,6 @@
 """How a running monitor is: what others may look at, written to one small file each second."""
 
+import contextlib
 import json
 import os
 import threading
@@ -56,19 +57,40 @@ class Vitals:
             else:
                 self._happened(item)
 
-    def write(self, more: dict[str, Any]) -> None:
-        """Write the file once a second, with what else is known; a disk that does not take it is said elsewhere."""
+    @property
+    def silence(self) -> float:
+        """Since a block of any device was logged, or since the start [s]."""
+        with self._lock:
+            heard = [device.heard for device in self._devices.values() if device.heard is not None]
+            return time.time() - max(heard, default=self._started)
+
+    @property
+    def line(self) -> str:
+        """How it is, in a line."""
+        with self._lock:
+            lost = [name for name, device in self._devices.items() if device.lost]
+            state = self._window.get("phase", "no window yet")
+            devices = f"{len(self._devices) - len(lost)} of {len(self._devices)} devices"
+            return f"{state}; {devices}" + (f", lost: {', '.join(lost)}" if lost else "")
+
+    def write(self, more: dict[str, Any]) -> bool:
+        """Write the file once a second, with what else is known; a disk that does not take it is said elsewhere.
+
+        Returns
+        -------
+        bool
+            Whether a second was over.
+        """
         now = time.monotonic()
         if now < self._due:
-            return
+            return False
         self._due = now + _EVERY
         unfinished = self._path.with_suffix(".part")
-        try:
+        with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             unfinished.write_text(json.dumps(self._content() | more), encoding="utf-8")
             os.replace(unfinished, self._path)
-        except OSError:
-            return
+        return True
 
     def _content(self) -> dict[str, Any]:
         with self._lock:

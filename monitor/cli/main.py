@@ -80,6 +80,26 @@ def settings(
     raise typer.Exit(settings_command(site, given or (), schema=schema))
 
 
+@app.command("install-service")
+def install_service(
+    site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
+    user: Annotated[bool, typer.Option("--user", help="For your own service manager, not the system's.")] = False,
+    only_print: Annotated[bool, typer.Option("--print", help="Print the unit, write nothing.")] = False,
+) -> None:
+    """Write the systemd unit that runs a site: from boot, watched, with no more rights than it needs."""
+    from monitor.cli.service import install_command
+
+    raise typer.Exit(install_command(site, of_user=user, only_print=only_print))
+
+
+@app.command()
+def health(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
+    """Ask a site's running monitor, by its [web] section, whether it is well; 1 with what is stale if not."""
+    from monitor.cli.service import health_command
+
+    raise typer.Exit(health_command(site))
+
+
 @app.command()
 def history(
     target: Annotated[str, typer.Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],

@@ -28,7 +28,7 @@ def web_process(source: Source, host: str, port: int, token_file: str | None) ->
         If the port is taken or the token cannot be used.
     """
     try:
-        token = read_token(source.state / "web_token" if token_file is None else source.state.parent / token_file)
+        token = read_token(source.token_path(token_file))
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except (OSError, ValueError) as error:
         raise StartError(f"web: {host}:{port}: {error}") from error

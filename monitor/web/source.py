@@ -38,6 +38,10 @@ class Source:
     state: Path  #: folder
     url: str  #: of the history
 
+    def token_path(self, file: str | None) -> Path:
+        """Return where the token stands: a file beside the settings, or in the state folder unless given."""
+        return self.state / "web_token" if file is None else self.state.parent / file
+
     def vitals(self) -> dict[str, Any] | None:
         """Return the newest vitals; None where no monitor has ever run."""
         try:

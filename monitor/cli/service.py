@@ -1,0 +1,73 @@
+"""`install-service` and `health`: a site under a service manager."""
+
+import json
+from pathlib import Path
+
+import httpx
+import typer
+
+from monitor.daemon import Site, load_site
+from monitor.errors import ArgumentError
+from monitor.unit_file import unit_of
+from monitor.web import read_token
+
+_WELL, _NEEDS_A_PERSON = 0, 1
+_SECONDS = 5.0  # to wait for an answer
+
+
+def install_command(path: Path, *, of_user: bool, only_print: bool) -> int:
+    """Write the systemd unit of a site, or print it, and say what starts it.
+
+    Raises
+    ------
+    SettingsError, StructureError, ArgumentError
+        If the site could not run as it is, or the unit cannot be written.
+    """
+    site = load_site(path.absolute())
+    writable = (site.state.absolute(), (site.folder / site.settings.recorder.folder).absolute())
+    for folder in writable:
+        folder.mkdir(parents=True, exist_ok=True)  # systemd mounts what may be written to: it must be there
+    unit = unit_of(site.path, tuple(dict.fromkeys(writable)), of_user=of_user)
+    if only_print:
+        typer.echo(unit.text, nl=False)
+        return _WELL
+    unit.write()
+    command = "systemctl --user" if of_user else "systemctl"
+    typer.echo(f"written: {unit.path}")
+    typer.echo(f"to start it now and at every boot: {command} daemon-reload && {command} enable --now {unit.path.name}")
+    if of_user:
+        typer.echo("to have it run while nobody is logged in: loginctl enable-linger")
+    return _WELL
+
+
+def health_command(path: Path) -> int:
+    """Ask a site's running monitor how it is; 1 with what is stale if it is not well, or does not answer.
+
+    Raises
+    ------
+    ArgumentError
+        If the site has no `[web]` section to ask by.
+    """
+    site = load_site(path)
+    try:
+        problems = _asked(site)
+    except (httpx.HTTPError, OSError, ValueError) as error:
+        problems = [f"no answer: {error}"]
+    for problem in problems:
+        typer.echo(problem)
+    return _NEEDS_A_PERSON if problems else _WELL
+
+
+def _asked(site: Site) -> list[str]:
+    web = site.settings.web
+    if web is None:
+        raise ArgumentError("health", f"{site.path} has no [web] section to ask by")
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(web.bind, web.bind)
+    token = read_token(site.source.token_path(web.token_file))
+    answer = httpx.get(
+        f"http://{f'[{host}]' if ':' in host else host}:{web.port}/healthz",
+        headers={"Authorization": f"Bearer {token}"},
+        timeout=_SECONDS,
+        trust_env=False,
+    )
+    return [str(problem) for problem in json.loads(answer.text)["problems"]]

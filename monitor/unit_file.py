@@ -1,0 +1,137 @@
+"""The systemd unit of a site: started at boot, watched, and allowed no more than it needs.
+
+References
+----------
+systemd.service(5), systemd.exec(5), systemd.resource-control(5).
+"""
+
+import pwd
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from monitor.errors import ArgumentError
+
+_MARK = "# Written by `modalwatch install-service`; a second time writes it anew."
+_SYSTEM = Path("/etc/systemd/system")
+
+_COMMON = """\
+NoNewPrivileges=yes
+LockPersonality=yes
+RestrictRealtime=yes
+RestrictSUIDSGID=yes
+RestrictNamespaces=yes
+SystemCallArchitectures=native
+SystemCallFilter=@system-service
+SystemCallErrorNumber=EPERM
+UMask=0027
+"""
+#: what only the system's manager can grant or take; devices: serial ports, USB ones, and ptys of emulated rigs
+_OF_SYSTEM = """\
+CapabilityBoundingSet=
+ProtectSystem=strict
+ProtectHome=read-only
+PrivateTmp=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectHostname=yes
+ProtectProc=invisible
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_CAN AF_NETLINK
+DevicePolicy=closed
+DeviceAllow=char-ttyUSB rw
+DeviceAllow=char-ttyACM rw
+DeviceAllow=char-ttyS rw
+DeviceAllow=char-pts rw
+SupplementaryGroups=dialout
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit file."""
+
+    path: Path
+    text: str
+
+    def write(self) -> None:
+        """Write it; never over a file of somebody else's.
+
+        Raises
+        ------
+        ArgumentError
+            If it cannot be written, or something else stands there.
+        """
+        try:
+            if self.path.exists() and _MARK not in self.path.read_text(encoding="utf-8"):
+                raise ArgumentError("install-service", f"{self.path} is there already, and not written by this program")
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.write_text(self.text, encoding="utf-8")
+        except OSError as error:
+            raise ArgumentError("install-service", f"{self.path}: {error.strerror}; --print shows it") from error
+
+
+def unit_of(site: Path, writable: tuple[Path, ...], *, of_user: bool) -> Unit:
+    """Return the unit that runs a site.
+
+    Parameters
+    ----------
+    site : SITE.toml, absolute
+    writable : folders that the run writes to, absolute
+    of_user : whether it is for the user's manager instead of the system's
+    """
+    name = "modalwatch-" + re.sub(r"[^A-Za-z0-9]+", "-", site.parent.name + "-" + site.stem).strip("-")
+    folder = Path.home() / ".config" / "systemd" / "user" if of_user else _SYSTEM
+    return Unit(path=folder / f"{name}.service", text=_text(site, writable, of_user=of_user))
+
+
+def _text(site: Path, writable: tuple[Path, ...], *, of_user: bool) -> str:
+    lines = [_MARK, "[Unit]", f"Description=modalwatch watches {_plain(site.parent.name)}/{_plain(site.name)}"]
+    if not of_user:
+        lines += ["Wants=network-online.target", "After=network-online.target time-sync.target"]
+    lines += ["StartLimitIntervalSec=0", "", "[Service]", "Type=notify", "NotifyAccess=main"]
+    lines += [f"ExecStart={_command()} run {_quoted(site)}", "ExecReload=/bin/kill -HUP $MAINPID"]
+    lines += [f"WorkingDirectory={_plain(site.parent)}", "WatchdogSec=60", "TimeoutStartSec=120", "TimeoutStopSec=90"]
+    lines += ["# settings that are wrong stay wrong: 2 is not tried again, what could not start (3) is"]
+    lines += [
+        "Restart=on-failure",
+        "RestartSec=5",
+        "RestartPreventExitStatus=2",
+        "KillMode=mixed",
+        "OOMPolicy=continue",
+    ]
+    lines += ["Environment=OPENBLAS_NUM_THREADS=1", "", "# no more than it needs", *_COMMON.splitlines()]
+    if not of_user:
+        lines += [f"User={_owner(site)}", *_OF_SYSTEM.splitlines()]
+        lines += [f"ReadWritePaths={_quoted(folder)}" for folder in writable]
+    lines += ["", "[Install]", f"WantedBy={'default' if of_user else 'multi-user'}.target"]
+    return "\n".join(lines) + "\n"
+
+
+def _command() -> str:
+    """Return the command as it is installed beside this interpreter."""
+    script = Path(sys.executable).parent / "modalwatch"
+    if script.exists():
+        return _quoted(script)
+    return f'{_quoted(Path(sys.executable))} -c "from monitor.cli.main import main; main()"'
+
+
+def _owner(site: Path) -> str:
+    """Return whose rights it runs with: those of the owner of the site's folder."""
+    uid = site.parent.stat().st_uid
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return str(uid)
+
+
+def _plain(value: object) -> str:
+    """Return text with the signs that begin a specifier doubled."""
+    return str(value).replace("%", "%%")
+
+
+def _quoted(path: Path) -> str:
+    escaped = _plain(path).replace("\\", "\\\\").replace('"', '\\"').replace("$", "$$")
+    return f'"{escaped}"'

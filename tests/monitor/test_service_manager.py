@@ -1,0 +1,168 @@
+"""What systemd is told, over a real socket, and the unit that it reads."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from cli_helpers import Commands, assert_refused
+from process_helpers import script_process
+
+from monitor.daemon import load_site, run
+from monitor.service_manager import ServiceManager, SignsOfLife
+from updater import t_structure_toml
+
+WELL = SignsOfLife(data=0.1, disk=0.1, losing=False)
+SITE = """structure = "t_structure.toml"
+[recorder]
+min_free_gb = 0
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "{port}"
+channels = {{y = "beam_left_y"}}
+"""
+
+
+class Listener:
+    """The service manager's side."""
+
+    def __init__(self, path: str) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(path)
+        self.said: list[str] = []
+
+    def heard(self, text: str, seconds: float) -> bool:
+        """Tell whether a datagram that begins so comes within a time."""
+        end = time.monotonic() + seconds
+        while not any(said.startswith(text) for said in self.said) and time.monotonic() < end:
+            self.socket.settimeout(max(0.01, end - time.monotonic()))
+            try:
+                self.said.append(self.socket.recv(4096).decode())
+            except TimeoutError:
+                break
+        return any(said.startswith(text) for said in self.said)
+
+
+@pytest.fixture(params=["file", "abstract"])
+def listener(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Listener, str]]:
+    path = str(tmp_path / "notify") if request.param == "file" else f"@modalwatch-{os.getpid()}"
+    heard = Listener(path.replace("@", "\0"))
+    yield heard, path
+    heard.socket.close()
+
+
+def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
+    heard, path = listener
+    manager = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "60000000", "WATCHDOG_PID": str(os.getpid())})
+    manager.ready()
+    manager.feed(WELL)
+    manager.feed(WELL)  # not again before a quarter of the period
+    manager.status("watching\nand more")
+    manager.reloading()
+    manager.stopping()
+    assert heard.heard("STOPPING=1", 1.0)
+    assert heard.said[:3] == ["READY=1", "WATCHDOG=1", "STATUS=watching"]
+    assert heard.said[3].startswith("RELOADING=1\nMONOTONIC_USEC=")
+    assert len(heard.said) == 5
+
+
+@pytest.mark.parametrize(
+    ("signs", "says"),
+    [
+        (SignsOfLife(data=11.0, disk=0.1, losing=False), "no data for 11 s"),
+        (SignsOfLife(data=0.1, disk=12.0, losing=False), "the log has not been written for 12 s"),
+        (SignsOfLife(data=0.1, disk=0.1, losing=True), "memory is full"),
+    ],
+)
+def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfLife, says: str) -> None:
+    heard = Listener(str(tmp_path / "notify"))
+    with heard.socket:
+        manager = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "4"})
+        assert says in str(signs.standing)
+        manager.feed(signs)
+        manager.ready()
+        assert heard.heard("READY=1", 1.0)
+        assert heard.said == ["READY=1"]
+        manager.feed(WELL)
+        assert heard.heard("WATCHDOG=1", 1.0)
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {},
+        {"NOTIFY_SOCKET": "/none/such"},
+        {"WATCHDOG_USEC": "4", "WATCHDOG_PID": "1", "NOTIFY_SOCKET": "/none"},
+        {"WATCHDOG_USEC": "soon"},
+    ],
+)
+def test_without_a_manager_nothing_is_said_and_nothing_fails(environment: dict[str, str]) -> None:
+    manager = ServiceManager(environment)
+    manager.ready()
+    manager.feed(WELL)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    path = tmp_path / "bridge 100%.toml"
+    path.write_text(SITE.format(port="/dev/none"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
+@pytest.mark.parametrize("scope", ["system", "user"])
+def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
+    """systemd's own check of it says nothing: every key is known, every path can be read."""
+    text = modalwatch("install-service", site, "--print", *(["--user"] if scope == "user" else [])).out
+    unit = site.parent / "modalwatch-test.service"
+    unit.write_text(text)
+    command = ["systemd-analyze", "verify", "--man=no", f"--{scope}", str(unit)]
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(site.parent), "HOME": str(site.parent)}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert [line for line in done.stderr.splitlines() if unit.name in line] == []
+    assert done.returncode == 0, done
+    assert "Type=notify" in text
+    assert ("ProtectSystem=strict" in text) == (scope == "system")
+
+
+def test_unit_is_written_anew_but_never_over_anothers(
+    modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(site.parent))
+    done = modalwatch("install-service", site, "--user")
+    [unit] = (site.parent / ".config/systemd/user").glob("*.service")
+    assert (done.code, str(unit) in done.out, "systemctl --user daemon-reload" in done.out) == (0, True, True)
+    assert (site.parent / "log").is_dir()
+    assert modalwatch("install-service", site, "--user").code == 0
+    unit.write_text("[Service]\n")
+    assert_refused(modalwatch("install-service", site, "--user"), str(unit), "not written by this program")
+    site.write_text("structure = 3")
+    assert_refused(modalwatch("install-service", site, "--user"), site, "structure")
+
+
+@pytest.mark.live
+def test_run_tells_its_manager_that_it_lives(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("WATCHDOG_USEC", "400000")
+    script = Path(__file__).parents[1] / "emulated_ports.py"
+    heard, stop, now = Listener(str(tmp_path / "notify")), threading.Event(), time.time_ns()
+    with heard.socket, script_process(script, 1, 1, now, now) as (_, ports), ThreadPoolExecutor(1) as pool:
+        site.write_text(SITE.format(port=json.loads(ports)[0]))
+        ended = pool.submit(run, load_site(site), stop, print)
+        try:
+            assert heard.heard("READY=1", 30.0)
+            assert heard.heard("WATCHDOG=1", 5.0)
+            assert heard.heard("STATUS=no window yet; 1 of 1 devices", 5.0)
+        finally:
+            stop.set()
+        assert heard.heard("STOPPING=1", 10.0)
+        assert ended.result().dropped == 0
