@@ -59,6 +59,11 @@ class LogThread:
         except queue.Full:
             self.dropped += 1
 
+    @property
+    def waiting(self) -> int:
+        """Items that are not written yet."""
+        return self._queue.qsize()
+
     def __enter__(self) -> Self:
         self._thread.start()
         return self

@@ -142,7 +142,11 @@ def stop_on_signals() -> Iterator[threading.Event]:
 
 
 def run(
-    site: Site, stop: threading.Event, on_result: Callable[[Result], None], live: LiveView | None = None
+    site: Site,
+    stop: threading.Event,
+    on_result: Callable[[Result], None],
+    live: LiveView | None = None,
+    takers: Sequence[Callable[[Item], None]] = (),
 ) -> RunReport:
     """Watch until `stop` is set: readers and writer in threads, analysis in a process.
 
@@ -152,6 +156,7 @@ def run(
     stop : ends it; what has arrived by then is logged and analysed
     on_result : called in this thread with everything that is found
     live : shows what is logged, if given
+    takers : called in the log's thread with all that is logged; they must not wait
 
     Raises
     ------
@@ -172,11 +177,13 @@ def run(
         worker = stack.enter_context(Worker(site.structure_text, site.site_text))
         history = stack.enter_context(_history(site))
         told = stack.enter_context(couriers(settings.notify, site.state, site.name))
-        vitals = _vitals(site)
+        vitals = _vitals(site, clock)
         if settings.web:
             web = settings.web
             stack.enter_context(web_process(site.source, web.bind, web.port, web.token_file))
-        take = _all((worker.feed, history.put, vitals.take, *(c.put for c in told), *((live.show,) if live else ())))
+        take = _all(
+            (worker.feed, history.put, vitals.take, *(c.put for c in told), *((live.show,) if live else ()), *takers)
+        )
         keeper = LogKeeper(recorder, DiskGuard(folder, _retention(settings.recorder)), take)
         log = stack.enter_context(LogThread(keeper, take, chunk_seconds=settings.recorder.chunk_seconds))
         if live and live.problem:
@@ -188,7 +195,7 @@ def run(
             _report(worker, log, on_result, clock)
             for topic, payload in (*taken(site.state), *history.said(), *(s for c in told for s in c.said())):
                 log.put(Event(topic=topic, time=clock.now(), payload=payload))
-            if vitals.write(_more(log, keeper, history, told, live, folder)):
+            if vitals.write(_more(log, keeper, history, told, live, folder) | _queues(log, worker, readers)):
                 manager.status(vitals.line)
             manager.feed(_signs(vitals, log, keeper))
         manager.stopping()
@@ -202,14 +209,21 @@ def run(
     return RunReport(logs=tuple(recorder.paths), dropped=log.dropped, disk_failure=keeper.problem)
 
 
-def _vitals(site: Site) -> Vitals:
-    analysis, clock = site.settings.analysis, site.settings.clock
-    step = analysis.window_seconds * (1 - analysis.overlap) / (clock.speed if clock else 1.0)
-    return Vitals(site.state / NAME, tuple(device.name for device in site.settings.device), step)
+def _vitals(site: Site, clock: HostClock) -> Vitals:
+    names = tuple(device.name for device in site.settings.device)
+    return Vitals(site.state / NAME, names, site.settings.step_seconds / clock.speed, clock)
 
 
 def _signs(vitals: Vitals, log: LogThread, keeper: LogKeeper) -> SignsOfLife:
     return SignsOfLife(data=vitals.silence, disk=time.monotonic() - log.turned, losing=keeper.losing)
+
+
+def _queues(log: LogThread, worker: Worker, readers: Sequence[DeviceReader]) -> dict[str, Any]:
+    """Return what waits where, and what was damaged on its way."""
+    return {
+        "waiting": {"log": log.waiting, "analysis": worker.waiting},
+        "bad_bytes": {reader.device: reader.bad_bytes for reader in readers},
+    }
 
 
 def _more(

@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from daq import Block, Event, Item
+from daq import Block, Event, HostClock, Item
 from monitor.result_events import event_result
-from monitor.results import TOPIC_WINDOW, WindowResult
+from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
 
 NAME = "status.json"
 _EVERY = 1.0  # s
@@ -37,9 +37,12 @@ class Vitals:
     path : of the file
     devices : names
     step_seconds : of wall time between windows
+    clock : of the data
     """
 
-    def __init__(self, path: Path, devices: tuple[str, ...], step_seconds: float) -> None:
+    def __init__(self, path: Path, devices: tuple[str, ...], step_seconds: float, clock: HostClock) -> None:
+        self._clock = clock
+        self._late: dict[str, float] = {}  # of results: since their last sample came [s of wall time]
         self._path, self._lock, self._started = path, threading.Lock(), time.time()
         self._devices = {name: DeviceVitals() for name in devices}
         self._step_seconds, self._windowed = step_seconds, self._started
@@ -52,7 +55,7 @@ class Vitals:
         with self._lock:
             if isinstance(item, Block):
                 self._heard(item)
-            elif item.topic == TOPIC_WINDOW:
+            elif item.topic in (TOPIC_WINDOW, TOPIC_ALARM):
                 self._analysed(item)
             else:
                 self._happened(item)
@@ -106,6 +109,7 @@ class Vitals:
                 "step_seconds": self._step_seconds,
                 "windowed": self._windowed,
                 "window": self._window,
+                "late": self._late,
                 "devices": {name: asdict(device) for name, device in self._devices.items()},
             }
 
@@ -123,7 +127,11 @@ class Vitals:
 
     def _analysed(self, event: Event) -> None:
         result = event_result(event)
+        late = (self._clock.now() - event.time) * 1e-9 / self._clock.speed
+        if isinstance(result, AlarmResult) and result.raised:
+            self._late["alarm"] = late
         if isinstance(result, WindowResult):
+            self._late["window"] = late
             self._windowed = time.time()
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)

@@ -56,6 +56,11 @@ class Worker:
         self._process.kill()  # it does not heed SIGTERM
         self._process.join()
 
+    @property
+    def waiting(self) -> int:
+        """Items that the analysis has not taken yet."""
+        return self._inbox.qsize()
+
     def feed(self, item: Item) -> None:
         """Hand on one item in the log's order; results are not analysed again.
 

@@ -232,8 +232,9 @@ class DeviceReader(threading.Thread):
         silent_seconds: float = 2.0,
     ) -> None:
         super().__init__(name=f"reader {device}", daemon=True)
-        self._device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
+        self.device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
         self._silent_seconds = silent_seconds
+        self.bad_bytes = 0  #: dropped since the start, as no whole frame held them
         self._n_scans = max(1, round(block_seconds * rate))
         self._blocks = self._new_blocks()
         self._pace = _Pace(rate, _PACE_SECONDS * clock.speed)
@@ -254,7 +255,7 @@ class DeviceReader(threading.Thread):
         self._sink(self._event("device_open", self._identity))
 
     def _new_blocks(self) -> Blocks:
-        return Blocks(self._device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
+        return Blocks(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
 
     def stop(self) -> None:
         """Ask the thread to end."""
@@ -277,6 +278,7 @@ class DeviceReader(threading.Thread):
         heard = self._clock.now()
         while not self._ending.is_set():
             scans = self._driver.read()
+            self.bad_bytes += scans.bad_bytes
             now = self._clock.now() - round(scans.age * self._clock.speed)
             if scans.warning:
                 self._sink(self._event("device_warning", {"what": scans.warning}))
@@ -285,7 +287,7 @@ class DeviceReader(threading.Thread):
             if len(scans.counts):
                 heard = now
             elif now - heard > self._silent_seconds * 1e9 * self._clock.speed:
-                raise DeviceLost(self._device, f"silent for {self._silent_seconds:g} s")
+                raise DeviceLost(self.device, f"silent for {self._silent_seconds:g} s")
 
     def _flush(self) -> None:
         for block in self._blocks.flush(self._clock.now()):
@@ -322,4 +324,4 @@ class DeviceReader(threading.Thread):
             return
 
     def _event(self, what: str, payload: dict[str, Any]) -> Event:
-        return Event(topic=f"/event/{what}", time=self._clock.now(), payload={"device": self._device, **payload})
+        return Event(topic=f"/event/{what}", time=self._clock.now(), payload={"device": self.device, **payload})

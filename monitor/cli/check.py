@@ -16,6 +16,7 @@ from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
 from monitor.settings import AXES, DeviceSettings
+from monitor.surroundings import look_around
 
 _DONE, _NEEDS_A_PERSON = 0, 1
 
@@ -23,7 +24,7 @@ console = Console(highlight=False)
 
 
 def check_command(path: Path, given: Sequence[str] = ()) -> int:
-    """Say what would run; 1 if a device is there but not as it should be.
+    """Say what would run; 1 if a device, or what else is needed, is not as it should be.
 
     Raises
     ------
@@ -47,7 +48,18 @@ def check_command(path: Path, given: Sequence[str] = ()) -> int:
     for problem in problems:
         console.print(f"[yellow]{escape(problem)}[/]")
     console.print("all devices answer" if not problems else "the devices answer, but see above")
-    return _NEEDS_A_PERSON if problems else _DONE
+    well = _say_around(site)
+    return _DONE if well and not problems else _NEEDS_A_PERSON
+
+
+def _say_around(site: Site) -> bool:
+    """Say how all is that a run needs beside devices; tell whether it is well."""
+    well = True
+    for found in look_around(site):
+        said = f"{found.what + ':':<10} {found.said}"
+        console.print(escape(said) if found.well else f"[yellow]{escape(said)}[/]", soft_wrap=True)
+        well &= found.well
+    return well
 
 
 def _say_plan(site: Site) -> None:

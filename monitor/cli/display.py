@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from monitor.cli.watch import line
+from monitor.cli.journal import line
 from monitor.results import AlarmResult, ReferenceResult
 from monitor.worker import Result
 

@@ -61,11 +61,15 @@ _Given = Annotated[
 
 
 @app.command()
-def run(site: Annotated[Path, typer.Argument(metavar="SITE.toml")], given: _Given = None) -> None:
+def run(
+    site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
+    given: _Given = None,
+    json_log: Annotated[bool, typer.Option("--json-log", help="Say what happens as one JSON object a line.")] = False,
+) -> None:
     """Watch a site until SIGTERM or Ctrl-C."""
     from monitor.cli.watch import run_command
 
-    raise typer.Exit(run_command(site, given or ()))
+    raise typer.Exit(run_command(site, given or (), as_json=json_log))
 
 
 @app.command()

@@ -7,15 +7,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
 from monitor.daemon import load_site, run, stop_on_signals
 from monitor.inbox import Acknowledgement, leave
 from monitor.live import LiveView, live_view
 from monitor.mending import mend_logs
 from monitor.replay import replay
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
-from monitor.sensors_said import health_text
-from monitor.words import change_text
+from monitor.results import AlarmResult
 from monitor.worker import Result
 
 console = Console(highlight=False)
@@ -26,47 +25,35 @@ def say(result: Result) -> None:
     console.print(escape(line(result)))
 
 
-def line(result: Result) -> str:
-    """Return one result as a line of text."""
-    if isinstance(result, ReferenceResult):
-        return f"reference: {len(result.modes)} modes, " + ", ".join(f"{m.frequency:.2f}" for m in result.modes) + " Hz"
-    if isinstance(result, AlarmResult):
-        return f"{result.state:>7}: {result.text}"
-    return _window_line(result)
-
-
-def _window_line(window: WindowResult) -> str:
-    start = f"window {window.index + 1:>3} {window.phase:<8}"
-    if window.problem:
-        return f"{start} {window.problem}"
-    text = f"{start} {len(window.modes)} modes"
-    if window.novelty:
-        text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
-    if window.sensors:
-        text += f"; {health_text(window.sensors)}"
-    return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text
-
-
-def run_command(path: Path, given: Sequence[str] = ()) -> int:
+def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False) -> int:
     """Watch a site until told to stop.
 
     Parameters
     ----------
     path : of SITE.toml
     given : KEY=VALUE each, instead of what the file says
+    as_json : whether what happens is said as an object a line
     """
     site = load_site(path, given)
     for said in mend_logs(site.folder / site.settings.recorder.folder):
         console.print(escape(said), soft_wrap=True)
-    with stop_on_signals() as stop, live_view(site.settings, site.structure_text, site.site_text) as live:
+    with (
+        stop_on_signals() as stop,
+        live_view(site.settings, site.structure_text, site.site_text) as live,
+        journal(as_json=as_json) as lines,
+    ):
         tell_live(console, live)
-        report = run(site, stop, say, live)
+        report = run(site, stop, _nothing, live, takers=(lines.take,))
     tell_live_end(console, live)
     for path in report.logs:
         console.print(f"log: {path}", soft_wrap=True)
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
     return 0
+
+
+def _nothing(_: Result) -> None:
+    """Results are said as they stand in the log."""
 
 
 def acknowledge_command(path: Path, by: str, note: str) -> int:

@@ -16,6 +16,7 @@ def metrics(vitals: dict[str, Any] | None, state: str | None) -> bytes:
     _gauge(registry, "healthy", "1 if nothing is stale or lost", float(not problems(vitals)))
     if vitals is not None:
         _of_monitor(registry, vitals)
+        _of_ways(registry, vitals)
         _of_devices(registry, vitals["devices"])
         _of_window(registry, vitals["window"])
     if state is not None:
@@ -35,6 +36,24 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])
     for name in ("disk", "history", "notices", "viewer"):
         _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals[name])))
+
+
+def _of_ways(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
+    """Say what waits where, what was damaged, and how late results were."""
+    waiting = Gauge("modalwatch_queue_items", "That wait", ["queue"], registry=registry)
+    for name, items in vitals["waiting"].items():
+        waiting.labels(name).set(items)
+    bad = Gauge(
+        "modalwatch_bad_bytes",
+        "That no frame with a right checksum held",
+        ["device"],
+        registry=registry,
+    )
+    for name, count in vitals["bad_bytes"].items():
+        bad.labels(name).set(count)
+    texts = {"window": "From a window's last sample to its result", "alarm": "From the last sample that raised it"}
+    for name, seconds in vitals["late"].items():
+        _gauge(registry, f"{name}_latency_seconds", texts[name], seconds)
 
 
 def _of_devices(registry: CollectorRegistry, devices: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ import pytest
 from daq_helpers import make_block
 from history_helpers import run_events, sqlite_url
 
-from daq import Event
+from daq import Event, SystemClock
 from monitor.errors import StartError
 from monitor.history import HistoryStore
 from monitor.inbox import taken
@@ -27,7 +27,9 @@ PORT = 20_000 + os.getpid() % 20_000
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 TOKEN = "0123456789abcdef"
 ACT = {"X-Modalwatch": "test", "Authorization": f"Bearer {TOKEN}"}
-WELL = dict.fromkeys(("disk", "history", "notices", "viewer")) | {"dropped": 0, "disk_free": 5e9, "not_in_history": 0}
+WELL: dict[str, Any] = dict.fromkeys(("disk", "history", "notices", "viewer"))
+WELL |= {"dropped": 0, "disk_free": 5e9, "not_in_history": 0}
+WELL |= {"waiting": {"log": 3, "analysis": 40}, "bad_bytes": {"left": 21, "right": 0}}
 
 
 EVENTS = run_events()
@@ -46,7 +48,7 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def source(tmp_path: Path, history: Path) -> Source:
     """Return what a run leaves behind that goes on."""
     shutil.copytree(history, tmp_path, dirs_exist_ok=True)
-    vitals = Vitals(tmp_path / NAME, ("left", "right"), 600.0)
+    vitals = Vitals(tmp_path / NAME, ("left", "right"), 600.0, SystemClock())
     for name in ("left", "right"):
         vitals.take(make_block(name, 0))
     for event in EVENTS:
@@ -115,13 +117,35 @@ def test_site_that_never_ran_has_a_page_all_the_same(tmp_path: Path) -> None:
 
 
 def test_vitals_follow_devices(tmp_path: Path) -> None:
-    vitals = Vitals(tmp_path / NAME, ("left",), 600.0)
+    vitals = Vitals(tmp_path / NAME, ("left",), 600.0, SystemClock())
     vitals.take(make_block("left", 0))
     vitals.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
     vitals.take(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
     vitals.write(WELL)
     device = json.loads((tmp_path / NAME).read_text())["devices"]["left"]
     assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
+
+
+class FastClock:
+    """Ten seconds of data a second; stands still."""
+
+    speed = 10.0
+
+    def __init__(self, now: int) -> None:
+        self._now = now
+
+    def now(self) -> int:
+        return self._now
+
+
+def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
+    """A result 5 s of data after the end of its window came 0.5 s of wall time after it."""
+    raised = next(e for e in EVENTS if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
+    vitals = Vitals(tmp_path / NAME, ("left",), 600.0, FastClock(raised.time + 5_000_000_000))
+    vitals.take(raised)
+    vitals.take(next(e for e in EVENTS if e.topic == "/result/window" and e.time == raised.time))
+    vitals.write(WELL)
+    assert json.loads((tmp_path / NAME).read_text())["late"] == {"alarm": 0.5, "window": 0.5}
 
 
 def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
@@ -132,6 +156,9 @@ def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
     assert float(found["modalwatch_novelty"]) > float(found["modalwatch_novelty_limit"])
     assert found["modalwatch_window_modes"] == "6.0"
     assert sum(float(v) for k, v in found.items() if k.startswith("modalwatch_state")) == 1.0
+    assert found['modalwatch_queue_items{queue="analysis"}'] == "40.0"
+    assert found['modalwatch_bad_bytes{device="left"}'] == "21.0"
+    assert {"modalwatch_window_latency_seconds", "modalwatch_alarm_latency_seconds"} <= found.keys()
 
 
 def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> None:

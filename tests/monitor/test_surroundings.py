@@ -1,0 +1,88 @@
+"""What a run needs beside devices is looked at by `check`, and named where it is not there."""
+
+import os
+import shutil
+import socket
+from pathlib import Path
+
+import pytest
+
+from monitor.daemon import load_site
+from monitor.surroundings import Finding, look_around
+from updater import t_structure_toml
+
+SITE = """structure = "t_structure.toml"
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "/dev/none"
+channels = {y = "beam_left_y"}
+[recorder]
+min_free_gb = 0
+"""
+
+
+def looked(folder: Path, more: str = "", *, file: str = SITE) -> dict[str, Finding]:
+    (folder / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (folder / "site.toml").write_text(file + more, encoding="utf-8")
+    return {finding.what: finding for finding in look_around(load_site(folder / "site.toml"))}
+
+
+def test_a_bare_site_needs_history_disk_and_clock(tmp_path: Path) -> None:
+    found = looked(tmp_path)
+    assert all(finding.well for finding in found.values())
+    assert list(found) == ["history", "disk", "clock"]
+    assert "history.sqlite, made at the start" in found["history"].said
+    assert not (tmp_path / "state").exists()  # nothing is made
+
+
+def test_history_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state" / "history.sqlite").write_bytes(b"no database" * 1000)
+    assert not looked(tmp_path)["history"].well
+
+
+def test_ports_in_use_are_named(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        found = looked(tmp_path, f"[web]\nport = {port}\n")
+        assert (found["web"].well, str(port) in found["web"].said) == (False, True)
+    assert looked(tmp_path, f"[web]\nport = {port}\n")["web"].well
+
+
+@pytest.mark.parametrize(
+    ("target", "well", "says"),
+    [
+        ('command = ["true"]', True, "command "),
+        ('command = ["no-such-program"]', False, "expected a program, found 'no-such-program'"),
+        ('webhook = "http://127.0.0.1:{port}/hook"', True, "http://127.0.0.1:{port} answers"),
+        ('webhook = "http://127.0.0.1:1/hook"', False, "http://127.0.0.1:1: "),
+        ('mqtt = "mqtt://127.0.0.1:{port}/t"', True, "mqtt://127.0.0.1:{port} answers"),
+    ],
+)
+def test_targets_of_notices_are_reached_and_told_nothing(tmp_path: Path, target: str, well: bool, says: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = str(listener.getsockname()[1])
+        found = looked(tmp_path, f"[[notify]]\n{target.replace('{port}', port)}\n")["notify 1"]
+        assert (found.well, says.replace("{port}", port) in found.said) == (well, True), found
+        if "{port}" in target:
+            taken, _ = listener.accept()
+            with taken:
+                assert taken.recv(1) == b""
+
+
+def test_disk_with_too_little_room(tmp_path: Path) -> None:
+    free = shutil.disk_usage(tmp_path).free / 1e9
+    found = looked(tmp_path, file=SITE.replace("min_free_gb = 0", f"min_free_gb = {2 * free}"))["disk"]
+    assert (found.well, "less than recorder.min_free_gb" in found.said) == (False, True)
+
+
+def test_clock_behind_the_newest_log(tmp_path: Path) -> None:
+    (tmp_path / "log").mkdir()
+    newest = tmp_path / "log" / "later.mcap"
+    newest.touch()
+    assert looked(tmp_path)["clock"].well
+    stamp = newest.stat().st_mtime + 7200
+    os.utime(newest, (stamp, stamp))
+    found = looked(tmp_path)["clock"]
+    assert (found.well, "it has run backwards" in found.said) == (False, True)
