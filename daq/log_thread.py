@@ -1,6 +1,5 @@
 """The log's thread: a slow disk never stops a reader."""
 
-import contextlib
 import queue
 import threading
 import time
@@ -8,6 +7,8 @@ from collections.abc import Callable
 from typing import Protocol, Self
 
 from daq.log import Item
+
+_PAUSE = 0.05  # s between looks at the queue: to be woken by every item costs more than to write it
 
 
 class ItemWriter(Protocol):
@@ -46,7 +47,9 @@ class LogThread:
         capacity: int = 20_000,
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
-        self._queue: queue.Queue[Item | None] = queue.Queue(capacity)
+        self._queue: queue.Queue[Item] = queue.Queue(capacity)
+        self._ending = threading.Event()
+        self._due = time.monotonic() + chunk_seconds  # of the next flush
         self._thread = threading.Thread(target=self._run, name="log")
         self.dropped = 0  #: items that found the queue full
         self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
@@ -70,23 +73,28 @@ class LogThread:
 
     def __exit__(self, *_: object) -> None:
         """Write what is queued, finish the file."""
-        self._queue.put(None)
+        self._ending.set()
         self._thread.join()
 
     def _run(self) -> None:
-        due = time.monotonic() + self._chunk_seconds
-        while True:
-            with contextlib.suppress(queue.Empty):
-                item = self._queue.get(timeout=max(0.0, due - time.monotonic()))
-                if item is None:
-                    break
-                self._guarded(self._writer.write, item)
-                self._on_written(item)
-            if time.monotonic() >= due:
-                self._guarded(self._writer.flush)
-                self.turned = time.monotonic()
-                due = time.monotonic() + self._chunk_seconds
+        while not self._ending.wait(min(_PAUSE, max(0.0, self._due - time.monotonic()))):
+            self._write_queued()
+            self._flush_if_due()
+        self._write_queued()
         self._guarded(self._writer.close)
+
+    def _write_queued(self) -> None:
+        for _ in range(self._queue.qsize()):
+            item = self._queue.get_nowait()
+            self._guarded(self._writer.write, item)
+            self._on_written(item)
+            self._flush_if_due()
+
+    def _flush_if_due(self) -> None:
+        if time.monotonic() >= self._due:
+            self._guarded(self._writer.flush)
+            self.turned = time.monotonic()
+            self._due = time.monotonic() + self._chunk_seconds
 
     def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
         """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""

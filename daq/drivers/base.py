@@ -96,15 +96,15 @@ class Blocks:
         expected = self._expected(scans, now)
         index = self._index(scans.counter, expected)
         kept = _in_order(index, self._next)
-        index, counts = index[kept], scans.counts[kept]
+        index = index[kept]
         if not len(index):
             return
-        whole = int(index[0]) == self._next and int(index[-1]) == self._next + len(index) - 1
-        for run in np.split(np.arange(len(index)), np.flatnonzero(np.diff(index) != 1) + 1):
-            yield from self._append(int(index[run[0]]), counts[run], now)
+        last = int(index[-1])
+        whole = int(index[0]) == self._next and last == self._next + len(index) - 1
+        yield from self._append_runs(index, scans.counts[kept], now)
         self._temperature = scans.temperature
-        if self._anchor is None or (whole and abs(int(index[-1]) - expected) < self._modulus // 4):
-            self._anchor = int(index[-1]), now
+        if self._anchor is None or (whole and abs(last - expected) < self._modulus // 4):
+            self._anchor = last, now
             self._consider_pair(*self._anchor)
         if self._have >= self._n_scans:
             yield from self.flush(now)
@@ -121,10 +121,19 @@ class Blocks:
         raw = counter.astype(np.intp) + self._offset
         onward = self._next + np.arange(len(raw))
         gap = np.flatnonzero((raw - onward) % self._modulus)
+        if not len(gap):
+            return onward
         index = unwrap(raw, expected, self._modulus)
-        n = int(gap[0]) if len(gap) else len(raw)
-        index[:n] = onward[:n]
+        index[: gap[0]] = onward[: gap[0]]
         return index
+
+    def _append_runs(self, index: IndexArray, counts: IntArray, now: int) -> Iterator[Block]:
+        """Take scans whose indices ascend, but may have gaps."""
+        if int(index[-1]) - int(index[0]) == len(index) - 1:
+            yield from self._append(int(index[0]), counts, now)
+            return
+        for run in np.split(np.arange(len(index)), np.flatnonzero(np.diff(index) != 1) + 1):
+            yield from self._append(int(index[run[0]]), counts[run], now)
 
     def _append(self, first: int, counts: IntArray, now: int) -> Iterator[Block]:
         if first != self._next:
@@ -169,8 +178,10 @@ class Blocks:
         return max(now, self._anchor[1] + round((index - self._anchor[0]) / self._rate * 1e9))
 
 
-def _in_order(index: IndexArray, following: int) -> IndexArray:
+def _in_order(index: IndexArray, following: int) -> IndexArray | slice:
     """Return which scans of a read ascend, none before `following` unless all are: then that one was false."""
+    if int(index[0]) == following and not np.any(np.diff(index) != 1):
+        return slice(None)
     later = np.minimum.accumulate(index[::-1])[::-1]
     ascending = np.append(index[:-1] < later[1:], True) & (index >= 0)
     if index[-1] >= following:

@@ -8,6 +8,8 @@ import numpy as np
 import serial
 
 from daq.drivers.base import Scans
+from daq.drivers.bites import Bites
+from daq.drivers.serial_port import bites_of
 from daq.errors import DeviceLost, DriverError
 from daq.found import Found, PortAnswer
 from daq.protocol import epson
@@ -48,6 +50,7 @@ class EpsonUart:
             raise ValueError(f"rate of {port}: expected one of {sorted(epson.RATES)} Hz, found {rate:g}")
         self._port, self._rate = port, int(rate)
         self._serial: serial.Serial | None = None
+        self._bites: Bites | None = None
         self._decoder = epson.BurstDecoder()
 
     def open(self) -> dict[str, Any]:
@@ -59,7 +62,7 @@ class EpsonUart:
             self.close()
             raise DriverError(self._port, f"no M-A352 answers: {error}") from error
         self._decoder = epson.BurstDecoder()
-        self._serial.timeout = _READ_SECONDS
+        self._bites = bites_of(self._serial)
         return identity
 
     def identify(self) -> dict[str, Any]:
@@ -129,11 +132,12 @@ class EpsonUart:
 
     def read(self) -> Scans:
         """Return the scans that have arrived; none if nothing came within 0.1 s."""
+        if self._bites is None:
+            raise DeviceLost(self._port, "is not open")
         try:
-            data = self._line.read(1) + self._line.read(self._line.in_waiting)
+            data = self._bites.read(_READ_SECONDS)
         except _PORT_ERRORS as error:
             raise DeviceLost(self._port, f"the port is gone: {error}") from error
-        arrived = time.perf_counter_ns()
         before = self._decoder.bad_bytes
         frames = self._decoder.feed(data)
         celsius = epson.temperature_celsius(frames.temperature)
@@ -142,7 +146,7 @@ class EpsonUart:
             counter=frames.counter.astype(np.int32),
             temperature=float(celsius.mean()) if len(celsius) else float("nan"),
             bad_bytes=self._decoder.bad_bytes - before,
-            age=time.perf_counter_ns() - arrived,
+            age=time.perf_counter_ns() - self._bites.arrived,
         )
 
     def close(self) -> None:
@@ -154,7 +158,7 @@ class EpsonUart:
             self._serial.close()
         except _PORT_ERRORS:
             self._serial.close()  # it is gone: nothing to stop
-        self._serial = None
+        self._serial = self._bites = None
 
 
 def search(path: str, _: int) -> PortAnswer | None:

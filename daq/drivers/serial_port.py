@@ -5,6 +5,7 @@ import time
 
 import serial
 
+from daq.drivers.bites import Bites
 from daq.errors import DeviceLost
 
 READ_SECONDS = 0.1  #: that a read waits for the first byte
@@ -14,6 +15,13 @@ else:
     import termios
 
     PORT_ERRORS = (OSError, termios.error)  #: SerialException is an OSError, what flushing raises is not
+_GATHER_SECONDS = 0.19  # with the wait for the next scan a block's 0.2 s
+_LEAST_RATE = 500.0  # bytes/s: a device that sends less is heard scan by scan
+
+
+def bites_of(line: serial.Serial) -> Bites:
+    """Return what reads an open serial line."""
+    return Bites(line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
 
 
 class SerialPort:
@@ -33,7 +41,7 @@ class SerialPort:
     def __init__(self, path: str, baud: int) -> None:
         self._path = path
         self._line = serial.Serial(path, baud, timeout=READ_SECONDS, write_timeout=1.0, exclusive=True)
-        self.arrived = 0  #: when the last read's bytes were here, by time.perf_counter_ns
+        self._bites = bites_of(self._line)
 
     def read(self) -> bytes:
         """Return what has arrived; nothing if nothing comes within `READ_SECONDS`.
@@ -44,16 +52,14 @@ class SerialPort:
             If the port is gone.
         """
         try:
-            data: bytes = self._line.read(1) + self._line.read(self._line.in_waiting)
+            return self._bites.read(READ_SECONDS)
         except PORT_ERRORS as error:
             raise DeviceLost(self._path, f"the port is gone: {error}") from error
-        self.arrived = time.perf_counter_ns()
-        return data
 
     @property
     def age(self) -> int:
         """Time since the last read's bytes were here [ns]."""
-        return time.perf_counter_ns() - self.arrived
+        return time.perf_counter_ns() - self._bites.arrived
 
     def write(self, data: bytes) -> None:
         """Send bytes; OSError if the port is gone."""

@@ -26,6 +26,7 @@ FILTER_BUSY = 1 << 5
 UART_AUTO = 1
 RATES = {1000: 2, 500: 3, 200: 4, 100: 5, 50: 6}  #: scans a second -> SMPL_CTRL
 
+Bytes = npt.NDArray[np.uint8]
 _FRAME = np.dtype(
     [
         ("head", "u1"),
@@ -37,6 +38,7 @@ _FRAME = np.dtype(
         ("tail", "u1"),
     ]
 )
+_PLACES = np.array([0, *[256, 1] * 10, 0, 0, 0], np.float32)  #: what a byte of a frame weighs in its checksum
 
 
 def write_register(address: int, value: int) -> bytes:
@@ -92,10 +94,12 @@ def encode_frames(counts: IntArray, first_count: int, temperature: int) -> bytes
     return frames.tobytes()
 
 
-def _sums(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
-    """Return the 16-bit sums of the words between header and checksum of frames (n, 24)."""
-    high, low = raw[:, 1:21:2].sum(1, dtype=np.uint32), raw[:, 2:21:2].sum(1, dtype=np.uint32)
-    return np.asarray((high << 8) + low, np.uint32).astype(np.uint16)
+def _sums(raw: Bytes) -> npt.NDArray[np.uint16]:
+    """Return the 16-bit sums of the words between header and checksum of frames (n, 24).
+
+    A product with a vector is the fastest way to sum rows, and exact: less than 2^20 of the 2^24 of a float32.
+    """
+    return (raw.astype(np.float32) @ _PLACES).astype(np.uint32).astype(np.uint16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,25 +125,30 @@ class BurstDecoder:
     def feed(self, data: bytes) -> Frames:
         """Take the next bytes and return the frames that are complete."""
         stream = np.frombuffer(self._rest + data, np.uint8)
-        starts = _frame_starts(stream)
-        end = int(starts[-1]) + FRAME_SIZE if len(starts) else 0
+        raw, end = _whole_frames(stream)
         keep = max(end, len(stream) - (FRAME_SIZE - 1))  # a frame may still begin in the last 23 bytes
-        self.bad_bytes += keep - FRAME_SIZE * len(starts)
+        self.bad_bytes += keep - raw.size
         self._rest = stream[keep:].tobytes()
-        raw = stream[starts[:, None] + np.arange(FRAME_SIZE)] if len(starts) else np.empty((0, FRAME_SIZE), np.uint8)
-        frames = np.ascontiguousarray(raw).view(_FRAME)[:, 0]
+        frames = raw.view(_FRAME)[:, 0]
         return Frames(
             frames["xyz"].astype(np.int32), frames["count"].astype(np.uint16), frames["temperature"].astype(np.int32)
         )
 
 
-def _frame_starts(stream: npt.NDArray[np.uint8]) -> npt.NDArray[np.intp]:
-    """Return where intact frames begin, none overlapping another."""
-    n = len(stream) - FRAME_SIZE + 1
-    if n <= 0:
-        return np.empty(0, np.intp)
-    candidate = np.flatnonzero((stream[:n] == HEADER) & (stream[FRAME_SIZE - 1 :] == DELIMITER))
+def _whole_frames(stream: Bytes) -> tuple[Bytes, int]:
+    """Return intact frames (n, 24), none overlapping another, and where the last one ends."""
+    n = len(stream) // FRAME_SIZE
+    raw = stream[: n * FRAME_SIZE].reshape(n, FRAME_SIZE)
+    if _intact(raw).all():  # one behind the other from the first byte on: nothing to search
+        return raw, n * FRAME_SIZE
+    last = len(stream) - FRAME_SIZE
+    candidate = np.flatnonzero((stream[: last + 1] == HEADER) & (stream[FRAME_SIZE - 1 :] == DELIMITER))
     raw = stream[candidate[:, None] + np.arange(FRAME_SIZE)]
+    starts = without_overlap(candidate[_intact(raw)], FRAME_SIZE)
+    return stream[starts[:, None] + np.arange(FRAME_SIZE)], int(starts[-1]) + FRAME_SIZE if len(starts) else 0
+
+
+def _intact(raw: Bytes) -> npt.NDArray[np.bool_]:
+    """Tell of rows (n, 24) whether header, delimiter and checksum are right."""
     stated = raw[:, 21].astype(np.uint16) << 8 | raw[:, 22]
-    good = candidate[_sums(raw) == stated]
-    return without_overlap(good, FRAME_SIZE)
+    return np.asarray((raw[:, 0] == HEADER) & (raw[:, -1] == DELIMITER) & (_sums(raw) == stated))

@@ -1,0 +1,78 @@
+"""Bytes off a port in few large reads: what a read costs is being woken, hardly what it brings."""
+
+import math
+import os
+import select
+import time
+
+_ENOUGH = 5000  # bytes a read should bring
+_ROOM = 2500  # bytes that may wait in the port: a pty holds 4 kB, a real port more
+_PART, _FULL = 8192, 4000  # bytes asked for at once, and of an answer behind which there may be more
+_MOST = 1 << 16  # bytes a read
+
+
+class Bites:
+    """Reads a port that is open and does not block; for one thread.
+
+    While bytes come fast enough it lets them gather, and is woken early only if the port goes. Then it takes what is
+    there and waits for the next byte: so the last one's arrival is known as well as if each had been waited for. What
+    waits in a port that goes is lost with it, `_ROOM` bytes at the most.
+
+    Parameters
+    ----------
+    descriptor : of the port
+    most_seconds : that bytes gather at the most [s]
+    least_rate : bytes a second below which nothing is gained, and nothing gathered
+    """
+
+    def __init__(self, descriptor: int, *, most_seconds: float, least_rate: float) -> None:
+        self._descriptor, self._most_seconds, self._least_rate = descriptor, most_seconds, least_rate
+        self._gone, self._here = select.poll(), select.poll()
+        self._gone.register(descriptor, 0)  # a hang-up is told to who asks for nothing, too
+        self._here.register(descriptor, select.POLLIN)
+        self._laps, self._lap = 0, 0.0  # of gathering: number, length [s]
+        self.arrived = time.perf_counter_ns()  #: when the last read's bytes were here
+
+    def read(self, seconds: float) -> bytes:
+        """Return what has come; nothing if nothing comes within some seconds, after what gathered.
+
+        Raises
+        ------
+        OSError
+            If the port is gone.
+        """
+        data = b""
+        for _ in range(self._laps):
+            if self._gone.poll(1e3 * self._lap):
+                break
+            data += self._take()
+        if self._here.poll(1e3 * seconds):
+            last = self._take()
+            if not (last or data):  # something was said to be there
+                raise OSError("it was unplugged")
+            data += last
+        self._adapt(len(data))
+        return data
+
+    def _take(self) -> bytes:
+        """Return what is there."""
+        data = part = self._part()
+        while len(part) >= _FULL and len(data) < _MOST:
+            part = self._part()
+            data += part
+        return data
+
+    def _part(self) -> bytes:
+        try:
+            return os.read(self._descriptor, _PART)
+        except OSError:
+            return b""  # nothing there, or gone: the next read tells
+
+    def _adapt(self, n: int) -> None:
+        """Let bytes gather for as long as they need to be enough, without filling the port."""
+        now = time.perf_counter_ns()
+        rate = 1e9 * n / max(1, now - self.arrived)
+        seconds = min(self._most_seconds, _ENOUGH / rate) if rate > self._least_rate else 0.0
+        self._laps = math.ceil(seconds * rate / _ROOM)
+        self._lap = seconds / max(1, self._laps)
+        self.arrived = now
