@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -45,6 +45,11 @@ bench: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/can_dbc.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/decode.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/serial_ports.py
+
+# What recording 32 serial devices costs: the table in docs/daq.md, ten minutes a line.
+many-devices: $(VENV)/.done
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/many_devices.py 600 epson-uart
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/many_devices.py 600 modalwatch-node
 
 # What kills and power cuts cost a log, its size, how quickly it is mended: the tables in docs/daq.md, six minutes.
 log-crash: $(VENV)/.done

@@ -7,6 +7,7 @@ import time
 
 _ENOUGH = 5000  # bytes a read should bring
 _ROOM = 2500  # bytes that may wait in the port: a pty holds 4 kB, a real port more
+_FIRST = 0.005  # s that bytes gather at first; then twice as long each time
 _PART, _FULL = 8192, 4000  # bytes asked for at once, and of an answer behind which there may be more
 _MOST = 1 << 16  # bytes a read
 
@@ -72,7 +73,8 @@ class Bites:
         """Let bytes gather for as long as they need to be enough, without filling the port."""
         now = time.perf_counter_ns()
         rate = 1e9 * n / max(1, now - self.arrived)
-        seconds = min(self._most_seconds, _ENOUGH / rate) if rate > self._least_rate else 0.0
+        longest = min(self._most_seconds, 2 * self._laps * self._lap + _FIRST)  # a port just opened is not made to wait
+        seconds = min(longest, _ENOUGH / rate) if rate > self._least_rate else 0.0
         self._laps = math.ceil(seconds * rate / _ROOM)
         self._lap = seconds / max(1, self._laps)
         self.arrived = now
