@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class AccelBlock(_message.Message):
-    __slots__ = ("time", "rate", "first_index", "n_axes", "difference", "scale", "temperature", "flags", "pair_index", "pair_time")
+    __slots__ = ("time", "rate", "first_index", "n_axes", "difference", "scale", "temperature", "flags", "pair_index", "pair_time", "clock")
     TIME_FIELD_NUMBER: _ClassVar[int]
     RATE_FIELD_NUMBER: _ClassVar[int]
     FIRST_INDEX_FIELD_NUMBER: _ClassVar[int]
@@ -18,6 +18,7 @@ class AccelBlock(_message.Message):
     FLAGS_FIELD_NUMBER: _ClassVar[int]
     PAIR_INDEX_FIELD_NUMBER: _ClassVar[int]
     PAIR_TIME_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_FIELD_NUMBER: _ClassVar[int]
     time: int
     rate: float
     first_index: int
@@ -28,4 +29,5 @@ class AccelBlock(_message.Message):
     flags: int
     pair_index: int
     pair_time: int
-    def __init__(self, time: _Optional[int] = ..., rate: _Optional[float] = ..., first_index: _Optional[int] = ..., n_axes: _Optional[int] = ..., difference: _Optional[_Iterable[int]] = ..., scale: _Optional[float] = ..., temperature: _Optional[float] = ..., flags: _Optional[int] = ..., pair_index: _Optional[int] = ..., pair_time: _Optional[int] = ...) -> None: ...
+    clock: str
+    def __init__(self, time: _Optional[int] = ..., rate: _Optional[float] = ..., first_index: _Optional[int] = ..., n_axes: _Optional[int] = ..., difference: _Optional[_Iterable[int]] = ..., scale: _Optional[float] = ..., temperature: _Optional[float] = ..., flags: _Optional[int] = ..., pair_index: _Optional[int] = ..., pair_time: _Optional[int] = ..., clock: _Optional[str] = ...) -> None: ...

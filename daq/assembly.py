@@ -60,8 +60,8 @@ def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> 
 class _Stretch:
     """Blocks and clock of one device from one start to the next."""
 
-    def __init__(self, rate: float) -> None:
-        self.clock = ClockFit(rate)
+    def __init__(self, clock: ClockFit) -> None:
+        self.clock = clock
         self.blocks: deque[Block] = deque()
 
     def add(self, block: Block) -> None:
@@ -96,10 +96,12 @@ class _Stretch:
 
 
 class _Device:
-    """Stretches of one device, one a start."""
+    """Stretches of one device, one a start; `clocks` are those that devices share, by name."""
 
-    def __init__(self, rate: float, grid_rate: float, n_axes: int, *, on_grid: bool) -> None:
-        self._rate, self._grid_rate, self._n_axes = rate, grid_rate, n_axes
+    def __init__(
+        self, rate: float, grid_rate: float, n_axes: int, clocks: dict[str, ClockFit], *, on_grid: bool
+    ) -> None:
+        self._rate, self._grid_rate, self._n_axes, self._clocks = rate, grid_rate, n_axes, clocks
         self._ratio = None if on_grid else grid_rate / rate
         self._half = half_taps(self._ratio) if self._ratio else 0
         self._stretches: deque[_Stretch] = deque()
@@ -107,7 +109,8 @@ class _Device:
 
     def add(self, block: Block) -> None:
         if not self._stretches or block.flags & Flag.RESTARTED:
-            self._stretches.append(_Stretch(self._rate))
+            own = ClockFit(self._rate)
+            self._stretches.append(_Stretch(self._clocks.setdefault(block.clock, own) if block.clock else own))
         self._stretches[-1].add(block)
         self.lost = False
 
@@ -185,7 +188,10 @@ class Assembler:
         self._rate = min(rates.values())
         n_axes = 1 + max(channel.axis for channel in channels)
         self._on_grid = on_grid
-        self._devices = {name: _Device(rate, self._rate, n_axes, on_grid=on_grid) for name, rate in rates.items()}
+        clocks: dict[str, ClockFit] = {}
+        self._devices = {
+            name: _Device(rate, self._rate, n_axes, clocks, on_grid=on_grid) for name, rate in rates.items()
+        }
         self._n = round(window_seconds * self._rate)
         self._step = round(step_seconds * 1e9)
         self._next: int | None = None  # start of the next window [ns UTC]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 OURS = "slcan"  #: this name means the bus of `daq.can_bus`; any other one is opened by python-can
 
@@ -25,11 +26,14 @@ class CanAddress(CanPlace):
     """A CANopen node on a bus."""
 
     node: int  #: CANopen id, 1 to 127
+    sync: Literal["producer", "consumer"] | None = None  #: samples on the bus's SYNC, which one node produces, or timed
 
     def __post_init__(self) -> None:
-        """Refuse an id that no node can have."""
+        """Refuse an id that no node can have, and a part in SYNC that there is not."""
         if not 1 <= self.node <= 127:
             raise ValueError(f"node: expected 1 to 127, found {self.node}")
+        if self.sync not in (None, "producer", "consumer"):
+            raise ValueError(f"sync: expected producer or consumer, found {self.sync!r}")
 
     def __str__(self) -> str:
         return f"{self.interface}:{self.channel} node {self.node}"

@@ -67,6 +67,7 @@ def encode_block(block: Block) -> bytes:
         flags=int(block.flags),
         pair_index=block.pair_index,
         pair_time=block.pair_time,
+        clock=block.clock,
     ).SerializeToString()
 
 
@@ -85,6 +86,7 @@ def decode_block(device: str, data: bytes) -> Block:
         pair_time=message.pair_time,
         temperature=message.temperature,
         flags=Flag(message.flags),
+        clock=message.clock,
     )
 
 

@@ -27,13 +27,14 @@ class Block:
 
     device: str
     rate: float  #: nominal scans a second [Hz], by the device's own clock
-    first_index: int  #: unwrapped number of the first scan since the device's first connection [-]
+    first_index: int  #: unwrapped number of the first scan since the device's first connection, or of `clock` [-]
     counts: IntArray  #: (n_scans, n_axes) raw counts [-], no scan missing inside
     scale: float  #: m/s2 a count
     pair_index: int  #: the (counter, host time) pair: this scan ...
     pair_time: int  #: ... had arrived at this host time [ns UTC]
     temperature: float  #: of the device [degC], NaN if it has no sensor
     flags: Flag = Flag.NONE
+    clock: str = ""  #: which indices count, if devices share it: one index is one instant for all of them
 
     def __post_init__(self) -> None:
         """Refuse what no driver can have meant."""

@@ -302,10 +302,10 @@ def device_driver(device: DeviceSettings, speed: float) -> Driver:
 
 
 def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list[DeviceReader]:
-    """Open all devices, then start their threads; one that does not answer stops the start."""
+    """Open all devices and start their threads; one that does not answer stops the start."""
     readers: list[DeviceReader] = []
     try:
-        for device in settings.device:
+        for device in sorted(settings.device, key=lambda device: device.waits_for_sync):
             driver = device_driver(device, clock.speed)
             reader = DeviceReader(device.name, driver, device.rate, clock, log.put)
             reader.connect()

@@ -10,7 +10,7 @@ import numpy as np
 
 from daq import Driver, DriverError, FloatArray
 from monitor.daemon import device_driver
-from monitor.settings import Settings
+from monitor.settings import DeviceSettings, Settings
 
 _SECONDS = 1.0  # of wall time that each device is listened to
 _SETTLE = 0.2  # s at first: what had piled up in the port tells no rate
@@ -38,15 +38,28 @@ def probe_devices(settings: Settings) -> dict[str, Probe | str]:
     """Look at all devices of a site at once; a string says why one could not be looked at."""
     speed = settings.clock.speed if settings.clock else 1.0
 
-    def look(number: int) -> Probe | str:
-        device = settings.device[number]
+    drivers: dict[str, Driver] = {}
+
+    def open_one(device: DeviceSettings) -> dict[str, Any] | str:
         try:
-            return probe(device_driver(device, speed), speed=speed)
+            drivers[device.name] = driver = device_driver(device, speed)
+            return driver.open()
         except (DriverError, ValueError) as error:
             return str(error)
 
-    with ThreadPoolExecutor(len(settings.device)) as pool:
-        found = list(pool.map(look, range(len(settings.device))))
+    def look(device: DeviceSettings, identity: dict[str, Any] | str) -> Probe | str:
+        try:
+            return identity if isinstance(identity, str) else _look(drivers[device.name], identity, speed)
+        except DriverError as error:
+            return str(error)
+
+    with ThreadPoolExecutor(len(settings.device)) as pool:  # open all, then look at all: one's SYNC may drive others
+        try:
+            identities = list(pool.map(open_one, settings.device))
+            found = list(pool.map(look, settings.device, identities))
+        finally:
+            for driver in drivers.values():
+                driver.close()
     return {device.name: what for device, what in zip(settings.device, found, strict=True)}
 
 
@@ -69,12 +82,23 @@ def probe(
     """
     identity = driver.open()
     try:
-        start = now()
-        while now() - start < _SETTLE:
-            driver.read()
-        return _listen(driver, identity, speed, seconds, now)
+        return _look(driver, identity, speed, seconds, now)
     finally:
         driver.close()
+
+
+def _look(
+    driver: Driver,
+    identity: dict[str, Any],
+    speed: float,
+    seconds: float = _SECONDS,
+    now: Callable[[], float] = time.monotonic,
+) -> Probe:
+    """Listen to a device that is open."""
+    start = now()
+    while now() - start < _SETTLE:
+        driver.read()
+    return _listen(driver, identity, speed, seconds, now)
 
 
 def _listen(driver: Driver, identity: dict[str, Any], speed: float, seconds: float, now: Callable[[], float]) -> Probe:

@@ -23,10 +23,13 @@ class Scans:
     """What one read brought."""
 
     counts: IntArray  #: (n, n_axes) [-]
-    counter: IntArray  #: (n,) as the device counts, wrapping [-]
+    counter: (
+        IntArray | IndexArray
+    )  #: (n,) as the device counts, wrapping; as `clock` counts, for good, if it has one [-]
     temperature: float  #: [degC]
     bad_bytes: int  #: dropped while these were read
     age: int = 0  #: since the bytes were here [ns of wall time]
+    clock: str = ""  #: that the counter is of, if other devices sample by it too; a new name where it began anew
     warning: str = ""  #: what the device has said of itself, or is to be told of it though it sends
 
 
@@ -78,10 +81,11 @@ class Blocks:
         self._pair: tuple[int, int] | None = None
         self._temperature = float("nan")
         self._flags = Flag.NONE
+        self._clock = ""  # that is shared, if one is: then counters are indices
 
     def restart(self, now: int) -> None:
-        """Note that the device counts anew, after `flush`; indices go on where the host's clock says."""
-        if self._anchor is not None:
+        """Note that the device counts anew, after `flush`; indices go on where the host's or the shared clock says."""
+        if self._anchor is not None and not self._clock:
             elapsed = round((now - self._anchor[1]) * 1e-9 * self._rate)
             self._next = max(self._next, self._anchor[0] + elapsed) + 1
         self._anchor = None
@@ -93,6 +97,8 @@ class Blocks:
             self._flags |= Flag.BAD_FRAMES
         if not len(scans.counts):
             return
+        if scans.clock != self._clock:
+            yield from self._change_clock(scans.clock, int(scans.counter[0]), now)
         expected = self._expected(scans, now)
         index = self._index(scans.counter, expected)
         kept = _in_order(index, self._next)
@@ -109,16 +115,28 @@ class Blocks:
         if self._have >= self._n_scans:
             yield from self.flush(now)
 
+    def _change_clock(self, clock: str, first: int, now: int) -> Iterator[Block]:
+        """Go on by a clock that devices share; it is another one where their sampling began anew."""
+        yield from self.flush(now)
+        if self._clock:
+            self._flags |= Flag.RESTARTED
+        self._clock, self._anchor, self._offset = clock, None, 0
+        self._next = max(self._next, first)
+
     def _expected(self, scans: Scans, now: int) -> int:
-        """Return the index of a read's last scan by the host's clock."""
+        """Return the index of a read's last scan by the host's clock, or by the one that is shared."""
+        if self._clock:
+            return int(scans.counter[-1])
         if self._anchor is None:
             self._offset = self._next - int(scans.counter[0])
             return self._next + len(scans.counter) - 1
         return self._anchor[0] + round((now - self._anchor[1]) * 1e-9 * self._rate)
 
-    def _index(self, counter: IntArray, expected: int) -> IndexArray:
+    def _index(self, counter: IntArray | IndexArray, expected: int) -> IndexArray:
         """Return indices: without a gap as the counter says, however late; beyond one nearest to the expected."""
         raw = counter.astype(np.intp) + self._offset
+        if self._clock:
+            return raw
         onward = self._next + np.arange(len(raw))
         gap = np.flatnonzero((raw - onward) % self._modulus)
         if not len(gap):
@@ -168,6 +186,7 @@ class Blocks:
             pair_time=pair[1],
             temperature=self._temperature,
             flags=self._flags,
+            clock=self._clock,
         )
         self._counts, self._have, self._pair, self._flags = [], 0, None, Flag.NONE
 
@@ -251,6 +270,7 @@ class DeviceReader(threading.Thread):
         self._pace = _Pace(rate, _PACE_SECONDS * clock.speed)
         self._ending = threading.Event()
         self._end = 0  # index after the last block handed on
+        self._shared = ""  # clock of the last block, if devices share it
         self._identity: dict[str, Any] = {}  # of the device that was there at the start
 
     def connect(self) -> None:
@@ -306,11 +326,13 @@ class DeviceReader(threading.Thread):
 
     def _hand_on(self, block: Block) -> None:
         """Put a block, and before it how many scans are missing; by the host's clock where the device began anew."""
+        shared = block.clock != "" and block.clock == self._shared
+        began = block.clock != "" and self._shared == ""  # others have sampled by it before
         missing = block.first_index - self._end
-        if missing > 0:
-            exact = not block.flags & Flag.RESTARTED
+        if missing > 0 and not began:
+            exact = shared or not block.flags & Flag.RESTARTED
             self._sink(self._event("gap", {"first_index": self._end, "missing": missing, "exact": exact}))
-        self._end = block.end_index
+        self._end, self._shared = block.end_index, block.clock
         self._sink(block)
         if found := self._pace.differs(block):
             self._sink(self._event("wrong_rate", {"expected": self._rate, "found": round(found, 3)}))

@@ -1,6 +1,7 @@
 """Any sensor on a CAN bus that sends by itself what a DBC file describes."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ class CanDbc:
         why = what_is_missing(self._layout, concatenate(heard))
         raise DriverError(str(self._address), f"no scan within {self._patience:g} s: {why}")
 
-    def _decoded(self, chunks: list[Chunk]) -> DecodedScans:
+    def _decoded(self, chunks: Sequence[Chunk]) -> DecodedScans:
         frames = concatenate([NO_FRAMES, *(chunk.frames for chunk in chunks)])
         return self._decoder.feed(frames, np.repeat([c.arrived for c in chunks], [len(c.frames) for c in chunks]))
 

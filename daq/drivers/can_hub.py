@@ -18,8 +18,10 @@ import numpy.typing as npt
 
 from daq.can_address import OURS, CanPlace
 from daq.can_bus import Chunk, SlcanBus, read_frames
+from daq.drivers.sync_count import SyncCount
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.frames import NUMBER
+from daq.recording import IndexArray
 
 _WAIT = 0.1  # s
 _MOST_CHUNKS = 4096  # that wait for a device's thread; beyond it they are lost, and the counter tells
@@ -34,6 +36,22 @@ for _name in ("can", "canopen"):
     logging.getLogger(_name).addHandler(logging.NullHandler())  # what goes wrong is raised, not printed
 
 
+@dataclass(frozen=True)
+class SyncPart:
+    """What a device has to do with the SYNC of its bus."""
+
+    rate: float  #: of SYNC frames [Hz]
+    produces: bool  #: it sends them itself
+
+
+@dataclass(frozen=True, eq=False)
+class Share(Chunk):
+    """What is one device's of a chunk."""
+
+    syncs: IndexArray  #: (n,) number of the last SYNC before each frame, if the device samples on it
+    clock: str  #: that these numbers are of
+
+
 @dataclass(eq=False)
 class Member:
     """One device's side of a hub."""
@@ -41,9 +59,10 @@ class Member:
     hub: "CanHub"
     place: CanPlace
     identifiers: frozenset[int]  #: of its process data, with the bit EXTENDED
-    inbox: "queue.Queue[Chunk]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
+    sync: SyncPart | None = None  #: if it samples on that
+    inbox: "queue.Queue[Share]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
 
-    def take(self, timeout: float) -> list[Chunk]:
+    def take(self, timeout: float) -> list[Share]:
         """Wait for process data and return all that are there; none after `timeout` [s].
 
         Raises
@@ -51,7 +70,7 @@ class Member:
         DeviceLost
             If the bus is gone.
         """
-        chunks: list[Chunk] = []
+        chunks: list[Share] = []
         try:
             chunks.append(self.inbox.get(timeout=timeout))
             while True:
@@ -62,13 +81,13 @@ class Member:
             raise DeviceLost(str(self.place), f"the bus is gone: {self.hub.failure}")
         return chunks
 
-    def pick(self, chunk: Chunk) -> npt.NDArray[np.bool_]:
+    def pick(self, chunk: Share) -> npt.NDArray[np.bool_]:
         """Take the frames that are this device's; tell which (n,)."""
         own = np.zeros(len(chunk.frames), bool)
         for identifier in self.identifiers:  # few: each takes a tenth of the time of np.isin
             own |= chunk.frames.ids == identifier
         if own.any() and not self.inbox.full():
-            self.inbox.put_nowait(Chunk(chunk.frames[own], chunk.arrived))
+            self.inbox.put_nowait(Share(chunk.frames[own], chunk.arrived, chunk.syncs[own], chunk.clock))
         return own
 
 
@@ -81,6 +100,8 @@ class CanHub:
         self._bus = _open_bus(place)
         self.network = canopen.Network(self._bus)
         self.members: tuple[Member, ...] = ()  #: replaced, never changed: the thread may be looking at the old one
+        self.syncs = _SYNCS.setdefault(place.bus, SyncCount(f"SYNC of {place.interface}:{place.channel}"))
+        self.syncs.restart()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"can {place.channel}", daemon=True)
         self._thread.start()
@@ -118,8 +139,12 @@ class CanHub:
     def _split(self, chunk: Chunk) -> None:
         """Give process data to their devices, service data to canopen."""
         taken = np.zeros(len(chunk.frames), bool)
-        for member in self.members:
-            taken |= member.pick(chunk)
+        members = self.members
+        rate = next((member.sync.rate for member in members if member.sync), None)
+        syncs = self.syncs.count(chunk, rate) if rate else np.zeros(len(chunk.frames), np.intp)
+        share = Share(chunk.frames, chunk.arrived, syncs, self.syncs.clock)
+        for member in members:
+            taken |= member.pick(share)
         if taken.all():
             return
         services = ~taken & np.isin(chunk.frames.ids & ~np.uint32(0x7F), _SERVICE_IDS)
@@ -140,21 +165,24 @@ def _open_bus(place: CanPlace) -> can.BusABC:
 
 
 _HUBS: dict[tuple[str, str], CanHub] = {}  # a bus can be opened once in a process
+_SYNCS: dict[tuple[str, str], SyncCount] = {}  # for as long as the process lives: their numbers go on
 _LOCK = threading.Lock()
 
 
-def join_bus(place: CanPlace, identifiers: frozenset[int]) -> Member:
+def join_bus(place: CanPlace, identifiers: frozenset[int], sync: SyncPart | None = None) -> Member:
     """Return a device's side of the hub of its bus, which is opened if it is not.
 
     Parameters
     ----------
     place : where the device is
     identifiers : of its process data, with the bit EXTENDED
+    sync : its part in the SYNC of the bus, if it samples on that
 
     Raises
     ------
     DriverError
-        If the bus cannot be opened, runs at another bit rate, or another device has one of the identifiers already.
+        If the bus cannot be opened, runs at another bit rate, another device has one of the identifiers already, or
+        produces SYNC, or has it at another rate.
     """
     with _LOCK:
         hub = _HUBS.get(place.bus)
@@ -165,9 +193,18 @@ def join_bus(place: CanPlace, identifiers: frozenset[int]) -> Member:
         for other in hub.members:
             if common := sorted(other.identifiers & identifiers):
                 raise DriverError(str(place), f"identifier {common[0] & NUMBER:#x} is read already, by {other.place}")
-        member = Member(hub, place, identifiers)
+            if sync and other.sync and (why := _conflict(sync, other.sync)):
+                raise DriverError(str(place), f"{why}, that of {other.place}")
+        member = Member(hub, place, identifiers, sync)
         hub.members = (*hub.members, member)
         return member
+
+
+def _conflict(sync: SyncPart, other: SyncPart) -> str:
+    """Return why two devices cannot have these parts in one SYNC, empty if they can."""
+    if sync.rate != other.rate:
+        return f"SYNC: expected one rate on a bus, found {sync.rate:g} Hz beside {other.rate:g} Hz"
+    return "SYNC: expected one producer on a bus, found a second beside" if sync.produces and other.produces else ""
 
 
 def leave_bus(member: Member) -> None:

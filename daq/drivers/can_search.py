@@ -11,7 +11,7 @@ from canopen.sdo.exceptions import SdoError
 
 from daq.can_address import OURS, CanAddress, CanPlace
 from daq.drivers.can_hub import join_bus, leave_bus
-from daq.drivers.epson_can import identify
+from daq.drivers.epson_can_setup import identify
 from daq.drivers.serial_port import PORT_ERRORS
 from daq.errors import DriverError
 from daq.found import Found, PortAnswer

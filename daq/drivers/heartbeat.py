@@ -52,6 +52,11 @@ class HeartbeatConsumer:
         """Whether heartbeats come."""
         return time.monotonic() - self._heard < PATIENCE
 
+    @property
+    def silence(self) -> float:
+        """Time without a scan [s]."""
+        return time.monotonic() - self._scanned
+
     def trouble(self) -> str:
         """Return why the node counts as lost, empty while it does not.
 

@@ -114,12 +114,14 @@ class ReplayedDevice:
         return self._scans(block, self._playback)
 
     def _scans(self, block: Block, playback: "_Playback") -> Scans:
+        index = np.arange(block.first_index, block.end_index)
         return Scans(
             counts=block.counts,
-            counter=(np.arange(block.first_index, block.end_index) % self.modulus).astype(np.int32),
+            counter=index if block.clock else (index % self.modulus).astype(np.int32),
             temperature=block.temperature,
             bad_bytes=int(bool(block.flags & Flag.BAD_FRAMES)),  # the log has not kept how many
             age=-round(playback.seconds_to(_end(block)) * 1e9),
+            clock=block.clock,
         )
 
     def close(self) -> None:

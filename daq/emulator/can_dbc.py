@@ -4,7 +4,7 @@ import numpy as np
 
 from daq.can_address import DbcSensor
 from daq.dbc import read_layout
-from daq.emulator.serving import Frame, SampleSource
+from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
 from daq.hostclock import HostClock
 from daq.protocol.can_scan import encode_scans
 from daq.protocol.frames import CanFrames
@@ -43,6 +43,7 @@ class EmulatedDbc:
         repeated: float = 0.0,
         seed: int = 0,
     ) -> None:
+        self.synced = False
         self._layout = read_layout(sensor)
         self.scale = self._layout.scale  #: m/s2 a count of the source
         self.bytes_a_scan = _BYTES_A_FRAME * len(self._layout.messages)
@@ -61,8 +62,13 @@ class EmulatedDbc:
         """Return nothing: it has no heartbeat."""
         return []
 
-    def scans(self, room: int) -> CanFrames:
+    def syncs(self) -> Syncs:
+        """Return none."""
+        return NO_SYNCS
+
+    def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the frames that are due, of as many scans as there is room for; the others are dropped."""
+        del syncs  # it has a timer
         first = self._due
         n = max(0, int((self._clock.now() - self._began) * 1e-9 * self._rate) + 1 - first)
         axes = len(self._layout.axes)

@@ -5,7 +5,8 @@ import time
 import numpy as np
 
 from daq.emulator.canopen_server import Entry, Place, SdoServer
-from daq.emulator.serving import Frame, SampleSource
+from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
+from daq.emulator.sync import SyncProducer
 from daq.hostclock import HostClock
 from daq.protocol import epson_can as epson
 from daq.protocol.frames import CanFrames
@@ -51,11 +52,18 @@ class EmulatedEpsonCan:
         self._hung = False
         self._unsaid: list[Frame] = []  # that it sends by itself, next time
         self._started: int | None = None
+        self._producer = SyncProducer(clock, clock_error)
+        self._train, self._train_first = 0, 0  # SYNC that it samples on: since when, and the first that was heard
         self._due = 0
         self._rate = 1000.0
         self._next_beat: int | None = None  # [ns UTC]
         self.sent = 0  #: scans handed to the adapter
         self.dropped = 0  #: scans that found it full or closed
+
+    @property
+    def synced(self) -> bool:
+        """Whether it samples on SYNC."""
+        return self._objects[epson.TRANSMISSION] == epson.BY_SYNC
 
     @property
     def sampling_since(self) -> int | None:
@@ -75,9 +83,10 @@ class EmulatedEpsonCan:
 
     def _command(self, command: int) -> list[Frame]:
         if command == _START and self._state != _OPERATIONAL:
-            self._state = _OPERATIONAL
-            self._started, self._due = self._clock.now(), 0
-            self._source.start(self._started, self._rate * (1 + self._clock_error))
+            self._state, self._due, self._train, self._train_first = _OPERATIONAL, 0, 0, 0
+            if not self.synced:
+                self._started = self._clock.now()
+                self._source.start(self._started, self._rate * (1 + self._clock_error))
         elif command in (_STOP, _ENTER_PRE_OPERATIONAL, *_RESET):
             self._state = _STOPPED if command == _STOP else _PRE_OPERATIONAL
             self._started = None
@@ -85,13 +94,19 @@ class EmulatedEpsonCan:
 
     def power_cycle(self) -> None:
         """Lose power for a moment: it boots, and says so, without what it was told."""
-        self._hung, self._started, self._next_beat, self._state = False, None, None, _PRE_OPERATIONAL
+        self._stand_still()
+        self._hung, self._state = False, _PRE_OPERATIONAL
         self._objects = SdoServer(dict(self._reset_objects), self._written)
         self._unsaid = [(_HEARTBEAT + self.node, bytes([_INITIALISING]))]
 
     def hang(self) -> None:
         """Do nothing more until it is reset by its power."""
-        self._hung, self._started, self._next_beat = True, None, None
+        self._stand_still()
+        self._hung = True
+
+    def _stand_still(self) -> None:
+        self._started = self._next_beat = None
+        self._producer.stop()
 
     def fail(self, code: int, register: int = 0x01) -> None:
         """Send an emergency (CiA 301, section 7.2.7), and go on."""
@@ -102,6 +117,9 @@ class EmulatedEpsonCan:
             self._rate = 1000.0 / self._objects[epson.PERIOD]
             self._objects.set(epson.APPLY, epson.APPLIED)
             self._deaf_until = time.monotonic() + self._apply_seconds
+        elif place == epson.SYNC_COB:
+            produces = self._objects[epson.SYNC_COB] & epson.SYNC_PRODUCER
+            self._producer.start(self._objects[epson.SYNC_PERIOD]) if produces else self._producer.stop()
         elif place == epson.HEARTBEAT:
             self._next_beat = self._clock.now() if self._objects[epson.HEARTBEAT] else None
 
@@ -114,10 +132,15 @@ class EmulatedEpsonCan:
         self._next_beat = now + self._objects[epson.HEARTBEAT] * 1_000_000
         return [*said, (_HEARTBEAT + self.node, bytes([self._state]))]
 
-    def scans(self, room: int) -> CanFrames:
+    def syncs(self) -> Syncs:
+        """Return the SYNC frames that it has to send by now."""
+        return self._producer.due()
+
+    def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the process data that are due, of as many scans as there is room for; the others are dropped."""
-        first, n = self._due, self._n_due()
-        counts = self._source.read(first, n)[:room] if n else np.empty((0, 3), np.int32)
+        n = self._n_heard(syncs) if self.synced else self._n_due()
+        first = self._due
+        counts = self._source.read(first - self._train_first, n)[:room] if n else np.empty((0, 3), np.int32)
         self._due += n
         self.dropped += n - len(counts)
         self.sent += len(counts)
@@ -126,10 +149,21 @@ class EmulatedEpsonCan:
         return frames if all(on) else frames[np.tile(on, len(counts))]
 
     def _n_due(self) -> int:
+        """Return how many scans its own timer has made due."""
         if self._started is None:
             return 0
         elapsed = (self._clock.now() - self._started) * 1e-9
         return max(0, int(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
+
+    def _n_heard(self, syncs: Syncs) -> int:
+        """Return how many scans SYNC frames make due: one each; the source is told when the first of them is."""
+        if not syncs.n or self._state != _OPERATIONAL or self._hung:
+            return 0
+        if syncs.since != self._train:
+            self._train, self._train_first = syncs.since, self._due
+            self._started = syncs.since + round(syncs.first / syncs.rate * 1e9)
+            self._source.start(self._started, syncs.rate)
+        return syncs.n
 
 
 def _objects(node: int, serial_number: int, product: str) -> dict[Place, Entry]:
@@ -147,6 +181,8 @@ def _objects(node: int, serial_number: int, product: str) -> dict[Place, Entry]:
         epson.HARDWARE: Entry(b"AC10"),
         epson.SOFTWARE: Entry(b"1.00"),
         epson.SERIAL: Entry(serial_number.to_bytes(4, "little")),
+        epson.SYNC_COB: number(epson.SYNC, 4, epson.SYNC, epson.SYNC_PRODUCER | epson.SYNC),
+        epson.SYNC_PERIOD: any_number(0, 4),
         epson.HEARTBEAT: any_number(0, 2),
         epson.TPDO1_COB: any_number(epson.COB_NO_RTR | epson.TPDO1 + node, 4),
         epson.TPDO2_COB: any_number(epson.COB_NO_RTR | epson.TPDO2 + node, 4),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from daq.protocol.frames import CanFrames
@@ -25,12 +26,30 @@ class SampleSource(Protocol):
 Frame = tuple[int, bytes]  #: identifier and data
 
 
+@dataclass(frozen=True)
+class Syncs:
+    """SYNC frames that a node of a bus sends at once."""
+
+    since: int = 0  #: when the first of all was due [ns UTC]
+    rate: float = 0.0  #: by the world's clock [Hz]
+    first: int = 0  #: how many were sent before
+    n: int = 0  #: how many are sent now
+
+
+NO_SYNCS = Syncs()
+
+
 class EmulatedBusNode(Protocol):
     """Emulated hardware on a CAN bus."""
 
     bytes_a_scan: int  #: of SLCAN lines
     sent: int  #: scans handed to the adapter
     dropped: int  #: scans that found it full or closed
+
+    @property
+    def synced(self) -> bool:
+        """Whether it samples on SYNC."""
+        ...
 
     def hear(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
@@ -40,8 +59,18 @@ class EmulatedBusNode(Protocol):
         """Return what it says by itself: a heartbeat that is due, emergencies."""
         ...
 
-    def scans(self, room: int) -> CanFrames:
-        """Return the process data that are due, of as many scans as there is room for; the others are dropped."""
+    def syncs(self) -> Syncs:
+        """Return the SYNC frames that it has to send by now."""
+        ...
+
+    def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
+        """Return the process data that are due, of as many scans as there is room for; the others are dropped.
+
+        Parameters
+        ----------
+        room : scans
+        syncs : that it hears now
+        """
         ...
 
 

@@ -6,7 +6,8 @@ import threading
 import tty
 from collections.abc import Sequence
 
-from daq.emulator.serving import PORT_BUFFER, EmulatedBusNode, Frame
+from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame
+from daq.emulator.sync import synced_frames
 from daq.protocol import slcan
 from daq.protocol.frames import can_frames, concatenate
 
@@ -104,9 +105,13 @@ class EmulatedSlcan:
 
     def _sample(self) -> None:
         room = max(0, PORT_BUFFER - len(self._pending)) // len(self.nodes) if self._open else 0
-        parts = [node.scans(room // node.bytes_a_scan) for node in self.nodes]
-        if any(map(len, parts)):
-            self._pending += slcan.encode(concatenate(parts))
+        syncs = next((found for node in self.nodes if (found := node.syncs()).n), NO_SYNCS)
+        parts = {node: node.scans(room // node.bytes_a_scan, syncs) for node in self.nodes}
+        frames = [part for node, part in parts.items() if not node.synced]
+        if syncs.n and room:
+            frames.append(synced_frames(syncs.n, [part for node, part in parts.items() if node.synced]))
+        if any(map(len, frames)):
+            self._pending += slcan.encode(concatenate(frames))
 
     def _drain(self) -> None:
         if self._pending:

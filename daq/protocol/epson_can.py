@@ -7,13 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
-from daq.recording import IntArray
+from daq.recording import IndexArray, IntArray
 
 SCALE = 9.80665 / 2**24  #: m/s2 a count
 MODULUS = 1 << 16  #: of the sample counter
 TPDO1, TPDO2 = 0x180, 0x280  #: plus the node's id
 TPDO1_SIZE, TPDO2_SIZE = 8, 6
 
+SYNC = 0x080  #: identifier of the frame on which nodes sample
+SYNC_COB = 0x1005, 0  #: that, with the bit SYNC_PRODUCER
+SYNC_PRODUCER = 1 << 30
+SYNC_PERIOD = 0x1006, 0  #: us
 HEARTBEAT = 0x1017, 0  #: ms, 0 = none
 DEVICE_NAME, HARDWARE, SOFTWARE = (0x1008, 0), (0x1009, 0), (0x100A, 0)
 SERIAL = 0x1018, 4
@@ -58,7 +62,7 @@ class ScanDecoder:
 
     def __init__(self, node: int) -> None:
         self._ids = TPDO1 + node, TPDO2 + node
-        self._rest = NO_FRAMES
+        self._rest, self._rest_syncs = NO_FRAMES, np.empty(0, np.intp)
         self.bad_frames = 0  #: that became part of no scan, so far
 
     def feed(self, frames: CanFrames) -> tuple[IntArray, IntArray]:
@@ -66,19 +70,24 @@ class ScanDecoder:
 
         The first scan is never among them: nothing tells that its halves belong together.
         """
+        return self.feed_synced(frames, np.zeros(len(frames), np.intp))[:2]
+
+    def feed_synced(self, frames: CanFrames, syncs: IndexArray) -> tuple[IntArray, IntArray, IndexArray]:
+        """Take frames and, of each, how many SYNC came before it (n,); return that of the scans' TPDO1 as well."""
         first = (frames.ids == self._ids[0]) & (frames.dlc == TPDO1_SIZE)
         second = (frames.ids == self._ids[1]) & (frames.dlc == TPDO2_SIZE)
         joined = concatenate([self._rest, frames[first | second]])
+        syncs = np.concatenate([self._rest_syncs, syncs[first | second]])
         ends = np.flatnonzero(joined.ids == self._ids[1])
+        keep = max(0, len(joined) - _KEPT) if not len(ends) else int(ends[-1])
+        self._rest, self._rest_syncs = joined[keep:], syncs[keep:]
         if not len(ends):
-            self._rest = joined[-_KEPT:]
-            return np.empty((0, 3), np.int32), np.empty(0, np.int32)
-        self._rest = joined[int(ends[-1]) :]
+            return np.empty((0, 3), np.int32), np.empty(0, np.int32), np.empty(0, np.intp)
         counter = joined.data[ends, 4:6].copy().view("<u2")[:, 0].astype(np.int32)
         halves = np.diff(ends) - 1
         whole = np.flatnonzero((halves > 0) & (halves == np.diff(counter) % MODULUS)) + 1
         self.bad_frames += int(ends[-1] - ends[0]) - 2 * len(whole)
-        return _counts(joined.data, ends[whole]), counter[whole]
+        return _counts(joined.data, ends[whole]), counter[whole], syncs[ends[whole] - 1]
 
 
 def _counts(data: npt.NDArray[np.uint8], ends: npt.NDArray[np.intp]) -> IntArray:

@@ -28,6 +28,8 @@ class CanSettings(Section):
     """CANopen id, 1 to 127; a device on a bus has this or `[device.dbc]`"""
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
     """of the bus [bit/s]; the same for all devices on it"""
+    sync: Annotated[Literal["producer", "consumer"] | None, Field(examples=["consumer"])] = None
+    """samples on the SYNC of the bus, all nodes that do at one instant: which one node produces, the others consume"""
 
 
 class DbcSettings(Section):
@@ -95,6 +97,8 @@ class DeviceSettings(Section):
             raise ValueError(f"expected `can` beside `dbc`, found `{found[0]}`")
         if self.can is not None and (self.can.node is None) == (self.dbc is None):
             raise ValueError(f"expected one of `can.node` and `dbc`, found {'none' if self.dbc is None else 'both'}")
+        if self.can is not None and self.can.sync and self.dbc is not None:
+            raise ValueError("can.sync: what `dbc` describes is told nothing, and samples by its own clock")
         return self
 
     @model_validator(mode="after")
@@ -105,13 +109,18 @@ class DeviceSettings(Section):
         return self
 
     @property
+    def waits_for_sync(self) -> bool:
+        """Whether it samples only once another device has been opened."""
+        return self.can is not None and self.can.sync == "consumer"
+
+    @property
     def place(self) -> str | CanPlace | LogAddress:
         """Where it is connected."""
         if self.log is not None:
             return LogAddress(path=Path(self.log.file), device=self.log.device)
         if self.can is None:
             return self.port or ""
-        bus = self.can.model_dump(exclude={"node"})
+        bus = self.can.model_dump(exclude={"node", "sync"})
         if self.dbc is not None:
             return DbcAddress(**bus, sensor=self.dbc.sensor)
-        return CanAddress(**bus, node=self.can.node or 0)
+        return CanAddress(**bus, node=self.can.node or 0, sync=self.can.sync)

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from daq import CanPlace
+from daq import CanAddress, CanPlace
 from monitor.errors import SettingsError
 from monitor.settings.device import DeviceSettings
 from monitor.settings.overrides import Override, overridden, overrides
@@ -57,6 +57,21 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
             raise SettingsError(
                 path, f"device: {address} is at {address.bitrate} bit/s, its bus at {rates[address.bus]}"
             )
+    _check_sync(settings, path)
+
+
+def _check_sync(settings: Settings, path: Path | str) -> None:
+    """Refuse devices on a bus that cannot sample on one SYNC."""
+    first: dict[tuple[str, str], tuple[CanAddress, float]] = {}
+    producers: dict[tuple[str, str], CanAddress] = {}
+    for address, rate in ((device.place, device.rate) for device in settings.device):
+        if not isinstance(address, CanAddress) or not address.sync:
+            continue
+        other, its = first.setdefault(address.bus, (address, rate))
+        if its != rate:
+            raise SettingsError(path, f"device: {address} is at {rate:g} Hz, {other} on the same SYNC at {its:g} Hz")
+        if address.sync == "producer" and (other := producers.setdefault(address.bus, address)) is not address:
+            raise SettingsError(path, f"device: {address} and {other} both produce SYNC, expected one on a bus")
 
 
 def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]:

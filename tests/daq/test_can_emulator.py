@@ -50,6 +50,7 @@ def test_canopen_alone_reads_identity_and_makes_it_operational() -> None:
                 node.sdo.download(0x1008, 0, b"mine")
             with pytest.raises(SdoAbortedError, match="0x06090030"):
                 node.sdo.download(0x2001, 0, (3).to_bytes(4, "little"))  # ms: not one of its periods
+            node.sdo.download(0x1800, 2, b"\xfe")  # by its timer
             node.sdo.download(0x1017, 0, (20).to_bytes(2, "little"))
             assert node.nmt.wait_for_heartbeat(2.0) == "PRE-OPERATIONAL"
             node.nmt.state = "OPERATIONAL"
@@ -67,11 +68,12 @@ def test_python_cans_own_slcan_opens_it_and_reads_frames() -> None:
         served(adapter(5)) as emulated,
         can.Bus(interface="slcan", channel=emulated.port, bitrate=1_000_000, sleep_after_open=0) as bus,
     ):
-        for data in (b"\x22\1\x20\0\x14\0\0\0", b"\x22\5\x20\0\x11\0\0\0"):  # 20 ms between scans; apply
+        period, by_timer, apply = b"\x22\1\x20\0\x14\0\0\0", b"\x22\0\x18\2\xfe\0\0\0", b"\x22\5\x20\0\x11\0\0\0"
+        for data in (by_timer, period, apply):  # 20 ms between scans
             bus.send(can.Message(arbitration_id=0x605, data=data, is_extended_id=False))
         time.sleep(0.1)
         bus.send(can.Message(arbitration_id=0, data=[1, 5], is_extended_id=False))
-        found = itertools.islice((m for m in iter(lambda: bus.recv(2.0), None) if m), 14)
+        found = itertools.islice((m for m in iter(lambda: bus.recv(2.0), None) if m), 15)
         ids = [message.arbitration_id for message in found]
     assert ids[-10:] == [0x185, 0x285] * 5
 
@@ -93,7 +95,7 @@ def test_full_line_never_stops_it_and_what_is_dropped_is_counted() -> None:
     nodes = [EmulatedEpsonCan(Ramp(), clock, node=k, serial_number=k) for k in (1, 2)]
     emulated = EmulatedSlcan(nodes)
     host = os.open(emulated.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    os.write(host, b"O\rt00020100\r")  # all nodes: start
+    os.write(host, b"O\rt601822001802fe000000\rt602822001802fe000000\rt00020100\r")  # by timer; all nodes: start
     emulated.serve()
     longest, end = 0.0, time.monotonic() + 0.4
     while time.monotonic() < end:
@@ -111,5 +113,5 @@ def test_full_line_never_stops_it_and_what_is_dropped_is_counted() -> None:
         held += len(decoder.feed(os.read(host, 1 << 16)))
     os.close(host)
     emulated.close()
-    assert held == 2 * sum(node.sent for node in nodes)
+    assert held == len(nodes) + 2 * sum(node.sent for node in nodes)  # and answers
     assert decoder.bad_lines == 0

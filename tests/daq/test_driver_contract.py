@@ -94,7 +94,7 @@ def scans_of(driver: Driver, n: int) -> tuple[IntArray, IntArray]:
         assert scans.bad_bytes == 0
         assert 0 <= scans.age < 1e9
         counts.append(scans.counts)
-        counters.append(scans.counter)
+        counters.append(scans.counter.astype(np.int32, casting="no"))
     return np.concatenate(counts), np.concatenate(counters)
 
 

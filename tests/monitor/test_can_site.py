@@ -11,6 +11,8 @@ from can_helpers import can_process, wait_for
 from cli_helpers import Commands, assert_refused
 
 from daq import Block, Event, LogError, read_log
+from monitor.errors import SettingsError
+from monitor.settings import parse_settings
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
@@ -45,6 +47,11 @@ WRONG_SETTINGS = {
         "node = 2",
         "node = 2, bitrate = 500000",
         "device: slcan:PORT node 2 is at 500000 bit/s, its bus at",
+    ),
+    "two producers of SYNC": (
+        "node = ",
+        'sync = "producer", node = ',
+        "device: slcan:PORT node 2 and slcan:PORT node 1 both produce SYNC, expected one on a bus",
     ),
     "misspelt": ("node = 2", "nod = 2", "device.1.can.nod: no such setting, did you mean 'node'?"),
     "missing": ('channel = "PORT", ', "", "device.0.can.channel: Field required"),
@@ -81,6 +88,16 @@ def test_wrong_settings_are_one_line_with_file_and_field(
     site.write_text(SITE.replace(old, new))
     for command in ("check", "run"):
         assert_refused(modalwatch(command, site), f"{site}: ", says)
+
+
+def test_one_sync_has_one_rate_and_what_a_dbc_file_describes_has_none() -> None:
+    synced = SITE.replace("node = ", 'sync = "consumer", node = ')
+    assert [device.waits_for_sync for device in parse_settings(synced, "s").device] == [True, True]
+    with pytest.raises(SettingsError, match=r"node 2 is at 200 Hz, slcan:PORT node 1 on the same SYNC at 500 Hz"):
+        parse_settings("rate = 200".join(synced.rsplit("rate = 500", 1)), "s")
+    dbc = 'dbc = {file = "i.dbc", signals = {x = "X", y = "Y", z = "Z"}, counter = "C"}\n'
+    with pytest.raises(SettingsError, match=r"device.0: .*can.sync: what `dbc` describes is told nothing"):
+        parse_settings(SITE.replace("node = 1}", 'sync = "consumer"}\n' + dbc), "s")
 
 
 @pytest.mark.parametrize(("old", "new", "says"), CANNOT_START.values(), ids=CANNOT_START)
