@@ -6,7 +6,7 @@ from typing import Any
 from daq import FloatArray
 from monitor.alarms import Change
 from monitor.results import WindowResult
-from monitor.words import change_text, increment_text
+from monitor.words import change_text, increment_text, utc
 
 _UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
@@ -37,6 +37,12 @@ def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
     why = f": {note}" if note else ""
     after = "" if change.lasted is None else f", back to normal after {duration_text(change.lasted * 1e-9)} of alarm"
     return f"acknowledged{who}{after}{why}"
+
+
+def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
+    """Say where a watch goes on after a restart, with an alarm that stands `since` [ns UTC] if there is one."""
+    stands = f"; the alarm of {utc(since)} stands" if since is not None else ""
+    return f"watching goes on, by the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
 
 
 def duration_text(seconds: float) -> str:

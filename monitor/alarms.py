@@ -5,7 +5,7 @@ from typing import Literal
 
 State = Literal["normal", "watch", "alarm"]
 Condition = Literal["normal", "watch", "alarm", "acknowledged", "latched"]
-Kind = Literal["state", "acknowledged", "latched", "reopened", "flapping", "steady"]
+Kind = Literal["state", "acknowledged", "latched", "reopened", "flapping", "steady", "resumed"]
 
 
 @dataclass(frozen=True, kw_only=True)

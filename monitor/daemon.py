@@ -37,13 +37,14 @@ from monitor.errors import SettingsError, StartError
 from monitor.history import HistoryRecorder, database_url
 from monitor.inbox import taken
 from monitor.live import LiveView
+from monitor.memory import MEMORY, NOTHING, MemoryFile, Recalled
 from monitor.notices import Courier, couriers
 from monitor.result_events import result_event
 from monitor.service_manager import ServiceManager, SignsOfLife
 from monitor.settings import DeviceSettings, RecorderSettings, Settings, overrides, read_settings
 from monitor.vitals import NAME, Vitals
 from monitor.web import Source, web_process
-from monitor.worker import TOPIC_STOPPED, Result, Worker
+from monitor.worker import TOPIC_STOPPED, Kept, Result, Worker
 from updater import load_structure, portable_text
 
 _POLL = 0.2  # s
@@ -147,6 +148,7 @@ def run(
     on_result: Callable[[Result], None],
     live: LiveView | None = None,
     takers: Sequence[Callable[[Item], None]] = (),
+    recalled: Recalled = NOTHING,
 ) -> RunReport:
     """Watch until `stop` is set: readers and writer in threads, analysis in a process.
 
@@ -157,6 +159,7 @@ def run(
     on_result : called in this thread with everything that is found
     live : shows what is logged, if given
     takers : called in the log's thread with all that is logged; they must not wait
+    recalled : of the run before, to go on from
 
     Raises
     ------
@@ -172,30 +175,34 @@ def run(
         "structure.toml": site.structure_text,
         CHANNELS: channel_map.to_json(),
     }
+    if recalled.text:
+        attachments[MEMORY] = recalled.text
     recorder = LogRecorder(folder, attachments, clock.now(), _rotation(settings.recorder))
     with ExitStack() as stack:
-        worker = stack.enter_context(Worker(site.structure_text, site.site_text))
+        worker = stack.enter_context(Worker(site.structure_text, site.site_text, recalled.text or "", keep=True))
         history = stack.enter_context(_history(site))
         told = stack.enter_context(couriers(settings.notify, site.state, site.name))
         vitals = _vitals(site, clock)
         if settings.web:
             web = settings.web
             stack.enter_context(web_process(site.source, web.bind, web.port, web.token_file))
-        take = _all(
-            (worker.feed, history.put, vitals.take, *(c.put for c in told), *((live.show,) if live else ()), *takers)
-        )
+        memory = stack.enter_context(MemoryFile(site.state / MEMORY))
+        own = (worker.feed, history.put, vitals.take, *(c.put for c in told), memory.take)
+        take = _all((*own, *((live.show,) if live else ()), *takers))
         keeper = LogKeeper(recorder, DiskGuard(folder, _retention(settings.recorder)), take)
         log = stack.enter_context(LogThread(keeper, take, chunk_seconds=settings.recorder.chunk_seconds))
         if live and live.problem:
             log.put(Event(topic="/event/no_viewer", time=clock.now(), payload={"why": live.problem}))
+        if recalled.refused:
+            log.put(Event(topic="/event/learning_anew", time=clock.now(), payload={"why": recalled.refused}))
         readers = _start_readers(settings, clock, log)
         manager = ServiceManager()
         manager.ready()
         while not stop.is_set():
-            _report(worker, log, on_result, clock)
+            _report(worker, log, on_result, memory)
             for topic, payload in (*taken(site.state), *history.said(), *(s for c in told for s in c.said())):
                 log.put(Event(topic=topic, time=clock.now(), payload=payload))
-            if vitals.write(_more(log, keeper, history, told, live, folder) | _queues(log, worker, readers)):
+            if vitals.write(_more(log, keeper, history, told, memory, live, folder) | _queues(log, worker, readers)):
                 manager.status(vitals.line)
             manager.feed(_signs(vitals, log, keeper))
         manager.stopping()
@@ -204,7 +211,7 @@ def run(
         for reader in readers:
             reader.join()
         log.put(Event(topic=TOPIC_STOPPED, time=clock.now(), payload={"dropped": log.dropped}))
-        while _report(worker, log, on_result, clock):
+        while _report(worker, log, on_result, memory):
             pass
     return RunReport(logs=tuple(recorder.paths), dropped=log.dropped, disk_failure=keeper.problem)
 
@@ -231,6 +238,7 @@ def _more(
     keeper: LogKeeper,
     history: HistoryRecorder,
     told: Sequence[Courier],
+    memory: MemoryFile,
     live: LiveView | None,
     logs: Path,
 ) -> dict[str, Any]:
@@ -242,6 +250,7 @@ def _more(
         "history": history.problem,
         "not_in_history": history.dropped,
         "notices": "; ".join(courier.problem for courier in told if courier.problem) or None,
+        "memory": memory.problem,
         "viewer": live.problem if live else None,
     }
 
@@ -318,11 +327,17 @@ def _start_readers(settings: Settings, clock: HostClock, log: LogThread) -> list
     return readers
 
 
-def _report(worker: Worker, log: LogThread, on_result: Callable[[Result], None], clock: HostClock) -> bool:
+def _report(worker: Worker, log: LogThread, on_result: Callable[[Result], None], memory: MemoryFile) -> bool:
     """Log and hand on what the analysis has found; False once it has said its last word."""
     for result in worker.results(_POLL):
         if result is None:
             return False
-        log.put(result_event(result))
+        if isinstance(result, Kept):
+            memory.expect(result.text)
+            continue
+        event = result_event(result)
+        memory.after(event)
+        log.put(event)
         on_result(result)
+    memory.write()
     return True

@@ -5,14 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daq import FloatArray, IndexArray, Recording
+from daq import FloatArray, IndexArray
 from monitor.beside import discrepancy_result
-from monitor.diagnosing import THERMOMETER_STD, root_mean_square
+from monitor.diagnosing import THERMOMETER_STD
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from monitor.fusion import choose_tracks, common_tones
 from monitor.lateness import InTime
 from monitor.sensors_said import health_result
-from oma import Identification, ModalEstimate
+from monitor.window import Window
+from oma import ModalEstimate
 from updater import (
     Circumstances,
     Diagnosis,
@@ -40,13 +41,13 @@ class Seen:
     faults: Mapping[str, str]  #: of channels in any of them
 
 
-def seen_in(windows: Sequence[tuple[Recording, Identification]]) -> Seen:
+def seen_in(windows: Sequence[Window]) -> Seen:
     """Return what goes with the modes of windows."""
     return Seen(
-        temperature=np.array([recording.temperature for recording, _ in windows]),
-        rms=np.array([root_mean_square(recording) for recording, _ in windows]),
-        tones=common_tones([found.harmonics for _, found in windows]),
-        faults={c: fault for _, found in windows for c, fault in found.channels.items() if fault != "ok"},
+        temperature=np.array([window.temperature for window in windows]),
+        rms=np.array([window.rms for window in windows]),
+        tones=common_tones([window.harmonics for window in windows]),
+        faults={c: fault for window in windows for c, fault in window.channels.items() if fault != "ok"},
     )
 
 

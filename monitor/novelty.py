@@ -1,17 +1,27 @@
 """How far one window after the other lies from the baseline: the live side of `monitor.detection`."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from daq import IndexArray, Recording
-from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watching, accept, judge, start
+from daq import IndexArray
+from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watched, Watching, accept, judge, start
 from monitor.results import DetectorFigure, Novelty
 from monitor.settings import Settings
-from oma import ModalEstimate
+from monitor.window import Window
 from updater import TrackedModes, stack_tracks
 
 _YEAR = 365.25 * 86400  # s
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DetectorState:
+    """What judging windows has come to."""
+
+    watched: Watched
+    before: int  #: start of the last window [ns UTC]
+    calm: tuple[Judged, ...] = ()  #: not learnt from yet
 
 
 class Detector:
@@ -19,37 +29,29 @@ class Detector:
 
     Parameters
     ----------
-    modes : the baseline's
-    recordings : the windows that they come from
+    state : from `first_state`, or kept from before; limits are those of the settings of now
     settings : of the site
     """
 
-    def __init__(self, modes: TrackedModes, recordings: Sequence[Recording], settings: Settings) -> None:
-        self._step = settings.step_seconds
+    def __init__(self, state: DetectorState, settings: Settings) -> None:
         self._per_year = settings.alarm.false_alarms_per_year / len(DETECTORS)
-        watching = Watching(
-            rate=self._per_year * self._step / _YEAR,
-            overlap=settings.analysis.overlap,
-            hold=settings.alarm.hold_windows,
-        )
-        starts = np.array([recording.start for recording in recordings])
-        self._watched = start(
-            modes.log_frequency,
-            modes.log_frequency_std,
-            np.array([recording.temperature for recording in recordings]),
-            np.diff(starts / 1e9, prepend=starts[0] / 1e9 - self._step),
-            watching,
-        )
-        self._before = int(starts[-1])
-        self._calm: list[Judged] = []  # not learnt from yet
+        self._step = settings.step_seconds
+        self._watched = replace(state.watched, watching=watching_of(settings))
+        self._before, self._calm = state.before, list(state.calm)
 
-    def consider(self, recording: Recording, estimate: ModalEstimate, track: IndexArray) -> Novelty:
+    @property
+    def state(self) -> DetectorState:
+        """What to go on from."""
+        return DetectorState(watched=self._watched, before=self._before, calm=tuple(self._calm))
+
+    def consider(self, window: Window, track: IndexArray) -> Novelty:
         """Judge one window, whose modes `track` (n_tracks,) gives the tracks of; -1 where one is missing."""
-        modes = stack_tracks([estimate], [track])
-        seconds = np.array([(recording.start - self._before) / 1e9])
-        temperature = np.array([recording.temperature])
+        modes = stack_tracks([window.in_time], [track])
+        passed = (window.start - self._before) / 1e9
+        seconds = np.array([passed if passed > 0 else self._step])  # a clock that was set back tells nothing
+        temperature = np.array([window.temperature])
         judged, self._watched = judge(self._watched, modes.log_frequency, temperature, seconds)
-        self._before = recording.start
+        self._before = window.start
         self._calm.append(judged)
         return self._said(judged, np.flatnonzero(track >= 0))
 
@@ -69,3 +71,32 @@ class Detector:
             chunk, self._calm = self._calm[:CHUNK], self._calm[CHUNK:]
             known = np.concatenate([j.terms for j in chunk])
             self._watched = accept(self._watched, known, np.concatenate([j.whitened for j in chunk]))
+
+
+def watching_of(settings: Settings) -> Watching:
+    """Return how windows are judged."""
+    return Watching(
+        rate=settings.alarm.false_alarms_per_year / len(DETECTORS) * settings.step_seconds / _YEAR,
+        overlap=settings.analysis.overlap,
+        hold=settings.alarm.hold_windows,
+    )
+
+
+def first_state(modes: TrackedModes, windows: Sequence[Window], settings: Settings) -> DetectorState:
+    """Return what a baseline teaches.
+
+    Parameters
+    ----------
+    modes : the baseline's
+    windows : that they come from
+    settings : of the site
+    """
+    starts = np.array([window.start for window in windows])
+    watched = start(
+        modes.log_frequency,
+        modes.log_frequency_std,
+        np.array([window.temperature for window in windows]),
+        np.diff(starts / 1e9, prepend=starts[0] / 1e9 - settings.step_seconds),
+        watching_of(settings),
+    )
+    return DetectorState(watched=watched, before=int(starts[-1]))

@@ -1,14 +1,14 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from daq import Assembler, Block, Event, FloatArray, Recording
-from monitor.alarm_words import acknowledged_said, change_said
+from daq import Assembler, Block, Event, FloatArray, IndexArray, Recording
+from monitor.alarm_words import acknowledged_said, change_said, resumed_said
 from monitor.alarms import Alarm, Change
 from monitor.describe import (
     increment_result,
@@ -17,50 +17,20 @@ from monitor.describe import (
     reference_result,
     spectrum_result,
 )
-from monitor.explaining import Seen, explain_windows, seen_in, sensors_seen
-from monitor.fusion import choose_tracks
+from monitor.explaining import explain_windows, seen_in, sensors_seen
 from monitor.inbox import TOPIC_ACKNOWLEDGE
-from monitor.lateness import InTime, in_time, without_known
-from monitor.novelty import Detector
+from monitor.lateness import InTime
+from monitor.learning import Watch, learn_watch
+from monitor.memory import Memory, matters
 from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
+from monitor.window import Window, window_of
 from monitor.words import is_one_mass
-from oma import Identification, IdentificationError, ModalEstimate, Tracker, identify_all
-from updater import (
-    NO_DELAYS,
-    MassUpdater,
-    ModalMean,
-    PairingError,
-    Reference,
-    Structure,
-    estimate_delays,
-    learn_reference,
-    locate_and_sharpen,
-    mean_modes,
-    remove_delays,
-    stack_tracks,
-)
+from oma import IdentificationError, identify_all
+from updater import NO_DELAYS, ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
 
+_MOST_OUT = 200  # windows that a standing alarm is explained by: the newest, so that years of it fit into memory
 Result = WindowResult | ReferenceResult | AlarmResult
-
-
-@dataclass(frozen=True, eq=False)
-class _Window:
-    index: int
-    recording: Recording
-    identification: Identification
-    estimate: ModalEstimate  #: with the devices' delays removed
-    removed: Mapping[str, float]  #: device -> what that was in all [s]
-
-
-@dataclass(frozen=True, eq=False)
-class _Watch:
-    """What watching needs once a baseline is learnt."""
-
-    tracker: Tracker
-    reference: Reference
-    updater: MassUpdater
-    detector: Detector
 
 
 class Pipeline:
@@ -70,9 +40,10 @@ class Pipeline:
     ----------
     structure : of the site
     settings : of the site
+    memory : of the run before, to go on from; it must be of the same watch (see `recall`)
     """
 
-    def __init__(self, structure: Structure, settings: Settings) -> None:
+    def __init__(self, structure: Structure, settings: Settings, memory: Memory | None = None) -> None:
         analysis = settings.analysis
         self._settings, self._structure = settings, structure
         self._devices = {channel.name: channel.device for channel in settings.channels}
@@ -84,21 +55,50 @@ class Pipeline:
         )
         self._alarm = Alarm(rules=settings.alarm.rules)
         self._n_windows = 0
-        self._baseline: list[_Window] = []
-        self._watch: _Watch | None = None
-        self._before: Seen = seen_in([])  # what went with the baseline's windows
-        self._out: list[_Window] = []  # windows over the limit, without a break
-        self._calm: list[_Window] = []  # windows under it since the sensors were last looked at
+        self._baseline: list[Window] = []  # until there are enough
+        self._watch: Watch | None = None
+        self._out: list[Window] = []  # windows over the limit, without a break
+        self._calm: list[Window] = []  # windows under it since the sensors were last looked at
+        self._resumed = False  # from a memory, which has not been said yet
+        if memory is not None:
+            self._resume(memory)
+
+    def _resume(self, memory: Memory) -> None:
+        self._n_windows, self._resumed = memory.n_windows, True
+        self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
+        self._out, self._calm = list(memory.out), list(memory.calm)
+        if memory.detector is None:
+            self._baseline = list(memory.baseline)
+        else:
+            self._watch = learn_watch(self._structure, memory.baseline, self._devices, self._settings, memory.detector)
+
+    @property
+    def memory(self) -> Memory:
+        """What to go on from after a restart."""
+        watch = self._watch
+        return Memory(
+            matters=matters(self._structure, self._settings),
+            n_windows=self._n_windows,
+            baseline=watch.baseline if watch else tuple(self._baseline),
+            detector=watch.detector.state if watch else None,
+            alarm=self._alarm,
+            out=tuple(self._out),
+            calm=tuple(self._calm),
+        )
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Take one item in the log's order; yield what it lets be said."""
+        if self._resumed and isinstance(item, Block):
+            self._resumed = False
+            yield from self._said_resumed(item.pair_time)
         if isinstance(item, Event) and item.topic == TOPIC_ACKNOWLEDGE:
             yield from self._acknowledge(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
         for recording in windows:
-            yield from self._analyse(recording)
+            yield from self.analyse(recording)
 
-    def _analyse(self, recording: Recording) -> Iterator[Result]:
+    def analyse(self, recording: Recording) -> Iterator[Result]:
+        """Take one window; yield what it lets be said."""
         index = self._n_windows
         self._n_windows += 1
         try:
@@ -106,13 +106,18 @@ class Pipeline:
         except IdentificationError as error:
             yield self._bare(index, recording, str(error))
             return
-        own, seen = without_known(found.estimate, found.delays, self._devices, self._structure.delays)
-        found = replace(found, estimate=own, delays=seen)
-        known = self._watch.reference.delays.beyond(seen) if self._watch else NO_DELAYS
-        late = estimate_delays(own, self._devices, known)
-        removed = {device: seen[device] + tau for device, tau in late.items()}
-        window = _Window(index, recording, found, remove_delays(own, self._devices, late), removed)
-        yield from self._learn(window) if self._watch is None else self._judge(window, self._watch)
+        reference = self._watch.reference if self._watch else None
+        known = reference.delays if reference else NO_DELAYS
+        window = window_of(index, recording, found, self._devices, self._structure.delays, known)
+        bare = self._bare(index, recording, "").model_copy(
+            update={
+                "channels": list(window.in_time.channels),
+                "modes": mode_results(window.in_time, self._track(window), reference),
+                "spectrum": spectrum_result(recording, found.poles),
+                "problem": None,
+            }
+        )
+        yield from self._learn(window, bare) if self._watch is None else self._judge(window, self._watch, bare)
 
     def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
         return WindowResult(
@@ -129,55 +134,43 @@ class Pipeline:
     def _phase(self) -> Phase:
         return "learning" if self._watch is None else "alarm" if self._alarm.state == "alarm" else "watching"
 
-    def _result(self, window: _Window, watch: _Watch | None) -> WindowResult:
-        track = np.arange(window.estimate.n_modes) if watch is None else watch.tracker.assign(window.estimate)
-        return self._bare(window.index, window.recording, "").model_copy(
-            update={
-                "channels": list(window.estimate.channels),
-                "modes": mode_results(window.estimate, track, watch.reference if watch else None),
-                "spectrum": spectrum_result(window.recording, window.identification.poles),
-                "problem": None,
-            }
-        )
+    def _track(self, window: Window) -> IndexArray:
+        """Return for each track the window's mode, or -1; all modes as they are while a baseline is learnt."""
+        return self._watch.tracker.assign(window.in_time) if self._watch else np.arange(window.in_time.n_modes)
 
-    def _learn(self, window: _Window) -> Iterator[Result]:
+    def _learn(self, window: Window, result: WindowResult) -> Iterator[Result]:
         self._baseline.append(window)
-        yield self._result(window, None)
+        yield result
         if len(self._baseline) < self._settings.analysis.baseline_windows:
             return
         try:
-            found = [w.identification for w in self._baseline]
-            self._before = seen_in([(w.recording, w.identification) for w in self._baseline])
-            tracker, reference = learn_baseline(self._structure, found, self._devices)
+            self._watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
         except PairingError as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
             yield self._said(window, str(error))
             return
-        recordings = [w.recording for w in self._baseline]
-        detector = Detector(reference.windows, recordings, self._settings)
-        self._watch = _Watch(tracker, reference, MassUpdater(reference), detector)
-        yield reference_result(reference, window.recording.end)
-        yield self._said(window, f"baseline learnt from {len(self._baseline)} windows")
+        self._baseline = []
+        yield reference_result(self._watch.reference, window.end)
+        yield self._said(window, f"baseline learnt from {len(self._watch.baseline)} windows")
 
-    def _judge(self, window: _Window, watch: _Watch) -> Iterator[Result]:
-        score = watch.detector.consider(window.recording, window.estimate, watch.tracker.assign(window.estimate))
+    def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
+        score = watch.detector.consider(window, self._track(window))
         over = score.t2 > score.limit
         level = score.t2 / score.limit if score.modes else math.nan
-        self._alarm, changes = self._alarm.consider(window.recording.end, level)
+        self._alarm, changes = self._alarm.consider(window.end, level)
         watch.detector.settle(calm=self._alarm.state == "normal")
-        self._out = [*self._out, window] if over else []
+        self._out = [*self._out, window][-_MOST_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
-        result = self._result(window, watch).model_copy(update={"novelty": score, "phase": self._phase()})
+        result = result.model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
             result = result.model_copy(update=self._explain(watch))
         if len(self._calm) >= self._settings.analysis.baseline_windows:
             calm, self._calm = self._calm, []
-            lateness = InTime(tuple(w.estimate for w in calm), self._devices, tuple(w.removed for w in calm))
-            tracks = [watch.tracker.assign(w.estimate) for w in calm]
-            result = result.model_copy(update={"sensors": sensors_seen(watch.reference, lateness, tracks)})
+            tracks = [self._track(w) for w in calm]
+            result = result.model_copy(update={"sensors": sensors_seen(watch.reference, self._in_time(calm), tracks)})
         yield result
         nodes = watch.reference.calibration.model.nodes
-        yield from (self._changed(window.recording.end, c, change_said(c, result, nodes)) for c in changes)
+        yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
 
     def _acknowledge(self, event: Event) -> Iterator[Result]:
         """Obey a person who knows of the alarm."""
@@ -195,21 +188,23 @@ class Pipeline:
             quiet=change.quiet,
         )
 
-    def _explain(self, watch: _Watch) -> dict[str, Any]:
+    def _in_time(self, windows: Sequence[Window]) -> InTime:
+        return InTime(tuple(w.in_time for w in windows), self._devices, tuple(w.removed for w in windows))
+
+    def _explain(self, watch: Watch) -> dict[str, Any]:
         """Explain by the windows that begin after the first one over the limit: that one may hold both states.
 
         A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them.
         """
-        pure = [w for w in self._out if w.recording.start >= self._out[0].recording.end]
+        pure = [w for w in self._out if w.start >= self._out[0].end]
         if not pure:
             return {}
-        tracks = [watch.tracker.assign(w.estimate) for w in pure]
-        event = watch.reference.mean_of(stack_tracks([w.estimate for w in pure], tracks))
+        tracks = [self._track(w) for w in pure]
+        event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
         found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
-        lateness = InTime(tuple(w.estimate for w in pure), self._devices, tuple(w.removed for w in pure))
-        now = seen_in([(w.recording, w.identification) for w in pure])
+        now, lateness = seen_in(pure), self._in_time(pure)
         try:
-            diagnosis, beside = explain_windows(watch.reference, self._before, now, lateness, tracks)
+            diagnosis, beside = explain_windows(watch.reference, watch.before, now, lateness, tracks)
         except ValueError:
             return found  # fewer than three modes left to compare: there is an alarm, but no cause
         found |= {"diagnosis": diagnosis, "discrepancy": beside}
@@ -218,11 +213,23 @@ class Pipeline:
             found["answer"] = mass_answer(self._structure, change, len(pure), outlook.said)
         return found
 
-    def _said(self, window: _Window, text: str) -> AlarmResult:
-        return AlarmResult(time=window.recording.end, state=self._alarm.state, text=text, window=window.index)
+    def _said(self, window: Window, text: str) -> AlarmResult:
+        return AlarmResult(time=window.end, state=self._alarm.state, text=text, window=window.index)
+
+    def _said_resumed(self, time: int) -> Iterator[Result]:
+        """Say where the watch goes on, so that this log alone tells what it is judged by."""
+        watch, alarm = self._watch, self._alarm
+        since = alarm.raised if alarm.state == "alarm" else None
+        if watch:
+            yield reference_result(watch.reference, time)
+            text = resumed_said(len(watch.baseline), watch.learnt, since)
+        else:
+            text = f"learning goes on: {len(self._baseline)} of {self._settings.analysis.baseline_windows} windows"
+        last = max(0, self._n_windows - 1)
+        yield AlarmResult(time=time, state=alarm.state, text=text, window=last, kind="resumed", quiet=True, since=since)
 
 
-def _increments(watch: _Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
+def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
     try:
         return increment_result(watch.updater.update(event), n_windows)
     except (PairingError, ValueError):
@@ -232,34 +239,3 @@ def _increments(watch: _Watch, event: ModalMean, n_windows: int) -> MassIncremen
 def _rms(recording: Recording) -> dict[str, float]:
     power: FloatArray = np.nanmean(np.where(np.isfinite(recording.data).any(0), recording.data, 0.0) ** 2, axis=0)
     return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}
-
-
-def learn_baseline(
-    structure: Structure, found: list[Identification], devices: Mapping[str, str]
-) -> tuple[Tracker, Reference]:
-    """Choose the modes to track and learn the reference, the devices' delays first.
-
-    The window with the most modes names the tracks; those present in 70 % of the windows and paired with a model mode
-    stay.
-
-    Raises
-    ------
-    PairingError
-        If fewer than three stay.
-    """
-    lateness = in_time([f.estimate for f in found], [f.delays for f in found], devices)
-    estimates = list(lateness.estimates)
-    seed, often, tracks = choose_tracks(estimates)
-    if len(often) < 3:
-        raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
-    reference = learn_reference(structure, estimates, tracks, lateness.delays)
-    chosen = reference.calibration.tracks
-    kept = often[chosen]
-    mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
-    fields = {name: getattr(seed, name)[kept] for name in _MODAL_FIELDS}
-    fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
-    tracker = Tracker(reference=replace(seed, channels=mean.channels, **fields))
-    return tracker, reference
-
-
-_MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")

@@ -1,14 +1,16 @@
 """The same loop over a log, as fast as it goes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_log
 from monitor.daemon import Site
+from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.result_events import event_result
 from monitor.settings import parse_settings
-from monitor.worker import TOPIC_STOPPED, Result, Worker
+from monitor.worker import TOPIC_STOPPED, Kept, Result, Worker
+from updater import parse_structure
 
 _WAITING = 2000  # items that may wait for the analysis
 
@@ -49,13 +51,22 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     devices = tuple(device.name for device in parse_settings(texts[1], f"{log}: site.toml").device)
     logged: list[Result] = []
     found: list[Result] = []
-    with Worker(*texts, capacity=_WAITING) as worker, ThreadPoolExecutor(1) as feeder:
+    with Worker(*texts, _memory(attached, texts), capacity=_WAITING) as worker, ThreadPoolExecutor(1) as feeder:
         feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
             found.append(result)
             on_result(result)
         feeding.result()
     return ReplayReport(found=found, logged=logged)
+
+
+def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
+    """Return what the run went on from, as far as it is of the watch that is replayed; else nothing."""
+    text = attached.get(MEMORY, "")
+    found = (
+        fitting(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1])) if text else NOTHING
+    )
+    return found.text or ""
 
 
 def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
@@ -85,7 +96,8 @@ def _until_last(worker: Worker) -> Iterator[Result]:
         for result in worker.results(1.0):
             if result is None:
                 return
-            yield result
+            if not isinstance(result, Kept):
+                yield result
 
 
 def logged_results(log: AnyLog) -> Iterator[Result]:

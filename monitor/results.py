@@ -200,6 +200,7 @@ class AlarmResult(_Result):
     kind: Kind = "state"  #: what happened, if not just that
     lasted: float | None = None  #: of an alarm that ends [s]
     quiet: bool = False  #: nobody need be woken: it flaps, or goes on
+    since: int | None = None  #: of an alarm that stands over a restart: when it was raised [ns UTC]
 
     @property
     def raised(self) -> bool:

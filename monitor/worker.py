@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import queue
 from collections.abc import Iterator
+from dataclasses import dataclass
 from multiprocessing.queues import Queue
 from typing import Self
 
@@ -16,6 +17,16 @@ Result = WindowResult | ReferenceResult | AlarmResult
 _THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
+@dataclass(frozen=True)
+class Kept:
+    """What to go on from after a restart, once the results before it are logged."""
+
+    text: str
+
+
+Told = Result | Kept
+
+
 class AnalysisError(RuntimeError):
     """The analysis process ended by itself."""
 
@@ -26,14 +37,16 @@ class Worker:
     Parameters
     ----------
     structure, site : texts of the structure's and the site's TOML
+    memory : text of the memory to go on from; empty for none
     capacity : items that may wait before `feed` blocks; 0 = never blocks
+    keep : whether what to go on from after a restart is told too, after each item that lets something be said
     """
 
-    def __init__(self, structure: str, site: str, *, capacity: int = 0) -> None:
+    def __init__(self, structure: str, site: str, memory: str = "", *, capacity: int = 0, keep: bool = False) -> None:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = context.Queue(capacity)
-        self._outbox: Queue[Result | None] = context.Queue()
-        arguments = (structure, site, self._inbox, self._outbox)
+        self._outbox: Queue[Told | None] = context.Queue()
+        arguments = (structure, site, memory, keep, self._inbox, self._outbox)
         self._process = context.Process(target=_analyse, args=arguments, name="analysis", daemon=True)
 
     def __enter__(self) -> Self:
@@ -77,8 +90,8 @@ class Worker:
             except queue.Full:
                 self._check_alive()
 
-    def results(self, timeout: float) -> Iterator[Result | None]:
-        """Yield the results that are there within `timeout` [s]; None is the last one.
+    def results(self, timeout: float) -> Iterator[Told | None]:
+        """Yield the results and memories that are there within `timeout` [s]; None is the last one.
 
         Raises
         ------
@@ -98,17 +111,26 @@ class Worker:
             raise AnalysisError(f"the analysis process ended with code {self._process.exitcode}") from None
 
 
-def _analyse(structure: str, site: str, inbox: "Queue[Item]", outbox: "Queue[Result | None]") -> None:
+def _analyse(
+    structure: str, site: str, memory: str, keep: bool, inbox: "Queue[Item]", outbox: "Queue[Told | None]"
+) -> None:
     """Run the pipeline until the last item."""
     os.nice(5)  # acquisition comes first
-    from monitor.pipeline import Pipeline  # loads numpy, in this process, under the limits above
+    from monitor.memory import memory_text, parse_memory  # load numpy, in this process, under the limits above
+    from monitor.pipeline import Pipeline
     from monitor.settings import parse_settings
     from updater import parse_structure
 
-    pipeline = Pipeline(parse_structure(structure), parse_settings(site))
+    known = parse_memory(memory) if memory else None
+    pipeline = Pipeline(parse_structure(structure), parse_settings(site), known)
     for item in received(inbox):
         if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
-            break
+            outbox.put(None)
+            return
+        said = False
         for result in pipeline.push(item):
             outbox.put(result)
-    outbox.put(None)
+            said = True
+        if said and keep:
+            outbox.put(Kept(memory_text(pipeline.memory)))
+    outbox.cancel_join_thread()  # the parent was killed: nobody will ever read what is still on its way

@@ -12,10 +12,12 @@ from monitor.cli.logs import one_log
 from monitor.daemon import load_site, run, stop_on_signals
 from monitor.inbox import Acknowledgement, leave
 from monitor.live import LiveView, live_view
+from monitor.memory import recall
 from monitor.mending import mend_logs
 from monitor.replay import replay
 from monitor.results import AlarmResult
 from monitor.worker import Result
+from updater import parse_structure
 
 console = Console(highlight=False)
 
@@ -37,13 +39,14 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     site = load_site(path, given)
     for said in mend_logs(site.folder / site.settings.recorder.folder):
         console.print(escape(said), soft_wrap=True)
+    recalled = recall(site.state, parse_structure(site.structure_text), site.settings)
     with (
         stop_on_signals() as stop,
         live_view(site.settings, site.structure_text, site.site_text) as live,
         journal(as_json=as_json) as lines,
     ):
         tell_live(console, live)
-        report = run(site, stop, _nothing, live, takers=(lines.take,))
+        report = run(site, stop, _nothing, live, takers=(lines.take,), recalled=recalled)
     tell_live_end(console, live)
     for path in report.logs:
         console.print(f"log: {path}", soft_wrap=True)

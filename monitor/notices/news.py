@@ -44,6 +44,8 @@ class News:
         before, self._state = self._state, change.state
         if change.raised:
             self._raised = change.time
+        elif change.since is not None:
+            self._raised = change.since
         if change.quiet or change.state == "watch":
             return None
         if change.kind in ("flapping", "steady"):

@@ -34,8 +34,8 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     _gauge(registry, "dropped_items", "Items that did not reach the log", vitals["dropped"])
     _gauge(registry, "history_dropped_items", "Items that the history had no room for", vitals["not_in_history"])
     _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])
-    for name in ("disk", "history", "notices", "viewer"):
-        _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals[name])))
+    for name in ("disk", "history", "notices", "memory", "viewer"):
+        _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals.get(name))))
 
 
 def _of_ways(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:

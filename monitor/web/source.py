@@ -93,7 +93,9 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
         found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
-    found += [f"{name}: {vitals[name]}" for name in ("disk", "history", "notices", "viewer") if vitals[name]]
+    found += [
+        f"{name}: {vitals[name]}" for name in ("disk", "history", "notices", "memory", "viewer") if vitals.get(name)
+    ]
     return found
 
 

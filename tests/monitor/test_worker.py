@@ -12,7 +12,7 @@ import pytest
 from end_to_end_helpers import START, site_toml
 
 from daq import Event
-from monitor.worker import TOPIC_STOPPED, AnalysisError, Result, Worker
+from monitor.worker import TOPIC_STOPPED, AnalysisError, Told, Worker
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
@@ -29,7 +29,7 @@ def pid() -> int:
     return process.pid or 0
 
 
-def results(running: Worker) -> list[Result | None]:
+def results(running: Worker) -> list[Told | None]:
     """Wait for results, 40 s at the most."""
     end = time.monotonic() + 40
     while time.monotonic() < end:

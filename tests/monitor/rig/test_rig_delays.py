@@ -4,7 +4,7 @@ import numpy as np
 from rig_helpers import ORIGIN, nominal, t_frame
 
 from daq import EPSON_SCALE, Channel, Recording
-from monitor.pipeline import learn_baseline
+from monitor.learning import learn_baseline
 from monitor.rig import T_DEVICES, make_sources
 from oma import identify_all
 

@@ -1,0 +1,74 @@
+"""What is remembered, as text that says itself whether it is whole, and of which watch it is."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from monitor.alarms import Alarm
+from monitor.memory.codec import CodecError, decode, encode
+from monitor.novelty import DetectorState
+from monitor.settings import Settings
+from monitor.window import Window
+from updater import Structure, dump_structure
+
+MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
+VERSION = 1  # of what is written here: another one is not read
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Memory:
+    """Where a watch stands between two windows."""
+
+    matters: dict[str, str]  #: what it depends on, each as words (see `matters`)
+    n_windows: int  #: so far
+    baseline: tuple[Window, ...]  #: learnt from, or so far
+    detector: DetectorState | None  #: None while the baseline is being learnt
+    alarm: Alarm
+    out: tuple[Window, ...]  #: over the limit, without a break
+    calm: tuple[Window, ...]  #: under it since the sensors were last looked at
+
+
+def matters(structure: Structure, settings: Settings) -> dict[str, str]:
+    """Return what a baseline depends on; with anything of it changed, it must be learnt anew."""
+    analysis = settings.analysis
+    return {
+        "the structure file": hashlib.sha256(dump_structure(structure).encode()).hexdigest()[:16],
+        "the channels": ", ".join(f"{c.name} = {c.device} {'xyz'[c.axis]}" for c in settings.channels),
+        "the devices": ", ".join(f"{d.name} ({d.driver}, {d.rate:g} Hz)" for d in settings.device),
+        "analysis.window_seconds": f"{analysis.window_seconds:g}",
+        "analysis.overlap": f"{analysis.overlap:g}",
+        "analysis.band": "unset" if analysis.band is None else "{:g} to {:g} Hz".format(*analysis.band),
+    }
+
+
+def memory_text(memory: Memory) -> str:
+    """Return a memory as text: a line that says of what version and how whole it is, and one of values."""
+    content = json.dumps(encode(memory))
+    return json.dumps({"modalwatch": VERSION, "sha256": _digest(content)}) + "\n" + content
+
+
+def parse_memory(text: str) -> Memory:
+    """Return the memory of a text.
+
+    Raises
+    ------
+    CodecError
+        If it is damaged, of another version, or no memory.
+    """
+    head, _, content = text.partition("\n")
+    try:
+        said: Any = json.loads(head)
+        version, digest = said["modalwatch"], said["sha256"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise CodecError("it is no memory of a watch, or damaged") from error
+    if version != VERSION:
+        raise CodecError(f"it is of version {version}, this program reads {VERSION}")
+    if _digest(content) != digest:
+        raise CodecError("it is damaged: its checksum is wrong")
+    memory: Memory = decode(Memory, json.loads(content))
+    return memory
+
+
+def _digest(content: str) -> str:
+    return hashlib.sha256(content.encode()).hexdigest()

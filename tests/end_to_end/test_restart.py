@@ -1,0 +1,90 @@
+"""A monitor that is killed and started again goes on watching; its second log alone replays the same."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from daq import read_attachments
+from monitor.memory import MEMORY, Memory, parse_memory
+from monitor.replay import logged_results, replay
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.rig import T_DEVICES
+
+pytestmark = pytest.mark.live
+
+RECORDED = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
+SPEED = 20.0
+WINDOW = 12.0  # s: the frame's first modes have a hundred periods in it
+
+
+def make_site(folder: Path) -> Path:
+    """Write settings that play the recorded log as six devices, learning from the first minute."""
+    attached = read_attachments(RECORDED)
+    (folder / "t_structure.toml").write_text(attached["structure.toml"], encoding="utf-8")
+    (folder / "recorded.mcap").symlink_to(RECORDED)
+    lines = ['structure = "t_structure.toml"', "[analysis]", f"window_seconds = {WINDOW}", "baseline_windows = 5"]
+    lines += ["[clock]", f"speed = {SPEED}"]
+    for name, (_, axes) in T_DEVICES.items():
+        mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
+        lines += ["[[device]]", f'name = "{name}"', 'driver = "replay"', "rate = 500", f"channels = {{{mapped}}}"]
+        lines += [f'log = {{file = "recorded.mcap", device = "{name}"}}']
+    (folder / "site.toml").write_text("\n".join(lines), encoding="utf-8")
+    return folder / "site.toml"
+
+
+def remembered(state: Path, process: subprocess.Popen[str], n_windows: int) -> Memory:
+    """Wait until so many windows are remembered."""
+    end = time.monotonic() + 100
+    while time.monotonic() < end:
+        if (state / MEMORY).exists():
+            memory = parse_memory((state / MEMORY).read_text(encoding="utf-8"))
+            if memory.n_windows >= n_windows:
+                return memory
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    raise AssertionError(f"{n_windows} windows are not remembered within 100 s")
+
+
+@contextmanager
+def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
+    """Run a command; it is killed at the end of the context if it still runs."""
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=environment) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_killed_monitor_watches_on_at_once(tmp_path: Path) -> None:
+    command = [*MODALWATCH, "run", str(make_site(tmp_path))]
+    with started(command) as first:
+        memory = remembered(tmp_path / "state", first, 6)
+    assert memory.detector is not None  # it was watching when it was killed
+
+    with started(command) as second:
+        now = remembered(tmp_path / "state", second, memory.n_windows + 1)
+        second.send_signal(signal.SIGTERM)
+        out, err = second.communicate(timeout=60)
+    assert (second.returncode, err) == (0, ""), out
+    assert "watching goes on, by the baseline of 5 windows" in out
+    assert [w.start for w in now.baseline] == [w.start for w in memory.baseline]
+
+    log = max((tmp_path / "log").glob("*.mcap"))
+    kinds = [type(result) for result in logged_results(log)]
+    assert kinds[:2] == [ReferenceResult, AlarmResult]
+    windows = [result for result in logged_results(log) if isinstance(result, WindowResult)]
+    assert windows[0].index == memory.n_windows
+    assert all(window.phase != "learning" for window in windows)
+    report = replay(log, None, lambda _: None)
+    assert len(report.logged) >= 3
+    assert report.same

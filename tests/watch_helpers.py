@@ -1,0 +1,116 @@
+"""A pipeline that is given modes instead of signals: windows of a true structure, drawn, at no cost."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from updater_helpers import measure, true_model
+
+from daq import Recording
+from monitor.memory import Memory
+from monitor.pipeline import Pipeline, Result
+from monitor.results import WindowResult
+from monitor.settings import Settings, parse_settings
+from oma import Identification, ModalEstimate, Stabilization, WindowQuality
+from updater import Body, parse_structure, t_structure_toml
+
+STEP = 600  # s
+START = 1_767_225_600_000_000_000
+BASELINE = 12
+_NOISE, _SHAPE_NOISE = 5e-4, 3e-3  # of frequencies at 10 Hz, and of shapes [-]
+_NO_POLES = Stabilization(
+    frequency=np.empty(0),
+    damping=np.empty(0),
+    shape=np.empty((0, 12), complex),
+    order=np.empty(0, np.intp),
+    column=np.empty(0, np.intp),
+    stable=np.empty(0, bool),
+)
+
+
+def site_settings(more: str = "") -> Settings:
+    """Return settings of twelve channels on one device each, of the shipped frame; `more` stands in [alarm]."""
+    channels = parse_structure(t_structure_toml()).channels
+    lines = ['structure = "t_structure.toml"', "[analysis]", f"baseline_windows = {BASELINE}", "[alarm]", more]
+    for name in channels:
+        device = ["[[device]]", f'name = "d_{name}"', 'driver = "epson-uart"', f'port = "/dev/{name}"']
+        lines += [*device, f'channels = {{x = "{name}"}}']
+    return parse_settings("\n".join(lines))
+
+
+class Played:
+    """Windows of a true structure, one every ten minutes, drawn from a seed; a body may be put onto it."""
+
+    def __init__(self, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+        print(f"seed {seed}")
+        self._random = np.random.default_rng(seed)
+        self._seed, self._n = seed, 0
+        self._gain = 1 + 0.003 * self._random.standard_normal(12)
+        self._modes = self._true_modes(None)
+        self.settings = site_settings()
+        monkeypatch.setattr("monitor.pipeline.identify_all", self._identify)
+
+    def put(self, body: Body | None) -> None:
+        """Put a body onto the structure, or take it off again."""
+        self._modes = self._true_modes(body)
+
+    def _true_modes(self, body: Body | None) -> ModalEstimate:
+        """Return the modes as they would be measured without errors, with the deviations that these would have."""
+        model = true_model(np.random.default_rng((self._seed, 1)), body)
+        exact = measure(model, np.random.default_rng(0), self._gain, noise=0.0, shape_noise=0.0)
+        std = _NOISE * np.sqrt(10 / exact.frequency) * exact.frequency
+        return replace(exact, frequency_std=std, shape_std=np.full(exact.shape.shape, _SHAPE_NOISE))
+
+    def pipeline(self, memory: Memory | None = None) -> Pipeline:
+        """Return a pipeline of the site."""
+        return Pipeline(parse_structure(t_structure_toml()), self.settings, memory)
+
+    def windows(self, n: int) -> Iterator[Recording]:
+        """Yield recordings, whose signals are noise that nobody looks at."""
+        for _ in range(n):
+            data = self._random.standard_normal((64, 12))
+            start = START + self._n * STEP * 10**9
+            self._n += 1
+            yield Recording(channels=self.settings.channels, data=data, rate=64 / STEP, start=start, temperature=20.0)
+
+    def _identify(self, recording: Recording, band: object) -> Identification:
+        """Return a window's modes: the same of the same recording."""
+        assert band is None
+        random = np.random.default_rng((self._seed, recording.start // 10**9))
+        true, drawn = self._modes, random.standard_normal((2, *self._modes.shape.shape))
+        estimate = replace(
+            true,
+            frequency=true.frequency + true.frequency_std * random.standard_normal(true.n_modes),
+            damping=true.damping + true.damping_std * random.standard_normal(true.n_modes),
+            shape=true.shape + _SHAPE_NOISE * (drawn[0] + 1j * drawn[1]),
+            start=recording.start,
+            end=recording.end,
+        )
+        return Identification(
+            estimate=estimate,
+            poles=_NO_POLES,
+            harmonics=np.array([50.0]),
+            quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),
+            channels=dict.fromkeys(estimate.channels, "ok"),
+            delays={f"d_{c}": 0.0 for c in estimate.channels},
+        )
+
+
+def run(pipeline: Pipeline, windows: Iterator[Recording]) -> list[Result]:
+    """Return what a pipeline says of windows."""
+    return [result for window in windows for result in pipeline.analyse(window)]
+
+
+def judged(results: list[Result]) -> list[WindowResult]:
+    """Return the windows among results."""
+    return [result for result in results if isinstance(result, WindowResult)]
+
+
+def without_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no window be diagnosed, which takes seconds: as where fewer than three modes can be compared."""
+
+    def none(*_: object) -> None:
+        raise ValueError("fewer than three modes")
+
+    monkeypatch.setattr("monitor.pipeline.explain_windows", none)
