@@ -19,6 +19,7 @@ from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
 from daq.emulator.slcan import EmulatedSlcan
 from daq.emulator.witmotion import EmulatedWitmotion
+from daq.emulator.witmotion_can import EmulatedWitmotionCan
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
 from daq.expand import expand_log
 from daq.found import Found, PortAnswer
@@ -67,6 +68,7 @@ __all__ = [
     "EmulatedPort",
     "EmulatedSlcan",
     "EmulatedWitmotion",
+    "EmulatedWitmotionCan",
     "Event",
     "Flag",
     "FloatArray",

@@ -1,5 +1,6 @@
 """Drivers by name; nothing is imported until asked for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -14,24 +15,22 @@ Place = str | CanPlace | LogAddress  #: what a device is connected to: a serial 
 _SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc", LogAddress: "log"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class DriverKind:
     """A row of the table of drivers."""
 
-    where: str  #: module:class, made of (place, rate)
-    place: type  #: of what its devices are connected to
+    places: Mapping[type, str]  #: what its devices are connected to -> module:class, made of (place, rate)
     low_grade: str = ""  #: why its data are not to be relied on, if so
 
 
 _DRIVERS = {
-    "can-dbc": DriverKind(where="daq.drivers.can_dbc:CanDbc", place=DbcAddress),
-    "epson-can": DriverKind(where="daq.drivers.epson_can:EpsonCan", place=CanAddress),
-    "epson-uart": DriverKind(where="daq.drivers.epson_uart:EpsonUart", place=str),
-    "modalwatch-node": DriverKind(where="daq.drivers.node:ModalwatchNode", place=str),
-    "replay": DriverKind(where="daq.drivers.replay:ReplayedDevice", place=LogAddress),
+    "can-dbc": DriverKind({DbcAddress: "daq.drivers.can_dbc:CanDbc"}),
+    "epson-can": DriverKind({CanAddress: "daq.drivers.epson_can:EpsonCan"}),
+    "epson-uart": DriverKind({str: "daq.drivers.epson_uart:EpsonUart"}),
+    "modalwatch-node": DriverKind({str: "daq.drivers.node:ModalwatchNode"}),
+    "replay": DriverKind({LogAddress: "daq.drivers.replay:ReplayedDevice"}),
     "witmotion": DriverKind(
-        where="daq.drivers.witmotion:Witmotion",
-        place=str,
+        {str: "daq.drivers.witmotion:Witmotion", CanAddress: "daq.drivers.witmotion_can:WitmotionCan"},
         low_grade="scans have no number: those that a port loses shift all that follow, unseen",
     ),
 }
@@ -81,12 +80,11 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
 
 
 def _own(name: str, place: Place) -> Any:  # noqa: ANN401 - a class of any driver
-    kind = _DRIVERS[name]
-    if not isinstance(place, kind.place):
-        raise ValueError(
-            f"driver {name}: expected `{_SETTINGS[kind.place]}`, found `{_SETTINGS[type(place)]}`: {place}"
-        )
-    module, _, attribute = kind.where.partition(":")
+    places = _DRIVERS[name].places
+    if type(place) not in places:
+        expected = " or ".join(f"`{_SETTINGS[kind]}`" for kind in places)
+        raise ValueError(f"driver {name}: expected {expected}, found `{_SETTINGS[type(place)]}`: {place}")
+    module, _, attribute = places[type(place)].partition(":")
     return getattr(import_module(module), attribute)
 
 

@@ -96,7 +96,7 @@ class CanProcess:
 
 @contextmanager
 def can_process(folder: Path, n: int, speed: int = 1, dbc: tuple[str, ...] = ()) -> Iterator[CanProcess]:
-    """Run an adapter with n nodes, and a sensor of a DBC file if one is given; the process is gone afterwards."""
+    """Run an adapter with n nodes, and what `dbc` says beside them (emulated_can.py); it is gone afterwards."""
     clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
     link = folder / "adapter"
     with script_process(SCRIPT, link, n, speed, clock.origin_wall, clock.origin, *dbc) as (process, ready):

@@ -1,9 +1,9 @@
 """Emulated CAN nodes behind one adapter in a process of its own, told what to do over its standard input.
 
-    python emulated_can.py LINK N SPEED ORIGIN_WALL ORIGIN [DBC LOST REPEATED]
+    python emulated_can.py LINK N SPEED ORIGIN_WALL ORIGIN [DBC LOST REPEATED | witmotion]
 
 With a DBC file there is a sensor of it as well, as `imu` says, at 1000 Hz, the first in what is said at the end; of its
-frames a share is lost or comes twice.
+frames a share is lost or comes twice. Or there is a WT901.
 
 LINK always points to the adapter's port. First line out: "ready". Lines in: `unplug`, `plug`, `end`. Last line out:
 scans sent and dropped by each node. Nodes are 1, 2, ...
@@ -14,7 +14,15 @@ from pathlib import Path
 
 from emulated_ports import Ramp, say, told
 
-from daq import DbcSensor, EmulatedDbc, EmulatedEpsonCan, EmulatedSlcan, ScaledClock, unplugging
+from daq import (
+    DbcSensor,
+    EmulatedDbc,
+    EmulatedEpsonCan,
+    EmulatedSlcan,
+    EmulatedWitmotionCan,
+    ScaledClock,
+    unplugging,
+)
 
 
 def imu(file: Path) -> DbcSensor:
@@ -25,8 +33,10 @@ def imu(file: Path) -> DbcSensor:
 def plugged(link: Path, n: int, clock: ScaledClock, words: list[str]) -> EmulatedSlcan:
     """Return a new adapter with its nodes, where the link says."""
     nodes = [EmulatedEpsonCan(Ramp(), clock, node=1 + k, serial_number=100 + k) for k in range(n)]
-    sensors = []
-    if words:
+    sensors: list[EmulatedDbc | EmulatedWitmotionCan] = []
+    if words == ["witmotion"]:
+        sensors.append(EmulatedWitmotionCan(Ramp(), clock))
+    elif words:
         lost, repeated = float(words[1]), float(words[2])
         sensors.append(EmulatedDbc(Ramp(), clock, imu(Path(words[0])), rate=1000.0, lost=lost, repeated=repeated))
     adapter = EmulatedSlcan([*sensors, *nodes])

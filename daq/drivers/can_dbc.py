@@ -11,6 +11,7 @@ from daq.can_bus import Chunk
 from daq.dbc import read_layout
 from daq.drivers.base import Scans
 from daq.drivers.can_hub import Member, join_bus, leave_bus
+from daq.drivers.rates import positive_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.can_scan import DecodedScans, ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, concatenate
@@ -37,11 +38,9 @@ class CanDbc:
     """
 
     def __init__(self, address: DbcAddress, rate: float) -> None:
-        if not rate > 0:
-            raise ValueError(f"rate of {address}: expected a positive number of Hz, found {rate:g}")
         self._address, self._layout = address, read_layout(address.sensor)
         self.scale, self.modulus = self._layout.scale, self._layout.modulus
-        self._patience = max(_LEAST_SECONDS, _SCANS / rate)
+        self._patience = max(_LEAST_SECONDS, _SCANS / positive_rate(rate, address))
         self._member: Member | None = None
         self._decoder = ScanDecoder(self._layout)
 

@@ -13,6 +13,7 @@ from daq.drivers.base import Scans
 from daq.drivers.can_hub import Member, Share, SyncPart, join_bus, leave_bus
 from daq.drivers.epson_can_setup import configure, end_sync, identify, produce_sync
 from daq.drivers.heartbeat import HeartbeatConsumer
+from daq.drivers.rates import known_rate
 from daq.drivers.sync_count import SyncedCounter
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
@@ -47,9 +48,7 @@ class EpsonCan:
     modulus = epson.MODULUS
 
     def __init__(self, address: CanAddress, rate: float) -> None:
-        if rate not in epson.RATES:
-            raise ValueError(f"rate of {address}: expected one of {sorted(epson.RATES)} Hz, found {rate:g}")
-        self._address, self._rate = address, int(rate)
+        self._address, self._rate = address, known_rate(rate, epson.RATES, address)
         self._member: Member | None = None
         self._heartbeat: HeartbeatConsumer | None = None
         self._decoder = epson.ScanDecoder(address.node)

@@ -9,6 +9,7 @@ import serial
 
 from daq.drivers.base import Scans
 from daq.drivers.bites import Bites
+from daq.drivers.rates import known_rate
 from daq.drivers.serial_port import bites_of
 from daq.errors import DeviceLost, DriverError
 from daq.found import Found, PortAnswer
@@ -46,9 +47,7 @@ class EpsonUart:
     modulus = 1 << 16
 
     def __init__(self, port: str, rate: float) -> None:
-        if rate not in epson.RATES:
-            raise ValueError(f"rate of {port}: expected one of {sorted(epson.RATES)} Hz, found {rate:g}")
-        self._port, self._rate = port, int(rate)
+        self._port, self._rate = port, known_rate(rate, epson.RATES, port)
         self._serial: serial.Serial | None = None
         self._bites: Bites | None = None
         self._decoder = epson.BurstDecoder()

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.drivers.base import Scans
+from daq.drivers.rates import positive_rate
 from daq.drivers.serial_port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError
 from daq.found import Found, PortAnswer
@@ -39,9 +40,7 @@ class ModalwatchNode:
     modulus = 1 << 31  #: of the counter's 32 bits the lower 31, which an int32 holds
 
     def __init__(self, port: str, rate: float) -> None:
-        if not rate > 0:
-            raise ValueError(f"rate of {port}: expected a positive number of Hz, found {rate:g}")
-        self._path, self._rate = port, rate
+        self._path, self._rate = port, positive_rate(rate, port)
         self._port: SerialPort | None = None
         self._decoder = node.NodeDecoder()
         self._believer = Believer(rate)

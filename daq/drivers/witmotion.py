@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from daq.drivers.base import Scans
+from daq.drivers.rates import known_rate
 from daq.drivers.serial_port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError
 from daq.found import Found, PortAnswer
@@ -13,6 +14,7 @@ from daq.protocol import witmotion as wit
 
 BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the one that it was told
 _LISTEN_SECONDS = 0.35  # at each of them: at ten scans a second three packets
+_COMMAND_SECONDS = 0.01
 _SETTLE_SECONDS = 0.15  # after a setting
 _ENOUGH = 2  # packets that make a baud rate the right one
 _BITS_A_BYTE = 10
@@ -36,9 +38,7 @@ class Witmotion:
     modulus = 1 << 16
 
     def __init__(self, port: str, rate: float) -> None:
-        if rate not in wit.RATES:
-            raise ValueError(f"rate of {port}: expected one of {sorted(wit.RATES)} Hz, found {rate:g}")
-        self._path, self._rate = port, int(rate)
+        self._path, self._rate = port, known_rate(rate, wit.RATES, port)
         self._port: SerialPort | None = None
         self._decoder = wit.WitDecoder()
 
@@ -60,10 +60,9 @@ class Witmotion:
         most = baud // (_BITS_A_BYTE * wit.PACKET_SIZE)
         if self._rate > most:
             raise ValueError(f"rate: expected at most {most} Hz at {baud} bit/s, found {self._rate}")
-        rate, bandwidth = wit.RATES[self._rate]
-        for address, value in ((wit.CONTENT, wit.ONLY_ACCELERATION), (wit.BANDWIDTH, bandwidth), (wit.RATE, rate)):
-            port.write(wit.UNLOCK + wit.write_register(address, value))
-            time.sleep(0.02)
+        for command in wit.settings(self._rate):
+            port.write(command)
+            time.sleep(_COMMAND_SECONDS)
         time.sleep(_SETTLE_SECONDS)
         port.discard_input()
         self._decoder = wit.WitDecoder()

@@ -5,12 +5,10 @@ import numpy as np
 from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
+from daq.emulator.wit_settings import WitSettings
 from daq.hostclock import HostClock
 from daq.protocol import witmotion as wit
 from daq.recording import IntArray
-
-_AS_BOUGHT = 0b11110  #: accelerations, turning rates, angles and field
-_LARGEST = 2**15 - 1
 
 
 class EmulatedWitmotion(SerialEmulator):
@@ -37,11 +35,9 @@ class EmulatedWitmotion(SerialEmulator):
         super().__init__(
             source, clock, frame_size=wit.N_TYPES * wit.PACKET_SIZE, clock_error=clock_error, faults=faults
         )
-        self._temperature = round(100 * temperature)
-        self._content = _AS_BOUGHT
-        self._unlocked = False
+        self._settings = WitSettings(temperature)
         self._commands = bytearray()
-        self.start(10.0)
+        self.start(self._settings.rate)
 
     def hear(self, data: bytes) -> None:
         """Obey the host."""
@@ -52,29 +48,15 @@ class EmulatedWitmotion(SerialEmulator):
                 continue
             command = bytes(self._commands[: wit.COMMAND_SIZE])
             del self._commands[: wit.COMMAND_SIZE]
-            if command == wit.UNLOCK:
-                self._unlocked = True
-            elif self._unlocked:
-                self._written(command[2], command[3] | command[4] << 8)
-
-    def _written(self, address: int, value: int) -> None:
-        if address == wit.CONTENT:
-            self._content = value
-        elif address == wit.RATE:
-            rates = [rate for rate, (code, _) in wit.RATES.items() if code == value]
-            if rates:
+            if self._settings.obey(command):
                 self.stop()
-                self.start(float(rates[0]))
+                self.start(self._settings.rate)
 
     def encode(self, counts: IntArray, first: int) -> bytes:
         """Return the packets of scans (n, 3), each of all types that it was told to send."""
         del first  # they are not numbered
-        words = np.zeros((len(counts), 4), np.int16)
-        words[:, :3] = np.clip(counts, -_LARGEST - 1, _LARGEST)
-        words[:, 3] = self._temperature
-        kinds = [wit.FIRST_TYPE + bit for bit in range(wit.N_TYPES) if self._content >> bit & 1]
         parts = [
-            np.frombuffer(wit.encode_packets(kind, words if kind == wit.ACCELERATION else 0 * words), np.uint8)
-            for kind in kinds
+            np.frombuffer(wit.encode_packets(kind, words), np.uint8).reshape(-1, wit.PACKET_SIZE)
+            for kind, words in self._settings.packets(counts)
         ]
-        return np.stack([part.reshape(-1, wit.PACKET_SIZE) for part in parts], axis=1).tobytes() if parts else b""
+        return np.stack(parts, axis=1).tobytes() if parts else b""

@@ -1,7 +1,8 @@
-"""Wire format of WitMotion's WT901 and its kin on a serial line: packets and commands, both directions side by side.
+"""Wire format of WitMotion's WT901 and its kin: packets and commands, both directions side by side.
 
-A packet is 11 bytes: 55 | type | four words i16, little-endian | the low byte of the sum of all before. Type 51 carries
-three accelerations, 16 g at 2^15, and the temperature in 0.01 degC; 50 to 5F are the others. Scans have no number.
+On a serial line a packet is 11 bytes: 55 | type | four words i16, little-endian | the low byte of the sum of all
+before. Type 51 carries three accelerations, 16 g at 2^15, and the temperature in 0.01 degC; 50 to 5F are the others. On
+a CAN bus it is a frame of the first 8 of these, from and to the identifier of the device. Scans have no number.
 
 References
 ----------
@@ -13,16 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from daq.protocol.frames import CanFrames
 from daq.protocol.overlap import without_overlap
 from daq.recording import IntArray
 
-PACKET_SIZE = 11
+PACKET_SIZE, FRAME_SIZE = 11, 8  #: bytes on a serial line, on a CAN bus
 SCALE = 16 * 9.80665 / 2**15  #: m/s2 a count
 HEADER, FIRST_TYPE, ACCELERATION = 0x55, 0x50, 0x51
 N_TYPES = 16
 CONTENT, RATE, BANDWIDTH = 0x02, 0x03, 0x1F  #: registers
 ONLY_ACCELERATION = 1 << ACCELERATION - FIRST_TYPE  #: value of CONTENT: a bit a type
 UNLOCK = bytes([0xFF, 0xAA, 0x69, 0x88, 0xB5])  #: before registers can be written
+NODE, BITRATE = 0x50, 250_000  #: that a device has on a CAN bus as it is sold
 #: scans a second -> (RATE, BANDWIDTH: a filter that ends below half of it; the lowest is of 5 Hz)
 RATES = {200: (0x0B, 2), 100: (0x09, 3), 50: (0x08, 4), 20: (0x07, 6), 10: (0x06, 6)}
 COMMAND_SIZE = 5
@@ -33,6 +36,13 @@ _PACKET = np.dtype([("head", "u1"), ("type", "u1"), ("word", "<i2", 4), ("sum", 
 def write_register(address: int, value: int) -> bytes:
     """Return the command that writes a register."""
     return bytes([0xFF, 0xAA, address, value & 0xFF, value >> 8])
+
+
+def settings(rate: int) -> tuple[bytes, ...]:
+    """Return the commands that make a device send accelerations only, at one of `RATES` [Hz]; each needs a moment."""
+    code, bandwidth = RATES[rate]
+    values = (CONTENT, ONLY_ACCELERATION), (BANDWIDTH, bandwidth), (RATE, code)
+    return tuple(command for value in values for command in (UNLOCK, write_register(*value)))
 
 
 def encode_packets(kind: int, words: npt.NDArray[np.int16]) -> bytes:
@@ -90,6 +100,21 @@ class WitDecoder:
         self.bad_bytes += damaged
         self._number += int(is_scan.sum()) + damaged / (PACKET_SIZE * max(1, len(self._types)))
         return np.asarray(number[is_scan])
+
+
+def encode_frames(node: int, kind: int, words: npt.NDArray[np.int16]) -> CanFrames:
+    """Return CAN frames of one type that carry the first three of words (n, 4)."""
+    packets = np.frombuffer(encode_packets(kind, words), np.uint8).reshape(-1, PACKET_SIZE)
+    n = len(packets)
+    return CanFrames(np.full(n, node, np.uint32), np.full(n, FRAME_SIZE, np.uint8), packets[:, :FRAME_SIZE].copy())
+
+
+def decode_frames(frames: CanFrames) -> tuple[IntArray, int]:
+    """Return counts (n, 3) of the scans among a device's frames, and how many frames are no packets at all."""
+    packets = (frames.dlc == FRAME_SIZE) & (frames.data[:, 0] == HEADER) & (frames.data[:, 1] - FIRST_TYPE < N_TYPES)
+    scans = packets & (frames.data[:, 1] == ACCELERATION)
+    words = np.ascontiguousarray(frames.data[scans, 2:]).view("<i2")
+    return words.astype(np.int32), int(np.count_nonzero(~packets))
 
 
 def _packet_starts(stream: npt.NDArray[np.uint8]) -> npt.NDArray[np.intp]:

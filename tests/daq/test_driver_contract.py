@@ -37,15 +37,17 @@ pytestmark = pytest.mark.live
 RATE = 1000.0
 DBC = Path(__file__).parents[2] / "examples" / "imu.dbc"
 _COARSE = 2**-8  # m/s2 a count: 16 bits up to 13 g
+WIT = CanAddress(interface="slcan", channel="/dev/none", node=0x50, bitrate=250_000)
 #: a place where nothing is, and the serial number of the emulated device, if such a device can tell one
 DRIVERS: dict[str, tuple[str | CanPlace, str | None]] = {
     "epson-uart": ("/dev/none", "E0000000"),
     "modalwatch-node": ("/dev/none", "E0000000"),
     "witmotion": ("/dev/none", None),
     "epson-can": (CanAddress(interface="slcan", channel="/dev/none", node=1), "100"),
+    "witmotion on CAN": (WIT, None),
     "can-dbc": (DbcAddress(interface="slcan", channel="/dev/none", sensor=imu(DBC)), None),
 }
-RATES = dict.fromkeys(DRIVERS, RATE) | {"witmotion": 200.0}
+RATES = dict.fromkeys(DRIVERS, RATE) | {"witmotion": 200.0, "witmotion on CAN": 200.0}
 SERIAL = [name for name, (place, _) in DRIVERS.items() if isinstance(place, str)]
 
 
@@ -70,6 +72,11 @@ def ports() -> Iterator[Emulators]:
         yield found
 
 
+def make(name: str, place: str | CanPlace, rate: float) -> Driver:
+    """Return the driver of a row of the table."""
+    return make_driver(name.partition(" ")[0], place, rate)
+
+
 @contextmanager
 def device(name: str, ports: Emulators, folder: Path) -> Iterator[Device]:
     """Run the device that a driver is for."""
@@ -78,8 +85,8 @@ def device(name: str, ports: Emulators, folder: Path) -> Iterator[Device]:
         number = SERIAL.index(name)
         yield Device(ports.ports[number], ports.clock, partial(ports.unplug, number))
         return
-    node, dbc = (1, ()) if isinstance(place, CanAddress) else (0, (str(DBC), "0", "0"))
-    with can_process(folder, node, dbc=dbc) as bus:
+    sensor = {"can-dbc": (str(DBC), "0", "0"), "witmotion on CAN": ("witmotion",)}.get(name, ())
+    with can_process(folder, 0 if sensor else 1, dbc=sensor) as bus:
         yield Device(replace(place, channel=bus.channel), bus.clock, partial(bus.say, "unplug"))
 
 
@@ -131,7 +138,7 @@ def check_blocks_until_unplugged(driver: Driver, found: Device, rate: float) -> 
 
 def check_life(found: Device, name: str) -> None:
     """Open, read, be alone at the port, close, open again, be unplugged."""
-    driver, other = (make_driver(name, found.place, RATES[name]) for _ in range(2))
+    driver, other = (make(name, found.place, RATES[name]) for _ in range(2))
     identity = driver.open()
     assert identity == json.loads(json.dumps(identity))
     assert identity.get("serial") == DRIVERS[name][1]
@@ -154,11 +161,11 @@ def test_driver_keeps_the_contract(name: str, ports: Emulators, tmp_path: Path) 
 @pytest.mark.parametrize("name", DRIVERS)
 def test_port_that_is_not_there_is_named(name: str) -> None:
     with pytest.raises(DriverError, match=r"/dev/none.*: (no .* answers|the bus cannot be opened): .*No such file"):
-        make_driver(name, DRIVERS[name][0], RATES[name]).open()
+        make(name, DRIVERS[name][0], RATES[name]).open()
 
 
 @pytest.mark.parametrize("name", DRIVERS)
 @pytest.mark.parametrize("rate", [0.0, -1000.0, float("nan")])
 def test_rate_that_is_none_is_refused(name: str, rate: float) -> None:
     with pytest.raises(ValueError, match=r"rate of .*/dev/none.*: expected "):
-        make_driver(name, DRIVERS[name][0], rate)
+        make(name, DRIVERS[name][0], rate)

@@ -5,12 +5,13 @@ import itertools
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from can_helpers import serving
+from can_helpers import pty, serving
 from emulated_ports import Ramp
 from hypothesis import given, settings
 
-from daq import DriverError, EmulatedWitmotion, SystemClock, driver_names, low_grade, make_driver
+from daq import CanAddress, DriverError, EmulatedWitmotion, SystemClock, driver_names, low_grade, make_driver
 from daq.protocol import witmotion as wit
+from daq.protocol.frames import can_frames, concatenate
 from daq.protocol.witmotion import PACKET_SIZE, WitDecoder
 
 Values = list[tuple[int, ...]]
@@ -99,6 +100,37 @@ def test_driver_refuses_what_the_line_cannot_carry(monkeypatch: pytest.MonkeyPat
         driver.close()
     device.close()
     assert {scans.temperature for scans in reads if len(scans.counts)} == {-7.5}
+
+
+@given(st.integers(0, 2**32), st.integers(1, 127))
+def test_frames_carry_the_same_words_as_packets(seed: int, node: int) -> None:
+    words = words_of(seed, 8)
+    frames = wit.encode_frames(node, wit.ACCELERATION, words)
+    assert frames.ids.tolist() == [node] * 8
+    packets = np.frombuffer(wit.encode_packets(wit.ACCELERATION, words), np.uint8).reshape(-1, PACKET_SIZE)
+    np.testing.assert_array_equal(frames.data, packets[:, :8])
+    others = concatenate([wit.encode_frames(node, 0x53, words), frames, can_frames([(node, b"\x55\x51")])])
+    counts, wrong = wit.decode_frames(others)
+    np.testing.assert_array_equal(counts, words[:, :3])
+    assert wrong == 1
+
+
+@given(st.lists(st.tuples(st.integers(0, 2**29), st.binary(max_size=8)), max_size=20))
+def test_any_frames_are_read(frames: list[tuple[int, bytes]]) -> None:
+    counts, wrong = wit.decode_frames(can_frames(frames))
+    assert len(counts) + wrong <= len(frames)
+
+
+@pytest.mark.live
+def test_what_does_not_answer_on_a_bus_and_sync_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("daq.drivers.witmotion_can._ANSWER_SECONDS", 0.1)
+    with pty() as (_, port):
+        driver = make_driver("witmotion", CanAddress(interface="slcan", channel=port, node=0x50), 100.0)
+        with pytest.raises(DriverError, match=f"slcan:{port} node 80: no WT901 answers: no accelerations within 0.1 s"):
+            driver.open()
+    synced = CanAddress(interface="slcan", channel="x", node=0x50, sync="consumer")
+    with pytest.raises(ValueError, match="sync of slcan:x node 80: a WT901 samples by its own clock"):
+        make_driver("witmotion", synced, 100.0)
 
 
 def test_rate_that_it_has_not_is_refused() -> None:
