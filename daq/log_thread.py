@@ -4,6 +4,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol, Self
 
 from daq.log import Item
@@ -27,6 +28,14 @@ class ItemWriter(Protocol):
         """Leave it as it is: the disk takes no more."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Switch:
+    """From here on another log."""
+
+    writer: ItemWriter
+    then: Callable[[], None]
+
+
 class LogThread:
     """Writes a log in a thread of its own, so that a slow disk never stops a reader.
 
@@ -47,7 +56,7 @@ class LogThread:
         capacity: int = 20_000,
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
-        self._queue: queue.Queue[Item] = queue.Queue(capacity)
+        self._queue: queue.Queue[Item | _Switch] = queue.Queue(capacity)
         self._ending = threading.Event()
         self._due = time.monotonic() + chunk_seconds  # of the next flush
         self._thread = threading.Thread(target=self._run, name="log")
@@ -61,6 +70,16 @@ class LogThread:
             self._queue.put_nowait(item)
         except queue.Full:
             self.dropped += 1
+
+    def switch(self, writer: ItemWriter, then: Callable[[], None]) -> None:
+        """Have all that is put from now on written to another log; what was put before goes to the old one.
+
+        Parameters
+        ----------
+        writer : the other log
+        then : called in the log's thread between the last item of the old log and the first of the new one
+        """
+        self._queue.put(_Switch(writer, then))
 
     @property
     def waiting(self) -> int:
@@ -86,6 +105,9 @@ class LogThread:
     def _write_queued(self) -> None:
         for _ in range(self._queue.qsize()):
             item = self._queue.get_nowait()
+            if isinstance(item, _Switch):
+                self._turn_to(item)
+                continue
             self._guarded(self._writer.write, item)
             self._on_written(item)
             self._flush_if_due()
@@ -95,6 +117,12 @@ class LogThread:
             self._guarded(self._writer.flush)
             self.turned = time.monotonic()
             self._due = time.monotonic() + self._chunk_seconds
+
+    def _turn_to(self, switch: _Switch) -> None:
+        """Finish the log and go on with another."""
+        self._guarded(self._writer.close)
+        self._writer, self.failure = switch.writer, None
+        switch.then()
 
     def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
         """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""

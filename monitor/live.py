@@ -58,6 +58,12 @@ class LiveView:
             self._process.start()
         self.served = True
 
+    def restart(self, settings: Settings, structure: str, site: str) -> None:
+        """Serve by other settings, or serve no more."""
+        self.stop()
+        self._settings, self._arguments, self.problem = settings, (structure, site), None
+        self.start()
+
     def show(self, item: Item) -> None:
         """Hand on what was logged; never waits and never fails."""
         if self._process is None:

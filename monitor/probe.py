@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from daq import Driver, DriverError, FloatArray
-from monitor.daemon import device_driver
+from monitor.devices import device_driver
 from monitor.settings import DeviceSettings, Settings
 
 _SECONDS = 1.0  # of wall time that each device is listened to

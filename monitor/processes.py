@@ -14,11 +14,11 @@ _LOOK_SECONDS = 2.0  # between looks at whether the parent lives
 
 @contextmanager
 def deaf_to_stop_signals() -> Iterator[None]:
-    """Have processes that are started here never hear SIGINT and SIGTERM, which they inherit.
+    """Have processes that are started here never hear SIGINT, SIGTERM and SIGHUP, which they inherit.
 
-    Terminals and service managers send both to the whole group: when to end is for the parent alone to say.
+    Terminals and service managers send them to the whole group: when to end is for the parent alone to say.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
         yield
     finally:

@@ -5,10 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_log
-from monitor.daemon import Site
 from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.result_events import event_result
 from monitor.settings import parse_settings
+from monitor.site import Site
 from monitor.worker import TOPIC_STOPPED, Kept, Result, Worker
 from updater import parse_structure
 

@@ -12,9 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from monitor.daemon import Site
 from monitor.history import HistoryError, Reader
 from monitor.settings import NotifySettings
+from monitor.site import Site
 
 _SECONDS = 3.0  # to wait for a server
 _PORTS = {"http": 80, "https": 443, "mqtt": 1883, "mqtts": 8883}

@@ -60,6 +60,18 @@ class Vitals:
             else:
                 self._happened(item)
 
+    def follow(self, devices: tuple[str, ...], step_seconds: float) -> None:
+        """Follow these devices from now on; what is known of those that stay is kept."""
+        with self._lock:
+            self._devices = {name: self._devices.get(name, DeviceVitals()) for name in devices}
+            self._step_seconds = step_seconds
+
+    @property
+    def lost(self) -> list[str]:
+        """Devices that are lost."""
+        with self._lock:
+            return [name for name, device in self._devices.items() if device.lost]
+
     @property
     def silence(self) -> float:
         """Since a block of any device was logged, or since the start [s]."""

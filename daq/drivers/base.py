@@ -91,6 +91,12 @@ class Blocks:
         self._anchor = None
         self._flags = Flag.RESTARTED
 
+    def go_on_from(self, before: "Blocks", now: int) -> None:
+        """Begin where another reader of the same device and rate has ended, if it has read anything."""
+        if before._anchor is not None:
+            self._next, self._anchor, self._clock = before._next, before._anchor, before._clock
+            self.restart(now)
+
     def add(self, scans: Scans, now: int) -> Iterator[Block]:
         """Take what was read until `now` [ns UTC]; yield full blocks."""
         if scans.bad_bytes:
@@ -248,6 +254,7 @@ class DeviceReader(threading.Thread):
     sink : takes blocks and events, from this thread
     block_seconds : length of a block [s of data]
     silent_seconds : without a scan, of wall time, after which a device counts as lost
+    after : stopped reader of the same device and rate, whose indices go on, so that one log can hold both
     """
 
     def __init__(
@@ -260,18 +267,20 @@ class DeviceReader(threading.Thread):
         *,
         block_seconds: float = 0.2,
         silent_seconds: float = 2.0,
+        after: "DeviceReader | None" = None,
     ) -> None:
         super().__init__(name=f"reader {device}", daemon=True)
         self.device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
         self._silent_seconds = silent_seconds
         self.bad_bytes = 0  #: dropped since the start, as no whole frame held them
         self._n_scans = max(1, round(block_seconds * rate))
-        self._blocks = self._new_blocks()
+        self._blocks: Blocks = after._blocks if after else self._new_blocks()
         self._pace = _Pace(rate, _PACE_SECONDS * clock.speed)
         self._ending = threading.Event()
-        self._end = 0  # index after the last block handed on
-        self._shared = ""  # clock of the last block, if devices share it
+        self._end: int = after._end if after else 0  # index after the last block handed on
+        self._shared: str = after._shared if after else ""  # clock of the last block, if devices share it
         self._identity: dict[str, Any] = {}  # of the device that was there at the start
+        self._lost: DriverError | None = None  # why it is not open
 
     def connect(self) -> None:
         """Open the device before the thread starts.
@@ -281,9 +290,18 @@ class DeviceReader(threading.Thread):
         DriverError
             If it does not answer.
         """
-        self._identity = self._driver.open()
-        self._blocks = self._new_blocks()  # some devices say their scale when they are asked
+        self._know(self._driver.open())
         self._sink(self._event("device_open", self._identity))
+
+    def lose(self, why: DriverError) -> None:
+        """Begin as if the device had been lost: the first to answer in its place is taken for it."""
+        self._lost = why
+
+    def _know(self, identity: dict[str, Any]) -> None:
+        """Take a device for the one that is meant."""
+        self._identity, before = identity, self._blocks
+        self._blocks = self._new_blocks()  # some devices say their scale when they are asked
+        self._blocks.go_on_from(before, self._clock.now())
 
     def _new_blocks(self) -> Blocks:
         return Blocks(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
@@ -296,8 +314,11 @@ class DeviceReader(threading.Thread):
         """Read until stopped; the device must be connected."""
         while not self._ending.is_set():
             try:
+                if self._lost is not None:
+                    raise self._lost
                 self._stream()
             except DriverError as error:
+                self._lost = None
                 self._flush()
                 self._sink(self._event("device_lost", {"why": str(error)}))
                 self._driver.close()
@@ -346,13 +367,16 @@ class DeviceReader(threading.Thread):
             except DriverError:
                 self._driver.close()
                 continue
-            if identity != self._identity:
+            if self._identity and identity != self._identity:
                 self._driver.close()
                 if identity != refused:
                     self._sink(self._event("wrong_device", {"expected": self._identity, "found": identity}))
                 refused = identity
                 continue
-            self._blocks.restart(self._clock.now())
+            if self._identity:
+                self._blocks.restart(self._clock.now())
+            else:
+                self._know(identity)
             self._sink(self._event("device_back", identity))
             return
 

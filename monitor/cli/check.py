@@ -11,11 +11,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import low_grade
-from monitor.daemon import Site, load_site
 from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
 from monitor.settings import AXES, DeviceSettings
+from monitor.site import Site, load_site
 from monitor.surroundings import look_around
 
 _DONE, _NEEDS_A_PERSON = 0, 1

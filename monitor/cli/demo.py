@@ -13,9 +13,10 @@ from monitor.cli.display import Display
 from monitor.cli.reveal import reveal
 from monitor.cli.rig_process import RigProcess
 from monitor.cli.watch import tell_live
-from monitor.daemon import load_site, run, stop_on_signals
+from monitor.daemon import run, stop_on_signals
 from monitor.live import live_view
 from monitor.rig import T_DEVICES, draw_t_frame, dump_scenario
+from monitor.site import load_site
 from updater import t_structure_toml
 
 

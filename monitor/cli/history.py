@@ -12,9 +12,9 @@ from rich.table import Table
 
 from monitor.alarm_words import duration_text
 from monitor.cli.files import write_json
-from monitor.daemon import load_site
 from monitor.errors import ArgumentError
 from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, database_url
+from monitor.site import load_site
 from monitor.words import utc
 
 console = Console(highlight=False)

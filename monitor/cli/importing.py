@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from daq import DataError, Recording, read_data, with_channels, write_recording
-from monitor.daemon import load_site
 from monitor.errors import ArgumentError
+from monitor.site import load_site
 from updater import parse_structure, portable_text
 
 UNITS = {"m/s2": 1.0, "g": 9.80665}

@@ -8,8 +8,8 @@ from rich.markup import escape
 
 from daq import Channel, DbcSensor, LoggedSensor, import_can_log
 from monitor.cli.importing import ImportOptions, columns_of, start_of
-from monitor.daemon import load_site
 from monitor.errors import ArgumentError
+from monitor.site import load_site
 from updater import parse_structure, portable_text
 
 _DEVICE = "import"

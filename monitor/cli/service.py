@@ -6,8 +6,8 @@ from pathlib import Path
 import httpx
 import typer
 
-from monitor.daemon import Site, load_site
 from monitor.errors import ArgumentError
+from monitor.site import Site, load_site
 from monitor.unit_file import unit_of
 from monitor.web import read_token
 

@@ -2,20 +2,23 @@
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from threading import Event
 
 from rich.console import Console
 from rich.markup import escape
 
 from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
-from monitor.daemon import load_site, run, stop_on_signals
+from monitor.daemon import reload_on_signal, run, stop_on_signals
 from monitor.inbox import Acknowledgement, leave
 from monitor.live import LiveView, live_view
 from monitor.memory import recall
 from monitor.mending import mend_logs
 from monitor.replay import replay
 from monitor.results import AlarmResult
+from monitor.site import Site, load_site
 from monitor.worker import Result
 from updater import parse_structure
 
@@ -42,17 +45,34 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     recalled = recall(site.state, parse_structure(site.structure_text), site.settings)
     with (
         stop_on_signals() as stop,
+        reload_on_signal() as hangup,
         live_view(site.settings, site.structure_text, site.site_text) as live,
         journal(as_json=as_json) as lines,
     ):
         tell_live(console, live)
-        report = run(site, stop, _nothing, live, takers=(lines.take,), recalled=recalled)
+        report = run(
+            site,
+            stop,
+            _nothing,
+            live,
+            takers=(lines.take,),
+            recalled=recalled,
+            reread=partial(_reread, hangup, path, given),
+        )
     tell_live_end(console, live)
     for path in report.logs:
         console.print(f"log: {path}", soft_wrap=True)
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
     return 0
+
+
+def _reread(hangup: Event, path: Path, given: Sequence[str]) -> Site | None:
+    """Return the settings as they are now, if a signal has asked for that."""
+    if not hangup.is_set():
+        return None
+    hangup.clear()
+    return load_site(path, given)
 
 
 def _nothing(_: Result) -> None:

@@ -7,7 +7,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Self
 
@@ -51,6 +50,10 @@ class Courier:
         self._urgent = False  # an alarm waits
         self.problem: str | None = None  #: why nothing goes out now
         self.dropped = 0  #: notices the disk had no room for
+
+    def go_on_from(self, before: "Courier") -> None:
+        """Know what another one has told: that is no news any more."""
+        self._news = before._news
 
     def put(self, item: Item) -> None:
         """Take what was logged, in the log's order; never waits."""
@@ -137,13 +140,3 @@ class Courier:
 
 
 _FIELDS = Notice.__dataclass_fields__.keys()
-
-
-@contextmanager
-def couriers(targets: tuple[NotifySettings, ...], state: Path, site: str) -> Iterator[list[Courier]]:
-    """Run a courier for every target for as long as the context lasts."""
-    with ExitStack() as stack:
-        yield [
-            stack.enter_context(Courier(target, state / f"notices_{number}.jsonl", site))
-            for number, target in enumerate(targets, 1)
-        ]

@@ -6,7 +6,7 @@ from monitor.result_events import event_result
 from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
 from monitor.words import change_text, utc
 
-_ROUTINE = ("gap", "acknowledge", "stopped", "notice_failed", "notice_back", "log_deleted", "device_open")
+_ROUTINE = ("gap", "acknowledge", "stopped", "notice_failed", "notice_back", "log_deleted", "device_open", "reloaded")
 
 
 class News:

@@ -5,7 +5,7 @@ from typing import Any
 
 from prometheus_client import CollectorRegistry, Gauge, generate_latest
 
-from monitor.web.source import problems
+from monitor.web.source import TROUBLES, problems
 
 _STATES = ("learning", "normal", "watch", "alarm")
 
@@ -34,7 +34,7 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     _gauge(registry, "dropped_items", "Items that did not reach the log", vitals["dropped"])
     _gauge(registry, "history_dropped_items", "Items that the history had no room for", vitals["not_in_history"])
     _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])
-    for name in ("disk", "history", "notices", "memory", "viewer"):
+    for name in TROUBLES:
         _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals.get(name))))
 
 

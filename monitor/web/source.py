@@ -30,6 +30,10 @@ class Past:
     places: list[tuple[float, float, float]]  #: where the standing alarm's causes are [m]
 
 
+#: of which `status.json` says what is wrong with them, or null
+TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Source:
     """Where a site's state stands."""
@@ -93,9 +97,7 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
         found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
-    found += [
-        f"{name}: {vitals[name]}" for name in ("disk", "history", "notices", "memory", "viewer") if vitals.get(name)
-    ]
+    found += [f"{name}: {vitals[name]}" for name in TROUBLES if vitals.get(name)]
     return found
 
 

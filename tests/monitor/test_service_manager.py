@@ -1,21 +1,14 @@
 """What systemd is told, over a real socket, and the unit that it reads."""
 
-import json
 import os
 import shutil
-import socket
 import subprocess
-import threading
-import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from cli_helpers import Commands, assert_refused
-from process_helpers import script_process
+from service_helpers import Listener
 
-from monitor.daemon import load_site, run
 from monitor.service_manager import ServiceManager, SignsOfLife
 from updater import t_structure_toml
 
@@ -31,32 +24,10 @@ channels = {{y = "beam_left_y"}}
 """
 
 
-class Listener:
-    """The service manager's side."""
-
-    def __init__(self, path: str) -> None:
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self.socket.bind(path)
-        self.said: list[str] = []
-
-    def heard(self, text: str, seconds: float) -> bool:
-        """Tell whether a datagram that begins so comes within a time."""
-        end = time.monotonic() + seconds
-        while not any(said.startswith(text) for said in self.said) and time.monotonic() < end:
-            self.socket.settimeout(max(0.01, end - time.monotonic()))
-            try:
-                self.said.append(self.socket.recv(4096).decode())
-            except TimeoutError:
-                break
-        return any(said.startswith(text) for said in self.said)
-
-
 @pytest.fixture(params=["file", "abstract"])
-def listener(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Listener, str]]:
+def listener(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Listener, str]:
     path = str(tmp_path / "notify") if request.param == "file" else f"@modalwatch-{os.getpid()}"
-    heard = Listener(path.replace("@", "\0"))
-    yield heard, path
-    heard.socket.close()
+    return Listener(path.replace("@", "\0")), path
 
 
 def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
@@ -84,15 +55,16 @@ def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
 )
 def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfLife, says: str) -> None:
     heard = Listener(str(tmp_path / "notify"))
-    with heard.socket:
-        manager = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "4"})
-        assert says in str(signs.standing)
-        manager.feed(signs)
-        manager.ready()
-        assert heard.heard("READY=1", 1.0)
-        assert heard.said == ["READY=1"]
-        manager.feed(WELL)
-        assert heard.heard("WATCHDOG=1", 1.0)
+    manager = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "4"})
+    assert says in str(signs.standing)
+    manager.feed(signs)
+    manager.ready()
+    assert heard.heard("READY=1", 1.0)
+    assert heard.said == ["READY=1"]
+    manager.feed(WELL)
+    assert heard.heard("WATCHDOG=1", 1.0)
+    manager.stopping()  # ends the listener
+    assert heard.heard("STOPPING=1", 1.0)
 
 
 @pytest.mark.parametrize(
@@ -147,22 +119,3 @@ def test_unit_is_written_anew_but_never_over_anothers(
     assert_refused(modalwatch("install-service", site, "--user"), str(unit), "not written by this program")
     site.write_text("structure = 3")
     assert_refused(modalwatch("install-service", site, "--user"), site, "structure")
-
-
-@pytest.mark.live
-def test_run_tells_its_manager_that_it_lives(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-    monkeypatch.setenv("WATCHDOG_USEC", "400000")
-    script = Path(__file__).parents[1] / "emulated_ports.py"
-    heard, stop, now = Listener(str(tmp_path / "notify")), threading.Event(), time.time_ns()
-    with heard.socket, script_process(script, 1, 1, now, now) as (_, ports), ThreadPoolExecutor(1) as pool:
-        site.write_text(SITE.format(port=json.loads(ports)[0]))
-        ended = pool.submit(run, load_site(site), stop, print)
-        try:
-            assert heard.heard("READY=1", 30.0)
-            assert heard.heard("WATCHDOG=1", 5.0)
-            assert heard.heard("STATUS=no window yet; 1 of 1 devices", 5.0)
-        finally:
-            stop.set()
-        assert heard.heard("STOPPING=1", 10.0)
-        assert ended.result().dropped == 0

@@ -9,10 +9,10 @@ from cli_helpers import Commands, assert_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.daemon import load_site
 from monitor.errors import ArgumentError, SettingsError
 from monitor.settings import overrides, parse_settings, read_settings
 from monitor.settings.overrides import overridden
+from monitor.site import load_site
 from updater import t_structure_toml
 
 SITE = """# the bridge

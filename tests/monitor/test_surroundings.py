@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.daemon import load_site
+from monitor.site import load_site
 from monitor.surroundings import Finding, look_around
 from updater import t_structure_toml
 

@@ -27,7 +27,7 @@ PORT = 20_000 + os.getpid() % 20_000
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 TOKEN = "0123456789abcdef"
 ACT = {"X-Modalwatch": "test", "Authorization": f"Bearer {TOKEN}"}
-WELL: dict[str, Any] = dict.fromkeys(("disk", "history", "notices", "viewer"))
+WELL: dict[str, Any] = dict.fromkeys(("disk", "history", "notices", "viewer", "analysis"))
 WELL |= {"dropped": 0, "disk_free": 5e9, "not_in_history": 0}
 WELL |= {"waiting": {"log": 3, "analysis": 40}, "bad_bytes": {"left": 21, "right": 0}}
 

@@ -1,0 +1,92 @@
+"""A log and the analysis of what stands in it, which begin together: a replay of the log repeats that analysis."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import (
+    CHANNELS,
+    ChannelMap,
+    DiskGuard,
+    Event,
+    HostClock,
+    LogKeeper,
+    LogRecorder,
+    Retention,
+    Rotation,
+)
+from monitor.memory import MEMORY
+from monitor.settings import RecorderSettings
+from monitor.site import Site
+from monitor.worker import Worker
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Analysis:
+    """Both, not started yet: what is fed waits until the worker is."""
+
+    recorder: LogRecorder
+    keeper: LogKeeper
+    worker: Worker
+
+
+def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], memory: str) -> Analysis:
+    """Begin a log, with everything attached that a replay needs, and what will analyse it.
+
+    Parameters
+    ----------
+    site : that is watched
+    clock : of the data
+    tell : called with what befalls the disk, in the log's thread
+    memory : text of what to go on from; empty for nothing
+
+    Raises
+    ------
+    LogError
+        If the log cannot be made.
+    """
+    recorder_settings = site.settings.recorder
+    folder = logs_of(site)
+    folder.mkdir(parents=True, exist_ok=True)
+    attachments = {
+        "site.toml": site.site_text,
+        "structure.toml": site.structure_text,
+        CHANNELS: ChannelMap(channels=site.settings.channels, on_grid=False).to_json(),
+    }
+    if memory:
+        attachments[MEMORY] = memory
+    recorder = LogRecorder(folder, attachments, clock.now(), _rotation(recorder_settings))
+    return Analysis(
+        recorder=recorder,
+        keeper=LogKeeper(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),
+        worker=Worker(site.structure_text, site.site_text, memory, keep=True),
+    )
+
+
+def logs_of(site: Site) -> Path:
+    """Return the folder of a site's logs."""
+    return site.folder / site.settings.recorder.folder
+
+
+def analysed_alike(one: Site, other: Site) -> bool:
+    """Tell whether two sites' settings ask for the same log and analysis."""
+    return _key(one) == _key(other)
+
+
+def _key(site: Site) -> tuple[object, ...]:
+    settings = site.settings
+    devices = tuple((device.name, device.driver, device.rate, device.channels) for device in settings.device)
+    return site.structure_text, settings.recorder, settings.analysis, settings.alarm, devices
+
+
+def _rotation(recorder: RecorderSettings) -> Rotation:
+    return Rotation(size=recorder.rotate_mb * 1e6, seconds=recorder.rotate_minutes * 60)
+
+
+def _retention(recorder: RecorderSettings) -> Retention:
+    return Retention(
+        seconds=(recorder.keep_days or math.inf) * 86400,
+        size=(recorder.keep_gb or math.inf) * 1e9,
+        least_free=recorder.min_free_gb * 1e9,
+    )

@@ -1,0 +1,120 @@
+"""Devices of a site, each read in a thread of its own; some give way to others while the rest goes on."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+from daq import DeviceReader, Driver, DriverError, HostClock, Item, LogAddress, ScaledClock, SystemClock, make_driver
+from monitor.errors import StartError
+from monitor.settings import DeviceSettings, Settings
+
+Drivers = Mapping[str, tuple[DeviceSettings, Driver]]  #: device -> its settings and its unopened driver
+
+
+def site_clock(settings: Settings) -> HostClock:
+    """Return the clock by which a site's data are timed."""
+    scale = settings.clock
+    if scale is None:
+        return SystemClock()
+    now = time.time_ns()
+    wall = now if scale.origin_wall is None else scale.origin_wall
+    return ScaledClock(speed=scale.speed, origin_wall=wall, origin=now if scale.origin is None else scale.origin)
+
+
+def device_driver(device: DeviceSettings, speed: float) -> Driver:
+    """Return the unopened driver of a device.
+
+    Parameters
+    ----------
+    device : its settings
+    speed : seconds of data a second, for logs that are played
+
+    Raises
+    ------
+    ValueError
+        If there is no driver of that name, or it has no such place or rate.
+    """
+    place = device.place
+    if isinstance(place, LogAddress):
+        place = replace(place, speed=speed)
+    return make_driver(device.driver, place, device.rate)
+
+
+def site_drivers(devices: Iterable[DeviceSettings], speed: float) -> Drivers:
+    """Return the unopened drivers of devices, in the order in which they are to be opened.
+
+    Raises
+    ------
+    StartError
+        Naming the device whose driver has no such place or rate.
+    """
+    drivers = {}
+    for device in sorted(devices, key=lambda device: device.waits_for_sync):
+        try:
+            drivers[device.name] = device, device_driver(device, speed)
+        except ValueError as error:
+            raise StartError(f"device {device.name}: {error}") from error
+    return drivers
+
+
+class Devices:
+    """What reads the devices.
+
+    Parameters
+    ----------
+    clock : of the data
+    sink : takes blocks and events, from the threads
+    """
+
+    def __init__(self, clock: HostClock, sink: Callable[[Item], None]) -> None:
+        self._clock, self._sink = clock, sink
+        self._readers: dict[str, DeviceReader] = {}
+
+    @property
+    def bad_bytes(self) -> dict[str, int]:
+        """Device -> bytes that no whole frame held, since it was opened first."""
+        return {name: reader.bad_bytes for name, reader in self._readers.items()}
+
+    def start(self, drivers: Drivers) -> None:
+        """Open devices and start their threads.
+
+        Raises
+        ------
+        StartError
+            If one does not answer: all that were started are stopped.
+        """
+        for name, (device, driver) in drivers.items():
+            reader = DeviceReader(name, driver, device.rate, self._clock, self._sink)
+            try:
+                reader.connect()
+            except DriverError as error:
+                self.stop()
+                raise StartError(f"device {name}: {error}") from error
+            self._readers[name] = reader
+            reader.start()
+
+    def stop(self, names: Iterable[str] | None = None) -> dict[str, DeviceReader]:
+        """Stop devices, all unless named; what has arrived is handed on. Return their readers."""
+        stopped = {name: self._readers.pop(name) for name in tuple(self._readers if names is None else names)}
+        for reader in stopped.values():
+            reader.stop()
+        for reader in stopped.values():
+            reader.join()
+        return stopped
+
+    def resume(self, drivers: Drivers, before: Mapping[str, DeviceReader]) -> None:
+        """Start devices anew while others go on; one that does not answer counts as lost and is waited for.
+
+        Parameters
+        ----------
+        drivers : of the devices
+        before : readers that are stopped, whose indices theirs go on from
+        """
+        for name, (device, driver) in drivers.items():
+            reader = DeviceReader(name, driver, device.rate, self._clock, self._sink, after=before.get(name))
+            try:
+                reader.connect()
+            except DriverError as error:
+                reader.lose(error)
+            self._readers[name] = reader
+            reader.start()

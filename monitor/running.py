@@ -1,0 +1,364 @@
+"""A site that is watched: its parts, and how each gives way to another while the rest goes on."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+from daq import Event, Item, LogError, LogThread
+from monitor.analysing import Analysis, analysed_alike, logs_of, new_analysis
+from monitor.devices import Devices, Drivers, site_clock, site_drivers
+from monitor.errors import SettingsError, StartError
+from monitor.history import HistoryRecorder
+from monitor.inbox import taken
+from monitor.live import LiveView
+from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
+from monitor.notices import Courier
+from monitor.result_events import result_event
+from monitor.service_manager import SignsOfLife
+from monitor.site import Site
+from monitor.vitals import NAME, Vitals
+from monitor.web import web_process
+from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Result, Told, Worker
+from updater import parse_structure
+
+_POLL = 0.2  # s
+_REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
+
+
+class Running:
+    """Readers and writer in threads, analysis in a process, and what is told of it.
+
+    All methods but `_take` are for one thread.
+
+    Parameters
+    ----------
+    site : what is connected and how it is watched
+    on_result : called with everything that is found
+    live : shows what is logged, if given
+    takers : called in the log's thread with all that is logged
+    recalled : of the run before, to go on from
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        on_result: Callable[[Result], None],
+        live: LiveView | None,
+        takers: Sequence[Callable[[Item], None]],
+        recalled: Recalled,
+    ) -> None:
+        self._site, self._on_result, self._live, self._takers = site, on_result, live, takers
+        self._clock = site_clock(site.settings)
+        self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
+        self._memory = MemoryFile(site.state / MEMORY)
+        self._analysis = new_analysis(site, self._clock, self._take, self._kept)
+        self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
+        self._analyses = [self._analysis]
+        self._history, self._couriers = _history(site), _couriers(site)
+        self.vitals = Vitals(site.state / NAME, _names(site), _step(site), self._clock)
+        seconds = site.settings.recorder.chunk_seconds
+        self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
+        self._devices = Devices(self._clock, self._log.put)
+        self._web = ExitStack()
+        self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
+
+    def __enter__(self) -> Self:
+        """Start everything; undo it if something does not start."""
+        with ExitStack() as stack:
+            stack.callback(lambda: self._analysis.worker.__exit__())
+            self._analysis.worker.__enter__()
+            stack.callback(lambda: _stop([self._history, *self._couriers]))
+            _start([self._history, *self._couriers])
+            stack.callback(lambda: self._web.close())
+            self._serve(self._site)
+            stack.enter_context(self._memory)
+            stack.enter_context(self._log)
+            if self._live and self._live.problem:
+                self._say("no_viewer", {"why": self._live.problem})
+            self._say_refused()
+            self._devices.start(site_drivers(self._site.settings.device, self._clock.speed))
+            self._undo = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End everything that still goes on."""
+        self._devices.stop()
+        self._undo.close()
+
+    def turn(self) -> bool:
+        """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
+        self._report()
+        for topic, payload in self._said():
+            self._log.put(Event(topic=topic, time=self._clock.now(), payload=payload))
+        if self._revive_at and time.monotonic() >= self._revive_at:
+            self._renew_analysis("the analysis had died")
+        return self.vitals.write(self._state())
+
+    def finish(self) -> None:
+        """Let what has arrived be logged and analysed."""
+        self._devices.stop()
+        self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped}))
+        while self._report():
+            pass
+
+    @property
+    def signs(self) -> SignsOfLife:
+        """What tells that it works."""
+        disk = time.monotonic() - self._log.turned
+        return SignsOfLife(data=self.vitals.silence, disk=disk, losing=self._analysis.keeper.losing)
+
+    @property
+    def logs(self) -> tuple[Path, ...]:
+        """The files, in the order of writing."""
+        return tuple(path for analysis in self._analyses for path in analysis.recorder.paths)
+
+    @property
+    def dropped(self) -> int:
+        """Items that the log's queue had no room for."""
+        return self._log.dropped
+
+    @property
+    def disk_failure(self) -> str | None:
+        """What is not in the log, and why."""
+        return "; ".join(filter(None, (analysis.keeper.problem for analysis in self._analyses))) or None
+
+    def reload(self, site: Site) -> None:
+        """Go on with other settings: only what they change starts anew.
+
+        Raises
+        ------
+        SettingsError
+            If they take a restart; all goes on as it was.
+        StartError
+            If a driver has no such place or rate; likewise.
+        """
+        before, now = self._site.settings, site.settings
+        for name in ("state", "clock"):
+            if getattr(before, name) != getattr(now, name):
+                raise SettingsError(site.path, f"{name}: expected as it was; to change it takes a restart")
+        new = {device.name: device for device in now.device}
+        changed = [device.name for device in before.device if new.get(device.name) != device]
+        fresh = [device for device in now.device if device not in before.device]
+        drivers = site_drivers(fresh, self._clock.speed)
+        self._site, old = site, self._site
+        self._renew_devices(old, changed, drivers)
+        said = self._renew_others(old)
+        said += [f"device {name}" for name in {*changed, *drivers}]
+        self._say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing"})
+
+    def refuse(self, error: Exception) -> None:
+        """Say that new settings cannot be used."""
+        self._say("reload_refused", {"why": str(error)})
+
+    def _renew_devices(self, old: Site, changed: Sequence[str], drivers: Drivers) -> None:
+        """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""
+        alike = analysed_alike(old, self._site)
+        stopped = self._devices.stop(changed)
+        self.vitals.follow(_names(self._site), _step(self._site))
+        if not alike:
+            self._renew_analysis("other settings")
+        self._devices.resume(drivers, stopped if alike else {})
+
+    def _renew_others(self, old: Site) -> list[str]:
+        """Put in whose settings have changed; return what that was."""
+        before, now, said = old.settings, self._site.settings, []
+        if before.history != now.history:
+            was, self._history = self._history, _history(self._site)
+            _replace([was], [self._history])
+            said.append("history")
+        if before.notify != now.notify:
+            told, new = self._couriers, _couriers(self._site)
+            for courier, former in zip(new, told, strict=False):
+                courier.go_on_from(former)
+            self._couriers = new
+            _replace(told, new)
+            said.append("notify")
+        if before.web != now.web:
+            self._serve_anew()
+            said.append("web")
+        if not analysed_alike(old, self._site):
+            said.append("log and analysis")
+        if self._live and (before.viewer != now.viewer or said[-1:] == ["log and analysis"]):
+            self._live.restart(now, self._site.structure_text, self._site.site_text)
+            said.append("viewer")
+        return said
+
+    def _renew_analysis(self, why: str) -> None:
+        """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.
+
+        What comes while the old analysis says its last word stands in the old log, and is not analysed.
+        """
+        old = self._analysis
+        if self._worker is not None:
+            self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped, "why": why}))
+            while self._report():
+                pass
+        try:
+            new = new_analysis(self._site, self._clock, self._take, self._remembered())
+        except LogError as error:
+            self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
+            return
+        self._analysis, self._revive_at = new, 0.0
+        self._analyses.append(new)
+        self._log.switch(new.keeper, partial(self._feed_to, new))
+        new.worker.__enter__()
+        old.worker.__exit__()
+        self._say_refused()
+        for name in self.vitals.lost:
+            self._say("device_lost", {"device": name, "why": "it was lost before"})
+
+    def _remembered(self) -> str:
+        """Return what the new analysis goes on from: what the old one kept, as far as it is of the same watch."""
+        if not self._kept:
+            return ""
+        structure = parse_structure(self._site.structure_text)
+        found = fitting(self._kept, "what was learnt", structure, self._site.settings)
+        self._refused, self._kept = found.refused, found.text or ""
+        return self._kept
+
+    def _say_refused(self) -> None:
+        if self._refused:
+            self._say("learning_anew", {"why": self._refused})
+            self._refused = None
+
+    def _feed_to(self, analysis: Analysis) -> None:
+        self._worker = analysis.worker
+
+    def _serve(self, site: Site) -> None:
+        web = site.settings.web
+        if web:
+            self._web.enter_context(web_process(site.source, web.bind, web.port, web.token_file))
+
+    def _serve_anew(self) -> None:
+        self._web.close()
+        try:
+            self._serve(self._site)
+        except StartError as error:
+            self._say("no_web", {"why": str(error)})
+
+    def _report(self) -> bool:
+        """Log and hand on what the analysis has found; False once it has said its last word, or has died."""
+        if self._worker is None:
+            time.sleep(_POLL)
+            return False
+        try:
+            for result in self._analysis.worker.results(_POLL):
+                if result is None:
+                    return False
+                self._tell(result)
+            self._memory.write()
+        except AnalysisError as error:
+            self._mourn(error)
+            return False
+        return True
+
+    def _tell(self, result: Told) -> None:
+        if isinstance(result, Kept):
+            self._memory.expect(result.text)
+            self._kept = result.text
+            return
+        event = result_event(result)
+        self._memory.after(event)
+        self._log.put(event)
+        self._on_result(result)
+        self._revive_after = _REVIVE_FIRST
+
+    def _mourn(self, error: Exception) -> None:
+        """Go on without an analysis for a while: one that dies at once, again and again, is not to fill the disk."""
+        self._worker = None
+        self._revive_at = time.monotonic() + self._revive_after
+        self._say("analysis_died", {"why": str(error), "again_in_s": self._revive_after})
+        self._revive_after = min(2 * self._revive_after, _REVIVE_LONGEST)
+
+    def _take(self, item: Item) -> None:
+        """Hand on an item once it is logged; in the log's thread."""
+        if self._worker is not None:
+            self._worker.feed(item)
+        self._history.put(item)
+        self.vitals.take(item)
+        self._memory.take(item)
+        for courier in self._couriers:
+            courier.put(item)
+        if self._live:
+            self._live.show(item)
+        for taker in self._takers:
+            taker(item)
+
+    def _said(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield what a person, the history or the notices have said since the last time."""
+        yield from taken(self._site.state)
+        yield from self._history.said()
+        for courier in self._couriers:
+            yield from courier.said()
+
+    def _say(self, what: str, payload: dict[str, Any]) -> None:
+        self._log.put(self._event(f"/event/{what}", payload))
+
+    def _event(self, topic: str, payload: dict[str, Any]) -> Event:
+        return Event(topic=topic, time=self._clock.now(), payload=payload)
+
+    def _state(self) -> dict[str, Any]:
+        """Return what is well or not beside the devices and windows."""
+        live, problems = self._live, (courier.problem for courier in self._couriers)
+        return {
+            "dropped": self._log.dropped,
+            "disk": self._analysis.keeper.problem,
+            "disk_free": _free(logs_of(self._site)),
+            "history": self._history.problem,
+            "not_in_history": self._history.dropped,
+            "notices": "; ".join(filter(None, problems)) or None,
+            "viewer": live.problem if live else None,
+            "memory": self._memory.problem,
+            "analysis": None if self._worker else "its process has died; it is started again",
+            "waiting": {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0},
+            "bad_bytes": self._devices.bad_bytes,
+        }
+
+
+Part = HistoryRecorder | Courier
+
+
+def _start(parts: Sequence[Part]) -> None:
+    for part in parts:
+        part.__enter__()
+
+
+def _stop(parts: Sequence[Part]) -> None:
+    for part in parts:
+        part.__exit__()
+
+
+def _replace(old: Sequence[Part], new: Sequence[Part]) -> None:
+    """Stop the old, which may still write to files that the new ones share; what has come for those waits."""
+    _stop(old)
+    _start(new)
+
+
+def _history(site: Site) -> HistoryRecorder:
+    return HistoryRecorder(site.source.url, site.state / "history_spool.jsonl")
+
+
+def _couriers(site: Site) -> list[Courier]:
+    targets = enumerate(site.settings.notify, 1)
+    return [Courier(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]
+
+
+def _names(site: Site) -> tuple[str, ...]:
+    return tuple(device.name for device in site.settings.device)
+
+
+def _step(site: Site) -> float:
+    """Return the wall time between windows [s]."""
+    clock = site.settings.clock
+    return site.settings.step_seconds / (clock.speed if clock else 1.0)
+
+
+def _free(folder: Path) -> int:
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return 0  # not there any more: writing tells

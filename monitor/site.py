@@ -1,0 +1,78 @@
+"""A site: its settings, and the texts they come from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import driver_names, read_layout
+from monitor.errors import SettingsError
+from monitor.history import database_url
+from monitor.settings import Settings, overrides, read_settings
+from monitor.web import Source
+from updater import load_structure, portable_text
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """Settings with the texts they come from, as they are attached to every log."""
+
+    path: Path
+    settings: Settings
+    site_text: str
+    structure_text: str
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative paths in the settings start from."""
+        return self.path.parent
+
+    @property
+    def name(self) -> str:
+        """What it is called in notices: the structure file's name."""
+        return Path(self.settings.structure).stem
+
+    @property
+    def source(self) -> Source:
+        """Where others find its state."""
+        return Source(name=self.name, state=self.state, url=database_url(self.settings.history.url, self.state))
+
+    @property
+    def state(self) -> Path:
+        """Folder for what outlives a run."""
+        return self.folder / self.settings.state
+
+
+def load_site(path: Path, given: Sequence[str] = ()) -> Site:
+    """Read SITE.toml and its structure.
+
+    Parameters
+    ----------
+    path : of the file
+    given : KEY=VALUE each, over what the file and the environment say
+
+    Raises
+    ------
+    ArgumentError, SettingsError, StructureError, DbcError
+        Naming file and key; also if a channel is not a sensor of the structure, or there is no such driver.
+    """
+    text, settings = read_settings(path, overrides(given))
+    for device in settings.device:
+        if device.dbc is not None:
+            read_layout(device.dbc.sensor)
+    structure_path = path.parent / settings.structure
+    structure = load_structure(structure_path)
+    for device in settings.device:
+        if device.driver not in (drivers := driver_names()):
+            raise SettingsError(
+                path, f"device {device.name!r}: driver: expected one of {', '.join(drivers)}, found {device.driver!r}"
+            )
+    for channel in settings.channels:
+        if channel.name not in structure.channels:
+            known = ", ".join(structure.channels)
+            raise SettingsError(path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {known}")
+    return Site(
+        path=path,
+        settings=settings,
+        site_text=text,
+        structure_text=portable_text(structure_path),
+    )

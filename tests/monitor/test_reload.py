@@ -1,0 +1,193 @@
+"""Settings read again while a site is watched: what they do not change goes on without a gap."""
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from process_helpers import script_process
+from service_helpers import Listener
+
+from daq import Block, Event, Flag, Item, read_log
+from monitor.daemon import RunReport, reload_on_signal, run
+from monitor.site import Site, load_site
+from monitor.worker import AnalysisError
+from updater import t_structure_toml
+
+SITE = """structure = "t_structure.toml"
+[recorder]
+min_free_gb = 0
+"""
+DEVICE = """[[device]]
+name = "{name}"
+driver = "epson-uart"
+port = "{port}"
+rate = {rate}
+channels = {{y = "{name}_y"}}
+"""
+
+
+class QuietWorker:
+    """Stands for the analysis, which is not asked for anything here: it says its last word when it is told to."""
+
+    made: ClassVar[list["QuietWorker"]] = []
+
+    def __init__(self, *_: str, keep: bool) -> None:
+        self._stopped, self.died = threading.Event(), False
+        self.waiting = 0
+        self.made.append(self)
+
+    def __enter__(self) -> "QuietWorker":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End."""
+
+    def feed(self, item: Item) -> None:
+        if isinstance(item, Event) and item.topic == "/event/stopped":
+            self._stopped.set()
+
+    def results(self, timeout: float) -> Iterator[None]:
+        if self.died:
+            raise AnalysisError("the analysis process ended with code -9")
+        if self._stopped.wait(timeout):
+            yield None
+
+
+class Watched:
+    """A run in a thread of its own, and the settings that it is given."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._stop, self._again = path, threading.Event(), threading.Event()
+        self.items: list[Item] = []
+
+    def write(self, devices: dict[str, tuple[str, float]], more: str = "") -> None:
+        text = (
+            SITE
+            + more
+            + "".join(DEVICE.format(name=name, port=port, rate=rate) for name, (port, rate) in devices.items())
+        )
+        self.path.write_text(text, encoding="utf-8")
+
+    def reread(self) -> Site | None:
+        if not self._again.is_set():
+            return None
+        self._again.clear()
+        return load_site(self.path)
+
+    @contextmanager
+    def running(self) -> Iterator[Future[RunReport]]:
+        with ThreadPoolExecutor(1) as pool:
+            ended = pool.submit(
+                run, load_site(self.path), self._stop, print, takers=(self.items.append,), reread=self.reread
+            )
+            try:
+                yield ended
+            finally:
+                self._stop.set()
+
+    def stop(self) -> None:
+        self._stop.set()
+
+    def reload(self) -> None:
+        self._again.set()
+
+    def events(self, what: str) -> list[Event]:
+        return [item for item in tuple(self.items) if isinstance(item, Event) and item.topic == f"/event/{what}"]
+
+    def until(self, true: Callable[[], object], seconds: float = 20.0) -> None:
+        end = time.monotonic() + seconds
+        while not true():
+            assert time.monotonic() < end, [item for item in self.items if isinstance(item, Event)]
+            time.sleep(0.02)
+
+    def until_told(self, what: str, times: int) -> None:
+        self.until(lambda: len(self.events(what)) == times)
+
+    def scans(self, device: str) -> int:
+        return sum(len(item.counts) for item in tuple(self.items) if isinstance(item, Block) and item.device == device)
+
+    def flows(self, device: str) -> None:
+        """Wait until so much more of a device has come as a second of it."""
+        before = self.scans(device)
+        self.until(lambda: self.scans(device) > before + 100)
+
+
+@pytest.fixture
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+    monkeypatch.setattr("monitor.analysing.Worker", QuietWorker)
+    QuietWorker.made.clear()
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    return Watched(tmp_path / "site.toml")
+
+
+def blocks(paths: tuple[Path, ...], device: str) -> list[Block]:
+    return [item for path in paths for item in read_log(path) if isinstance(item, Block) and item.device == device]
+
+
+@pytest.mark.live
+def test_what_is_not_changed_loses_no_scan(watched: Watched, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device moves to another port, gets another rate; a bad file is refused; the other one streams on.
+
+    The service manager hears of it; the analysis that dies at the end is started again, with a log of its own.
+    """
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("WATCHDOG_USEC", "400000")
+    script, heard = Path(__file__).parents[1] / "emulated_ports.py", Listener(str(tmp_path / "notify"))
+    now = time.time_ns()
+    with script_process(script, 3, 1, now, now) as (_, said):
+        left, right, spare = json.loads(said)
+        watched.write({"beam_left": (left, 500.0), "beam_right": (right, 500.0)})
+        with watched.running() as ended:
+            watched.until(lambda: watched.scans("beam_left") and watched.scans("beam_right"))
+            for place, rate, told in ((spare, 500.0, 1), (spare, -1.0, 1), (spare, 200.0, 2)):
+                watched.write({"beam_left": (left, 500.0), "beam_right": (place, rate)})
+                watched.reload()
+                what = "reloaded" if rate > 0 else "reload_refused"
+                watched.until_told(what, told)
+                watched.flows("beam_right")
+            QuietWorker.made[-1].died = True
+            watched.until(lambda: len(QuietWorker.made) == 3)
+            watched.flows("beam_right")
+            watched.stop()
+            report = ended.result()
+        assert heard.heard("STOPPING=1", 5.0)
+    _assert_told(watched)
+    assert len(report.logs) == 3  # another rate takes another log, and so does another analysis
+    steady = blocks(report.logs, "beam_left")
+    assert [b.first_index for b in steady] == [0, *(b.end_index for b in steady[:-1])]  # every scan, once, in order
+    assert not any(block.flags & Flag.RESTARTED for block in steady)
+    first = blocks(report.logs[:1], "beam_right")
+    assert len([block for block in first if block.flags & Flag.RESTARTED]) == 1
+    assert all(b.first_index >= a.end_index for a, b in pairwise(first))
+    assert {block.rate for block in blocks(report.logs[1:], "beam_right")} == {200.0}
+    assert [said.split("=")[0] for said in heard.said if said.startswith(("READY", "REL"))] == ["READY", *_ANEW, *_ANEW]
+    assert {"WATCHDOG=1", "STATUS=no window yet; 2 of 2 devices"} <= set(heard.said)
+
+
+_ANEW = ("RELOADING", "READY")
+
+
+def _assert_told(watched: Watched) -> None:
+    """Assert that the log says what was done, and that only the device that was moved has a gap."""
+    moved, rated = (event.payload for event in watched.events("reloaded"))
+    assert moved == {"changed": "device beam_right"}
+    assert rated == {"changed": "device beam_right, log and analysis"}
+    [refused] = watched.events("reload_refused")
+    assert "site.toml: device.1.rate: Input should be greater than 0" in refused.payload["why"]
+    assert [event.payload["device"] for event in watched.events("gap")] == ["beam_right"]
+    assert [event.payload["again_in_s"] for event in watched.events("analysis_died")] == [1.0]
+
+
+def test_hangup_asks_for_it_once() -> None:
+    with reload_on_signal() as asked:
+        assert not asked.is_set()
+        signal.raise_signal(signal.SIGHUP)
+        assert asked.is_set()

@@ -1,0 +1,33 @@
+"""The service manager's side of sd_notify."""
+
+import socket
+import threading
+import time
+
+
+class Listener:
+    """Hears what is said at a socket.
+
+    Parameters
+    ----------
+    path : of the socket
+    """
+
+    def __init__(self, path: str) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(path)
+        self.said: list[str] = []
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        """Take datagrams at once, as systemd does: a full socket would hold up whoever speaks."""
+        while not self.said or self.said[-1] != "STOPPING=1":
+            self.said.append(self.socket.recv(4096).decode())
+        self.socket.close()
+
+    def heard(self, text: str, seconds: float) -> bool:
+        """Tell whether a datagram that begins so comes within a time."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not any(said.startswith(text) for said in tuple(self.said)):
+            time.sleep(0.01)
+        return any(said.startswith(text) for said in self.said)
