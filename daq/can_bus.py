@@ -4,7 +4,6 @@ python-can's own `slcan` reads one byte a system call and goes deaf at the first
 port holds at once and drops a damaged line by itself. Installed as `can.Bus(interface="modalwatch-slcan", ...)`.
 """
 
-import select
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -15,10 +14,12 @@ import can
 import numpy as np
 import serial
 
+from daq.bites import Bites
 from daq.protocol import slcan
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
 
-_CHUNK = 1 << 16
+_GATHER_SECONDS = 0.03  # that frames gather on a busy bus: each answer to a question may be late by as much
+_LEAST_RATE = 20e3  # bytes/s of a busy bus, some 1000 frames/s
 _MOST_MESSAGES = 1000  # taken of a bus at once
 
 
@@ -52,7 +53,7 @@ class SlcanBus(can.BusABC):
             raise can.CanInitializationError(f"{channel}: {error}") from error
         self._decoder = slcan.SlcanDecoder()
         self._waiting: deque[can.Message] = deque()
-        self.arrived = 0  #: when the last read's bytes were here, by time.perf_counter_ns
+        self._bites = Bites(self._port.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
         self._is_shutdown = False
         self.channel_info = f"SLCAN adapter on {channel}"
         super().__init__(channel, **kwargs)  # type: ignore[arg-type]
@@ -77,19 +78,15 @@ class SlcanBus(can.BusABC):
             self._waiting.clear()
             return frames_of(messages)
         try:
-            ready, _, _ = select.select([self._port.fileno()], [], [], timeout)
-            return self._decoder.feed(self._read() if ready else b"")
+            patient = timeout is None or timeout > _GATHER_SECONDS
+            return self._decoder.feed(self._bites.read(timeout, patient=patient))
         except OSError as error:
             raise can.CanOperationError(f"{self._port.name}: {error}") from error
 
-    def _read(self) -> bytes:
-        """Return what the port holds: a pty gives no more than 4 kB at a time."""
-        data = part = self._port.read(_CHUNK)
-        while part:
-            self.arrived = time.perf_counter_ns()  # before they are decoded: at its own pace, not the bus's
-            part = self._port.read(_CHUNK) if len(data) < _CHUNK else b""
-            data += part
-        return data
+    @property
+    def arrived(self) -> int:
+        """When the last read's bytes were here, by time.perf_counter_ns."""
+        return self._bites.arrived
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._waiting:

@@ -118,7 +118,7 @@ class Blocks:
         if self._anchor is None or (whole and abs(last - expected) < self._modulus // 4):
             self._anchor = last, now
             self._consider_pair(*self._anchor)
-        if self._have >= self._n_scans:
+        if self._have + len(index) // 2 >= self._n_scans:  # one more read like this one would make it too long
             yield from self.flush(now)
 
     def _change_clock(self, clock: str, first: int, now: int) -> Iterator[Block]:

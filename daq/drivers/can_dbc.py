@@ -10,14 +10,13 @@ from daq.can_address import DbcAddress
 from daq.can_bus import Chunk
 from daq.dbc import read_layout
 from daq.drivers.base import Scans
-from daq.drivers.can_hub import Member, join_bus, leave_bus
+from daq.drivers.can_hub import GATHER_SECONDS, Member, join_bus, leave_bus
 from daq.drivers.rates import positive_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.can_scan import DecodedScans, ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, concatenate
 
 _READ_SECONDS = 0.1
-_GATHER_SECONDS = 0.025  # decoding costs by the read more than by the frame
 _LEAST_SECONDS, _SCANS = 1.0, 10  # of silence until a device counts as absent: a second, or so many scans
 
 
@@ -75,7 +74,7 @@ class CanDbc:
         """Return the scans that have become complete; none if nothing came within 0.1 s."""
         if self._member is None:
             raise DeviceLost(str(self._address), "is not open")
-        time.sleep(_GATHER_SECONDS)
+        self._member.gather(GATHER_SECONDS)
         before = self._decoder.bad_frames
         scans = self._decoded(self._member.take(_READ_SECONDS))
         return Scans(

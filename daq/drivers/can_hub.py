@@ -24,6 +24,8 @@ from daq.protocol.frames import NUMBER
 from daq.recording import IndexArray
 
 _WAIT = 0.1  # s
+GATHER_SECONDS = 0.19  #: between a driver's reads: decoding costs by the read more than by the frame
+_ENOUGH = 400  # frames of a device that are worth a read
 _MOST_CHUNKS = 4096  # that wait for a device's thread; beyond it they are lost, and the counter tells
 _REPLY_SECONDS = 0.5
 #: what canopen is told, and the least data that it can read: emergencies, service data, heartbeats
@@ -61,6 +63,8 @@ class Member:
     identifiers: frozenset[int]  #: of its process data, with the bit EXTENDED
     sync: SyncPart | None = None  #: if it samples on that
     inbox: "queue.Queue[Share]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
+    waiting: int = 0  #: frames that came since they were taken, about
+    enough: threading.Event = field(default_factory=threading.Event)  #: they are worth a read, or none will come
 
     def take(self, timeout: float) -> list[Share]:
         """Wait for process data and return all that are there; none after `timeout` [s].
@@ -71,8 +75,10 @@ class Member:
             If the bus is gone.
         """
         chunks: list[Share] = []
+        self.enough.clear()
+        self.waiting = 0
         try:
-            chunks.append(self.inbox.get(timeout=timeout))
+            chunks.append(self.inbox.get(timeout=timeout if self.hub.failure is None else 0.0))
             while True:
                 chunks.append(self.inbox.get_nowait())
         except queue.Empty:
@@ -81,6 +87,11 @@ class Member:
             raise DeviceLost(str(self.place), f"the bus is gone: {self.hub.failure}")
         return chunks
 
+    def gather(self, seconds: float) -> None:
+        """Let frames gather for some seconds, until they are enough, or until the bus is gone."""
+        if self.hub.failure is None:
+            self.enough.wait(seconds)
+
     def pick(self, chunk: Share) -> npt.NDArray[np.bool_]:
         """Take the frames that are this device's; tell which (n,)."""
         own = np.zeros(len(chunk.frames), bool)
@@ -88,6 +99,9 @@ class Member:
             own |= chunk.frames.ids == identifier
         if own.any() and not self.inbox.full():
             self.inbox.put_nowait(Share(chunk.frames[own], chunk.arrived, chunk.syncs[own], chunk.clock))
+            self.waiting += int(np.count_nonzero(own))
+            if self.waiting >= _ENOUGH:
+                self.enough.set()
         return own
 
 
@@ -127,6 +141,8 @@ class CanHub:
         except _BUS_ERRORS as error:
             self._shutdown()
             self.failure = error
+            for member in self.members:
+                member.enough.set()
         else:
             self._shutdown()
 

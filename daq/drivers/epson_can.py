@@ -10,7 +10,7 @@ from canopen.sdo.exceptions import SdoError
 
 from daq.can_address import CanAddress
 from daq.drivers.base import Scans
-from daq.drivers.can_hub import Member, Share, SyncPart, join_bus, leave_bus
+from daq.drivers.can_hub import GATHER_SECONDS, Member, Share, SyncPart, join_bus, leave_bus
 from daq.drivers.epson_can_setup import configure, end_sync, identify, produce_sync
 from daq.drivers.heartbeat import HeartbeatConsumer
 from daq.drivers.rates import known_rate
@@ -107,6 +107,7 @@ class EpsonCan:
         """Return the scans that have arrived; none if nothing came within 0.1 s."""
         if self._member is None or self._heartbeat is None:
             raise DeviceLost(str(self._address), "is not open")
+        self._member.gather(GATHER_SECONDS)
         chunks = self._chunks(self._member)
         if chunks:
             self._heartbeat.note_scans()

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import serial
 
+from daq.bites import Bites
 from daq.drivers.base import Scans
-from daq.drivers.bites import Bites
 from daq.drivers.rates import known_rate
 from daq.drivers.serial_port import bites_of
 from daq.errors import DeviceLost, DriverError

@@ -5,7 +5,7 @@ import time
 
 import serial
 
-from daq.drivers.bites import Bites
+from daq.bites import Bites
 from daq.errors import DeviceLost
 
 READ_SECONDS = 0.1  #: that a read waits for the first byte

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from daq.drivers.bites import Bites
+from daq.bites import Bites
 
 pytestmark = pytest.mark.live
 

@@ -8,6 +8,7 @@ import time
 _ENOUGH = 5000  # bytes a read should bring
 _ROOM = 2500  # bytes that may wait in the port: a pty holds 4 kB, a real port more
 _FIRST = 0.005  # s that bytes gather at first; then twice as long each time
+_SHORTEST = 0.002  # s of gathering below which there is nothing to gain: sleeping is not that exact
 _PART, _FULL = 8192, 4000  # bytes asked for at once, and of an answer behind which there may be more
 _MOST = 1 << 16  # bytes a read
 
@@ -34,8 +35,13 @@ class Bites:
         self._laps, self._lap = 0, 0.0  # of gathering: number, length [s]
         self.arrived = time.perf_counter_ns()  #: when the last read's bytes were here
 
-    def read(self, seconds: float) -> bytes:
+    def read(self, seconds: float | None, *, patient: bool = True) -> bytes:
         """Return what has come; nothing if nothing comes within some seconds, after what gathered.
+
+        Parameters
+        ----------
+        seconds : to wait for the next byte, None for as long as it takes [s]
+        patient : let bytes gather before
 
         Raises
         ------
@@ -43,11 +49,11 @@ class Bites:
             If the port is gone.
         """
         data = b""
-        for _ in range(self._laps):
+        for _ in range(self._laps if patient else 0):
             if self._gone.poll(1e3 * self._lap):
                 break
             data += self._take()
-        if self._here.poll(1e3 * seconds):
+        if self._here.poll(None if seconds is None else 1e3 * seconds):
             last = self._take()
             if not (last or data):  # something was said to be there
                 raise OSError("it was unplugged")
@@ -75,6 +81,6 @@ class Bites:
         rate = 1e9 * n / max(1, now - self.arrived)
         longest = min(self._most_seconds, 2 * self._laps * self._lap + _FIRST)  # a port just opened is not made to wait
         seconds = min(longest, _ENOUGH / rate) if rate > self._least_rate else 0.0
-        self._laps = math.ceil(seconds * rate / _ROOM)
+        self._laps = math.ceil(seconds * rate / _ROOM) if seconds > _SHORTEST else 0
         self._lap = seconds / max(1, self._laps)
         self.arrived = now
