@@ -14,7 +14,7 @@ from daq.drivers.base import DeviceReader, Driver, Scans
 from daq.emulator.can_dbc import EmulatedDbc
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan
-from daq.emulator.line_faults import LineFaults
+from daq.emulator.line_faults import LineFaults, LineSpell
 from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
 from daq.emulator.slcan import EmulatedSlcan
@@ -80,6 +80,7 @@ __all__ = [
     "IntArray",
     "Item",
     "LineFaults",
+    "LineSpell",
     "LogAddress",
     "LogError",
     "LogInfo",

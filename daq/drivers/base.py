@@ -266,7 +266,7 @@ class DeviceReader(threading.Thread):
         sink: Callable[[Item], None],
         *,
         block_seconds: float = 0.2,
-        silent_seconds: float = 2.0,
+        silent_seconds: float = 1.7,  # with a read's wait seen within 2 s
         after: "DeviceReader | None" = None,
     ) -> None:
         super().__init__(name=f"reader {device}", daemon=True)

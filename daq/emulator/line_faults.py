@@ -1,19 +1,42 @@
-"""What a poor serial line does to the bytes of an emulated device."""
+"""What a poor serial line does to the bytes of an emulated device, and when."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+
+What = Literal["lost", "repeated", "cut", "silent"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineSpell:
+    """What happens to all frames for a while."""
+
+    what: What  #: never arrive; arrive twice; their first half arrives; or the device is dead, and hears nothing either
+    at: float  #: since the device first sampled [s of data]
+    seconds: float  #: how long [s of data]
+
+    def __post_init__(self) -> None:
+        """Refuse what does not happen."""
+        if self.what not in ("lost", "repeated", "cut", "silent"):
+            raise ValueError(f"what: expected lost, repeated, cut or silent, found {self.what!r}")
+        if self.at < 0 or self.seconds <= 0:
+            raise ValueError(f"at, seconds: expected a time and a length, found {self.at:g}, {self.seconds:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LineFaults:
-    """Faults of one line; those of bytes hit what is sampled, answers to the host come through."""
+    """Faults of one line; those of bytes and frames hit what is sampled, answers to the host come through."""
 
     flipped: float = 0.0  #: share of bytes with one wrong bit
     lost: float = 0.0  #: share of bytes that never arrive
     babble: int = 0  #: random bytes before anything else, as at power-on
     latency: float = 0.0  #: of wall time between hand-overs [s]; USB adapters have 0.001 or 0.016
+    spells: tuple[LineSpell, ...] = ()  #: what happens to frames, and when; where two overlap the first one does
+    counter: int = 0  #: that the device's counter begins at, so that it wraps soon
+    baud: int | None = None  #: that the device is set to: to a host at another one both sides hear noise
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -21,8 +44,9 @@ class LineFaults:
         for name in ("flipped", "lost"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name}: expected a share of 0 to 1, found {getattr(self, name):g}")
-        if self.babble < 0 or self.latency < 0:
-            raise ValueError(f"babble, latency: expected none negative, found {self.babble}, {self.latency:g}")
+        if self.babble < 0 or self.latency < 0 or self.counter < 0:
+            found = f"{self.babble}, {self.latency:g}, {self.counter}"
+            raise ValueError(f"babble, latency, counter: expected none negative, found {found}")
 
 
 NO_FAULTS = LineFaults()
@@ -36,10 +60,50 @@ class FaultyLine:
         self._random = np.random.default_rng(faults.seed)
         self._next = 0.0  # hand-over, by time.monotonic [s]
         self.harmed = 0  #: bytes that were flipped or lost, so far
+        self.missing = 0  #: scans of which no whole frame arrived for a spell, so far
 
     def babble(self) -> bytes:
         """Return what comes at power-on."""
         return self._random.bytes(self._faults.babble)
+
+    @property
+    def counter(self) -> int:
+        """Number of the first scan of all."""
+        return self._faults.counter
+
+    @property
+    def baud(self) -> int | None:
+        """Baud rate of the device, None if it is that of the host [bit/s]."""
+        return self._faults.baud
+
+    def noise(self, n: int) -> bytes:
+        """Return what is heard at another baud rate."""
+        return self._random.bytes(n)
+
+    def happening(self, scan: int, rate: float) -> What | None:
+        """Return what happens to a scan, counted since the device first sampled, at a rate [Hz]."""
+        spells = (s for s in self._faults.spells if round(s.at * rate) <= scan < round((s.at + s.seconds) * rate))
+        return next((s.what for s in spells), None)
+
+    def runs(self, first: int, n: int, rate: float) -> Iterator[tuple[int, int, What | None]]:
+        """Yield (start, stop, what happens) of scans `first` + start .. stop - 1, of n in all.
+
+        Parameters
+        ----------
+        first : scans since the device first sampled
+        n : how many
+        rate : of them [Hz]
+        """
+        if not self._faults.spells:
+            yield 0, n, None
+            return
+        what = [self.happening(first + k, rate) for k in range(n)]
+        start = 0
+        for stop in range(1, n + 1):
+            if stop == n or what[stop] != what[start]:
+                self.missing += (stop - start) * (what[start] not in (None, "repeated"))
+                yield start, stop, what[start]
+                start = stop
 
     def carried(self, data: bytes) -> bytes:
         """Return what arrives of sampled data."""

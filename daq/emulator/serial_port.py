@@ -1,6 +1,7 @@
 """What emulated devices on serial lines have in common: a pty, scans that fall due, and a line that may be full."""
 
 import os
+import termios
 import tty
 from abc import ABC, abstractmethod
 
@@ -8,6 +9,8 @@ from daq.emulator.line_faults import FaultyLine, LineFaults
 from daq.emulator.serving import PORT_BUFFER, SampleSource
 from daq.hostclock import HostClock
 from daq.recording import IntArray
+
+_SPEED = 5  # of what termios says: of output, by the host
 
 
 class SerialEmulator(ABC):
@@ -38,6 +41,7 @@ class SerialEmulator(ABC):
         self.line = FaultyLine(faults)  #: counts what it harmed
         self._pending = bytearray(self.line.babble())
         self._started: int | None = None
+        self._first_started: int | None = None
         self._true_rate = 0.0  # of the scans, by the world's clock [Hz]
         self._due = 0
         self.sent = 0  #: frames handed to the pty
@@ -67,9 +71,12 @@ class SerialEmulator(ABC):
         """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
         if self._unplugged:
             return
-        self._listen()
+        understood = self._understood()
+        self._listen(understood)
         if self._started is not None:
             self._sample(self._started)
+        if not understood:
+            self._pending = bytearray(self.line.noise(len(self._pending)))
         self._drain()
 
     def say(self, data: bytes) -> None:
@@ -79,6 +86,7 @@ class SerialEmulator(ABC):
     def start(self, rate: float) -> None:
         """Sample from now on, at a nominal rate [Hz]."""
         self._started, self._due = self._clock.now(), 0
+        self._first_started = self._first_started or self._started
         self._true_rate = rate * (1 + self._clock_error)
         self._source.start(self._started, self._true_rate)
 
@@ -87,11 +95,23 @@ class SerialEmulator(ABC):
         self._started = None
         self._pending.clear()
 
-    def _listen(self) -> None:
+    def _understood(self) -> bool:
+        """Tell whether the host has set its side of the line to the device's baud rate."""
+        return self.line.baud is None or termios.tcgetattr(self._slave)[_SPEED] == getattr(
+            termios, f"B{self.line.baud}"
+        )
+
+    def _scans_until(self, time: int) -> int:
+        """Return how many scans there could have been since the device first sampled."""
+        return 0 if self._first_started is None else round(1e-9 * (time - self._first_started) * self._true_rate)
+
+    def _listen(self, understood: bool) -> None:
         try:
-            self.hear(os.read(self._master, 256))
+            heard = os.read(self._master, 256)
         except OSError:
             return  # nothing said, or nobody has the port open
+        if understood and self.line.happening(self._scans_until(self._clock.now()), self._true_rate) != "silent":
+            self.hear(heard)
 
     def _sample(self, started: int) -> None:
         due = int((self._clock.now() - started) * 1e-9 * self._true_rate) + 1
@@ -102,9 +122,22 @@ class SerialEmulator(ABC):
         room = max(0, (PORT_BUFFER - len(self._pending)) // self._frame_size)
         self.dropped += max(0, n - room)
         if room:
-            self.say(self.line.carried(self.encode(counts[:room], self._due)))
+            self.say(self.line.carried(self._framed(counts[:room], started)))
             self.sent += min(n, room)
         self._due = due
+
+    def _framed(self, counts: IntArray, started: int) -> bytes:
+        """Return what a line lets through of the frames of the scans that are due."""
+        parts = []
+        number = self.line.counter + self._due
+        first = self._scans_until(started) + self._due
+        for start, stop, what in self.line.runs(first, len(counts), self._true_rate):
+            if what is None:
+                parts.append(self.encode(counts[start:stop], number + start))
+            elif what in ("repeated", "cut"):
+                frames = [self.encode(counts[k : k + 1], number + k) for k in range(start, stop)]
+                parts += [2 * frame if what == "repeated" else frame[: len(frame) // 2] for frame in frames]
+        return b"".join(parts)
 
     def _drain(self) -> None:
         if self._pending and self.line.hands_over():

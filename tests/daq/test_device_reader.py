@@ -177,7 +177,7 @@ def test_lost_device_is_taken_back_with_a_new_origin(counter: int) -> None:
 def test_silent_device_is_lost() -> None:
     items = played([*steady(0, 400), *[(500.0, range(0))] * 5, *steady(0, 500)])
     (lost,) = events_of(items, "device_lost")
-    assert lost["why"] == "beam: silent for 2 s"
+    assert lost["why"] == "beam: silent for 1.7 s"
     assert len(events_of(items, "device_back")) == 1
 
 

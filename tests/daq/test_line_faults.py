@@ -1,11 +1,33 @@
 """Serial devices on poor lines: babble, wrong and lost bytes, an adapter that hands on every 16 ms."""
 
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
 import numpy as np
 import pytest
-from can_helpers import serving
+from can_helpers import serving, wait_for
+from daq_helpers import START
 from emulated_ports import Ramp
 
-from daq import EmulatedEpson, EmulatedNode, LineFaults, SystemClock, make_driver
+from daq import (
+    Block,
+    DeviceReader,
+    DriverError,
+    EmulatedEpson,
+    EmulatedNode,
+    Event,
+    Flag,
+    HostClock,
+    IndexArray,
+    Item,
+    LineFaults,
+    LineSpell,
+    ScaledClock,
+    SystemClock,
+    make_driver,
+)
 from daq.emulator.line_faults import FaultyLine
 from daq.emulator.serial_port import SerialEmulator
 
@@ -13,17 +35,16 @@ RATE = 1000.0
 POOR = LineFaults(flipped=2e-3, lost=1e-3, babble=500, latency=0.016, seed=3)
 
 
-def poor(name: str) -> SerialEmulator:
-    """Return the device of a driver, on a line that harms one frame in fourteen."""
-    if name == "epson-uart":
-        return EmulatedEpson(Ramp(), SystemClock(), serial_number="E", faults=POOR)
-    return EmulatedNode(Ramp(), SystemClock(), serial_number="E", faults=POOR)
+KINDS: dict[str, Callable[[HostClock, LineFaults], SerialEmulator]] = {
+    "epson-uart": lambda clock, faults: EmulatedEpson(Ramp(), clock, serial_number="E", faults=faults),
+    "modalwatch-node": lambda clock, faults: EmulatedNode(Ramp(), clock, serial_number="E", faults=faults),
+}
 
 
 @pytest.mark.live
 @pytest.mark.parametrize("name", ["epson-uart", "modalwatch-node"])
 def test_poor_line_costs_the_frames_it_harms_and_nothing_false_is_read(name: str) -> None:
-    device = poor(name)
+    device = KINDS[name](SystemClock(), POOR)  # which harms one frame in fourteen
     with serving(device.serve):
         driver = make_driver(name, device.port, RATE)
         driver.open()
@@ -54,7 +75,104 @@ def test_as_many_bytes_are_harmed_as_are_said() -> None:
     assert line.harmed == pytest.approx(2980, abs=5 * 55)
 
 
-@pytest.mark.parametrize("wrong", [{"flipped": -0.1}, {"lost": 1.5}, {"babble": -1}, {"latency": -1.0}])
+def reader_of(name: str, device: SerialEmulator, clock: HostClock, items: list[Item], silent: float) -> DeviceReader:
+    driver = make_driver(name, device.port, RATE)
+    return DeviceReader("d", driver, RATE, clock, items.append, block_seconds=0.02, silent_seconds=silent)
+
+
+@contextmanager
+def reading(name: str, device: SerialEmulator, clock: HostClock, silent: float = 1.7) -> Iterator[list[Item]]:
+    """Let a reader read a device that is served."""
+    items: list[Item] = []
+    with serving(device.serve):
+        reader = reader_of(name, device, clock, items, silent)
+        reader.connect()
+        reader.start()
+        yield items
+        reader.stop()
+        reader.join(10.0)
+    device.close()
+
+
+def blocks_of(items: list[Item]) -> list[Block]:
+    return [item for item in items if isinstance(item, Block)]
+
+
+def _indices(block: Block) -> IndexArray:
+    return np.arange(block.first_index, block.end_index)
+
+
+def payloads(items: list[Item], what: str) -> list[dict[str, Any]]:
+    return [item.payload for item in items if isinstance(item, Event) and item.topic == f"/event/{what}"]
+
+
+@pytest.mark.live
+@pytest.mark.parametrize(("name", "modulus", "glued"), [("epson-uart", 2**16, 0), ("modalwatch-node", 2**31, 1)])
+def test_what_is_lost_is_counted_to_the_scan_and_told_and_what_comes_twice_is_one(
+    name: str, modulus: int, glued: int
+) -> None:
+    clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
+    spells = (
+        LineSpell(what="lost", at=0.68, seconds=0.04),  # the counter wraps meanwhile
+        LineSpell(what="repeated", at=0.9, seconds=0.02),
+        LineSpell(what="cut", at=1.1, seconds=0.005),
+        LineSpell(what="silent", at=1.3, seconds=0.3),
+    )
+    faults = LineFaults(spells=spells, counter=modulus - 700)
+    device = KINDS[name](clock, faults)
+    with reading(name, device, clock) as items:
+        wait_for(lambda: bool(blocks := blocks_of(items)) and blocks[-1].end_index > 2000)
+    blocks = blocks_of(items)
+    k, index = np.concatenate([b.counts[:, 0] for b in blocks]), np.concatenate([_indices(b) for b in blocks])
+    began = int(k[0])  # what was on its way while the host still asked who is there was not taken
+    gaps = [(began + int(gap["first_index"]), gap["missing"], gap["exact"]) for gap in payloads(items, "gap")]
+    # The frame after a cut one has no delimiter before it, if frames end with one.
+    assert gaps == [(680, 40, True), (1100, 5 + glued, True), (1300, 300, True)]
+    assert device.line.missing == 345
+    assert not payloads(items, "device_lost")
+    np.testing.assert_array_equal(k, began + index)
+    assert np.all(np.diff(index) > 0)
+    damaged = [began + block.first_index for block in blocks if block.flags & Flag.BAD_FRAMES]
+    assert any(600 < first <= 1106 for first in damaged)  # the block that was being read
+
+
+@pytest.mark.live
+def test_a_device_that_is_dead_for_a_while_is_lost_and_taken_back() -> None:
+    clock = SystemClock()
+    faults = LineFaults(spells=(LineSpell(what="silent", at=0.2, seconds=0.6),))
+    with reading("epson-uart", KINDS["epson-uart"](clock, faults), clock, silent=0.2) as items:
+        wait_for(lambda: bool(payloads(items, "device_back")) and bool(blocks_of(items[-1:])))
+    lost = next(item for item in items if isinstance(item, Event) and item.topic == "/event/device_lost")
+    assert str(lost.payload["why"]).endswith("silent for 0.2 s")
+    (gap,) = payloads(items, "gap")
+    assert not gap["exact"]
+    assert gap["missing"] == pytest.approx(800, abs=400)  # ms: what it was dead, start-up, and a busy host
+
+
+@pytest.mark.live
+def test_a_device_at_another_baud_rate_is_not_understood_and_says_nothing_sensible(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("daq.drivers.epson_uart._REPLY_SECONDS", 0.1)
+    device = KINDS["epson-uart"](SystemClock(), LineFaults(baud=115_200))
+    with (
+        serving(device.serve),
+        pytest.raises(DriverError, match=r"no M-A352 answers: answer of register 0x4c: expected 4"),
+    ):
+        make_driver("epson-uart", device.port, RATE).open()
+    device.close()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"flipped": -0.1}, {"lost": 1.5}, {"babble": -1}, {"latency": -1.0}, {"counter": -1}]
+)
 def test_faults_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))}.*: expected "):
         LineFaults(**wrong)  # type: ignore[arg-type]
+
+
+def test_spells_that_cannot_be_are_refused() -> None:
+    with pytest.raises(ValueError, match="what: expected lost, repeated, cut or silent, found 'dull'"):
+        LineSpell(what="dull", at=0.0, seconds=1.0)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="at, seconds: expected a time and a length, found 1, 0"):
+        LineSpell(what="lost", at=1.0, seconds=0.0)

@@ -9,7 +9,16 @@ from can_helpers import pty, serving
 from emulated_ports import Ramp
 from hypothesis import given, settings
 
-from daq import CanAddress, DriverError, EmulatedWitmotion, SystemClock, driver_names, low_grade, make_driver
+from daq import (
+    CanAddress,
+    DriverError,
+    EmulatedWitmotion,
+    LineFaults,
+    SystemClock,
+    driver_names,
+    low_grade,
+    make_driver,
+)
 from daq.protocol import witmotion as wit
 from daq.protocol.frames import can_frames, concatenate
 from daq.protocol.witmotion import PACKET_SIZE, WitDecoder
@@ -89,8 +98,8 @@ def test_packets_of_other_kinds_are_no_scans_and_no_damage() -> None:
 
 @pytest.mark.live
 def test_driver_refuses_what_the_line_cannot_carry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daq.drivers.witmotion.BAUDS", (9600,))
-    device = EmulatedWitmotion(Ramp(), SystemClock(), temperature=-7.5)
+    monkeypatch.setattr("daq.drivers.witmotion.BAUDS", (115_200, 9600))
+    device = EmulatedWitmotion(Ramp(), SystemClock(), temperature=-7.5, faults=LineFaults(baud=9600))
     with serving(device.serve):
         with pytest.raises(DriverError, match="rate: expected at most 87 Hz at 9600 bit/s, found 100"):
             make_driver("witmotion", device.port, 100.0).open()
