@@ -7,10 +7,13 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
-# What computes shares the processors; what runs in real time comes after it, alone.
+# What computes shares the processors; what runs in real time comes after it, alone. Modules are compiled once, whatever
+# the environment says: these tests start some hundred processes.
+test: export OPENBLAS_NUM_THREADS = 1
+test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/.done
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not live" --numprocesses auto --dist loadfile
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m live
+	$(BIN)/python -m pytest -m "not live" --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest -m live
 
 check: $(VENV)/.done
 	$(BIN)/ruff check .

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,18 +25,7 @@ class Columns:
 
     def check(self, path: Path, structure: Structure) -> None:
         """Refuse what is no table of modes of the structure."""
-        if "frequency" not in self.values:
-            found = ", ".join(self.values) or "none"
-            raise LogError(path, f"line 1: expected a column 'frequency' [Hz], found {found}")
         channels = [c for c in structure.channels if c in self.values]
-        known = {*_OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
-        unknown = [name for name in self.values if name not in known]
-        if unknown:
-            raise LogError(
-                path,
-                f"line 1, column {unknown[0]}: expected one of {', '.join(_OWN)} or a sensor of the structure "
-                f"({', '.join(structure.channels)})",
-            )
         if len(self.line) < 3:
             raise LogError(path, f"expected at least 3 modes, found {len(self.line)}")
         if len(channels) == 1:
@@ -53,7 +42,21 @@ class Columns:
             raise LogError(path, f"line {self.line[row]}: the shape is zero at every sensor")
 
 
-def _of_csv(path: Path, text: str) -> Columns:
+def _check_names(path: Path, names: Sequence[str], structure: Structure) -> None:
+    """Refuse columns that are no modes of the structure: before all of what may be a long record is read."""
+    if "frequency" not in names:
+        raise LogError(path, f"line 1: expected a column 'frequency' [Hz], found {', '.join(names) or 'none'}")
+    known = {*_OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise LogError(
+            path,
+            f"line 1, column {unknown[0]}: expected one of {', '.join(_OWN)} or a sensor of the structure "
+            f"({', '.join(structure.channels)})",
+        )
+
+
+def _of_csv(path: Path, text: str, structure: Structure) -> Columns:
     """Read the columns of a table; empty cells are allowed in columns of deviations only.
 
     Where semicolons or tabs part the columns, a comma in a number is its decimal point.
@@ -65,6 +68,7 @@ def _of_csv(path: Path, text: str) -> Columns:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise LogError(path, f"line 1, column {twice[0]}: named twice")
+    _check_names(path, names, structure)
     rows: list[dict[str, complex]] = []
     line: list[int] = []
     for row in reader:
@@ -109,7 +113,7 @@ class _Identified(BaseModel):
     modes: tuple[_Mode, ...]
 
 
-def _of_json(path: Path, text: str) -> Columns:
+def _of_json(path: Path, text: str, structure: Structure) -> Columns:
     """Read what `identify --json` writes."""
     try:
         modes = _Identified.model_validate(json.loads(text)).modes
@@ -128,18 +132,19 @@ def _of_json(path: Path, text: str) -> Columns:
             raise LogError(path, f"channel {channel}: expected in every mode's shape")
         values[channel] = [complex(*m.shape[channel]) for m in modes]
         values[f"{channel}_std"] = [m.shape_std.get(channel, complex("nan")) for m in modes]
+    _check_names(path, tuple(values), structure)
     return Columns(
         {name: np.array(value, dtype=complex) for name, value in values.items()}, list(range(1, len(modes) + 1))
     )
 
 
-def read_columns(path: Path) -> Columns:
-    """Read a CSV table, or the JSON of `identify --json`.
+def read_columns(path: Path, structure: Structure) -> Columns:
+    """Read a CSV table, or the JSON of `identify --json`, of a structure's modes.
 
     Raises
     ------
     LogError
-        Naming line and column of what is no number.
+        Naming line and column of what is no number, or no such column.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -147,4 +152,6 @@ def read_columns(path: Path) -> Columns:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise LogError(path, f"cannot be read as text: {error}") from error
-    return _of_json(path, text) if path.suffix.lower() == ".json" else _of_csv(path, text)
+    columns = (_of_json if path.suffix.lower() == ".json" else _of_csv)(path, text, structure)
+    columns.check(path, structure)
+    return columns

@@ -79,8 +79,7 @@ def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
 
 def read_table(structure: Structure, path: Path) -> Table:
     """Read one modal table; errors as for `read_tables`."""
-    columns = read_columns(path)
-    columns.check(path, structure)
+    columns = read_columns(path, structure)
     order = np.argsort(columns.values["frequency"])
     values = {name: value[order] for name, value in columns.values.items()}
     frequency = values["frequency"].real

@@ -95,11 +95,13 @@ class Site:
             lines.setdefault(member, [start]).append(end)
         return lines
 
+    @cached_property
     def channel_shape(self) -> FloatArray:
         """Shapes (n, n_channels) at the sensors, unit norm."""
         shape = (self.model.sensor_rows @ self.model.modes(self.n_modes).shape).T
         return np.asarray(shape / np.linalg.norm(shape, axis=1, keepdims=True))
 
+    @cached_property
     def sensitivity(self) -> FloatArray:
         """Relative shift a kg (n, n_nodes): -|phi|^2 / 2, to first order [1/kg]."""
         return np.asarray(-0.5 * (self.modal[1] ** 2).sum(axis=2))
@@ -134,7 +136,7 @@ class Site:
 
     def window(self, index: int, phase: Phase, shift: FloatArray, *, missing: tuple[int, ...] = ()) -> WindowResult:
         """Return a window whose modes are shifted by `shift` (n,) [-]; `missing` modes are not seen."""
-        tracked, frequency, shape = phase != "learning", self.modal[0] * (1 + shift), self.channel_shape()
+        tracked, frequency, shape = phase != "learning", self.modal[0] * (1 + shift), self.channel_shape
         std = {"shift_std_percent": 100 * FREQUENCY_STD * 1.04} if tracked else {}
         modes = [
             ModeResult(
@@ -165,7 +167,7 @@ class Site:
     def spectrum(self, frequency: FloatArray) -> Spectrum:
         """Return the singular values of the modes' response to white noise, and poles about the modes."""
         grid = np.linspace(0, 1.3 * frequency[-1], 257)
-        ratio, shape = grid[:, None] / frequency, self.channel_shape()
+        ratio, shape = grid[:, None] / frequency, self.channel_shape
         response = ratio**4 / ((1 - ratio**2) ** 2 + (2 * DAMPING * ratio) ** 2)
         matrix = np.einsum("fm,mi,mj->fij", response, shape, shape) + 1e-2 * np.eye(shape.shape[1])
         values = np.linalg.svd(matrix, compute_uv=False, hermitian=True)[:, :3].T
@@ -184,7 +186,7 @@ class Site:
 
     def answer(self, shift: FloatArray, n_windows: int) -> MassAnswer:
         """Return where the mean shift (n,) of some windows puts a mass: least squares at every node, flat prior."""
-        std, per_kg = FREQUENCY_STD / np.sqrt(n_windows), self.sensitivity()
+        std, per_kg = FREQUENCY_STD / np.sqrt(n_windows), self.sensitivity
         power = np.maximum((per_kg**2).sum(0), 1e-12)
         mass = (per_kg * shift[:, None]).sum(0) / power
         misfit = ((shift[:, None] - per_kg * mass) ** 2).sum(0) / std**2
@@ -240,7 +242,7 @@ def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: in
     """
     rng = np.random.default_rng(site.seed)
     windows: list[WindowResult] = []
-    changed = site.mass * site.sensitivity()[:, site.node(site.place)]
+    changed = site.mass * site.sensitivity[:, site.node(site.place)]
     for index in range(n_learning + n_before + n_after):
         noise = FREQUENCY_STD * rng.standard_normal(site.n_modes)
         since = index - n_learning - n_before
@@ -295,7 +297,7 @@ def signals(site: Site, end: int, *, seconds: float = 14.0, rate: float = 250.0)
     time = np.arange(n) / rate
     low = site.modal[0] < rate / 2.5
     motion = np.sin(2 * np.pi * np.outer(time, site.modal[0][low])) * np.exp(-0.1 * time)[:, None]
-    data = 0.05 * motion @ site.channel_shape()[low]
+    data = 0.05 * motion @ site.channel_shape[low]
     data[-round(4.5 * rate) : -round(4.0 * rate), 0] = np.nan
     channels = tuple(RecordedChannel(name=c, device="d", axis=0) for c in site.model.structure.channels)
     return Recording(channels=channels, data=data, rate=rate, start=end - round(seconds * 1e9))

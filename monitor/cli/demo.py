@@ -37,7 +37,7 @@ class Plan:
 
 
 FULL = Plan(window=40.0, baseline_windows=12, windows=27, between=(530.0, 640.0))
-SHORT = Plan(window=30.0, baseline_windows=8, windows=15, between=(255.0, 290.0))
+SHORT = Plan(window=20.0, baseline_windows=8, windows=13, between=(165.0, 195.0))
 
 
 def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:

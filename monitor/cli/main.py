@@ -30,7 +30,7 @@ def demo(
         int | None, typer.Option(help="Draws the rig and what happens to it; drawn itself unless given.")
     ] = None,
     speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
-    short: Annotated[bool, typer.Option("--short", help="Half the length, less sure answers.")] = False,
+    short: Annotated[bool, typer.Option("--short", help="A quarter of the length, less sure answers.")] = False,
 ) -> None:
     """Tell the whole story on an emulated rig: run, alarm, viewer file, answer."""
     from monitor.cli.demo import FULL, SHORT, demo_command

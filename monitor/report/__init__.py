@@ -1,5 +1,9 @@
 """The report: one HTML page that needs no network, the verdict first, the evidence below it."""
 
+import errno
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +35,7 @@ def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None
     ResultsError
         If the page cannot be written.
     """
-    with styled():
-        _write(path, "run.html", run_content(run, diagnosis))
+    _write(path, "run.html", lambda: run_content(run, diagnosis))
 
 
 def diagnosis_report(
@@ -53,11 +56,19 @@ def diagnosis_report(
     structure : to draw the causes on
     found : measured beside simulated, of the same structure
     """
-    with styled():
+    state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
+
+    def values() -> dict[str, Any]:
         content = diagnosis_content(diagnosis, bare_reference(structure) if structure else None, found)
-        state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
-        values = {"title": title, "state": state, "headline": content["text"], "diagnosis": content}
-        _write(path, "diagnosis.html", values | {"versions": versions()})
+        return {
+            "title": title,
+            "state": state,
+            "headline": content["text"],
+            "diagnosis": content,
+            "versions": versions(),
+        }
+
+    _write(path, "diagnosis.html", values)
 
 
 def load_diagnosis(path: Path) -> Diagnosis:
@@ -78,7 +89,32 @@ def load_diagnosis(path: Path) -> Diagnosis:
         raise ResultsError(path, f"is no diagnosis: {place + ': ' if place else ''}{first['msg']}") from error
 
 
-def _write(path: Path, template: str, values: dict[str, Any]) -> None:
+def _write(path: Path, template: str, values: Callable[[], dict[str, Any]]) -> None:
+    """Write a page; where none can be written is refused before anything is drawn, which takes seconds."""
+    part = path.with_name(path.name + ".part")
+    with _writing(path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        part.touch()
+    try:
+        with styled():
+            text = _rendered(template, values())
+        with _writing(path):
+            part.write_text(text, encoding="utf-8")
+            part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _rendered(template: str, values: dict[str, Any]) -> str:
     environment = Environment(
         loader=PackageLoader("monitor", "report"),
         autoescape=select_autoescape(["html"]),
@@ -86,10 +122,4 @@ def _write(path: Path, template: str, values: dict[str, Any]) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    text = environment.get_template(template).render(values)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
+    return environment.get_template(template).render(values)

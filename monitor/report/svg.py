@@ -8,6 +8,7 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
@@ -53,9 +54,12 @@ def styled() -> Iterator[None]:
 
 
 def data_uri(figure: Figure) -> str:
-    """Return a figure as the address of an inlined SVG picture."""
+    """Return a figure as the address of an inlined SVG picture.
+
+    The canvas draws it once; `savefig` would once more before, to lay it out, which drawing does by itself.
+    """
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 

@@ -1,5 +1,6 @@
 """What every drawing needs: the file, the two timelines, series, and a drawing with axes of its own."""
 
+import errno
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,8 +29,10 @@ def recording_file(path: Path, recording_id: str, blueprint: rrb.Blueprint) -> I
     Raises
     ------
     OSError
-        If the folder does not exist or cannot be written to.
+        If the folder does not exist or cannot be written to, or is what `path` names.
     """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     os.environ.setdefault("RERUN_ANALYTICS", "0")
     part = path.with_name(path.name + ".part")
     part.touch()

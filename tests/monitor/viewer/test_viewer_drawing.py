@@ -88,7 +88,7 @@ def test_sigmas_of_a_gaussian_posterior_are_the_distance_in_its_standard_deviati
 
 
 def test_members_are_unrolled_one_after_another() -> None:
-    answer = SITE.answer(SITE.mass * SITE.sensitivity()[:, SITE.node(SITE.place)], 4)
+    answer = SITE.answer(SITE.mass * SITE.sensitivity[:, SITE.node(SITE.place)], 4)
     unrolled = Unrolled(places(answer))
     assert unrolled.length == pytest.approx({"column": 1.48, "crossbeam": 0.8}, abs=1e-9)
     assert unrolled.offset["column"] == 0
@@ -99,7 +99,7 @@ def test_members_are_unrolled_one_after_another() -> None:
 
 
 def test_synthetic_answer_lies_at_the_mass_or_its_mirror_image() -> None:
-    answer = SITE.answer(SITE.mass * SITE.sensitivity()[:, SITE.node(SITE.place)], 4)
+    answer = SITE.answer(SITE.mass * SITE.sensitivity[:, SITE.node(SITE.place)], 4)
     assert abs(answer.position[0]) == pytest.approx(0.25, abs=1e-9)
     assert answer.mass == pytest.approx(SITE.mass, rel=1e-9)
 
