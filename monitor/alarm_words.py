@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from daq import FloatArray
+from monitor.accepted import Accepted
 from monitor.alarms import Change
 from monitor.results import WindowResult
 from monitor.words import change_text, increment_text, utc
@@ -43,6 +46,22 @@ def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
     """Say where a watch goes on after a restart, with an alarm that stands `since` [ns UTC] if there is one."""
     stands = f"; the alarm of {utc(since)} stands" if since is not None else ""
     return f"watching goes on, by the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
+
+
+def accepted_said(change: Accepted) -> str:
+    """Say what has become the reference, and what the courses of the modes jump by."""
+    percent = 100 * np.expm1(change.shift.log_frequency)
+    moved = ", ".join(f"{p:+.2f} ± {100 * s:.2f} %" for p, s in zip(percent, change.shift.std, strict=True))
+    by = f" by {change.by}" if change.by else ""
+    learnt = f"the reference from now on, learnt from {len(change.windows)} windows"
+    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}"
+
+
+def undone_said(change: Accepted, said: Mapping[str, Any]) -> str:
+    """Say what is no longer accepted; a person may have left name and note."""
+    by, note = (str(said.get(name) or "") for name in ("by", "note"))
+    who, why = f" by {by}" if by else "", f": {note}" if note else ""
+    return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"
 
 
 def duration_text(seconds: float) -> str:

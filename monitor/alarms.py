@@ -5,7 +5,19 @@ from typing import Literal
 
 State = Literal["normal", "watch", "alarm"]
 Condition = Literal["normal", "watch", "alarm", "acknowledged", "latched"]
-Kind = Literal["state", "acknowledged", "latched", "reopened", "flapping", "steady", "resumed"]
+Kind = Literal[
+    "state",
+    "acknowledged",
+    "latched",
+    "reopened",
+    "flapping",
+    "steady",
+    "resumed",
+    "accepting",
+    "accepted",
+    "undone",
+    "refused",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +96,12 @@ class Alarm:
             after, changes = self._clear(time)
             return after._look_for_flapping(time, changes)
         return self, ()
+
+    def accept(self, time: int) -> tuple["Alarm", Change]:
+        """Return the condition once what raised the alarm is the new normal; the next alarm is a new one."""
+        lasted = None if self.raised is None else time - self.raised
+        after = replace(self, condition="normal", run=0, raised=None, cleared=None)
+        return after, Change(kind="accepted", state="normal", lasted=lasted)
 
     def _rise(self, time: int, *, over: bool, calm: bool) -> tuple["Alarm", tuple[Change, ...]]:
         run = self.run + 1 if over else 0

@@ -1,11 +1,14 @@
 """Arrays of the analysis put into the plain values of the log."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
+from monitor.accepted import Accepted
 from monitor.results import (
+    AcceptedShift,
     FlaggedDof,
     Interval,
     MassAnswer,
@@ -65,8 +68,8 @@ def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | No
     )
 
 
-def reference_result(reference: Reference, time: int) -> ReferenceResult:
-    """Return the reference with the geometry to draw it."""
+def reference_result(reference: Reference, time: int, accepted: Sequence[Accepted] = ()) -> ReferenceResult:
+    """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline."""
     calibration, model = reference.calibration, reference.calibration.model
     padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
     motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
@@ -91,6 +94,19 @@ def reference_result(reference: Reference, time: int) -> ReferenceResult:
         calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
         delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
         delay_wander=reference.delays.wander,
+        accepted=[
+            AcceptedShift(
+                time=change.time,
+                raised=change.raised,
+                cause=change.cause,
+                by=change.by,
+                found=change.found,
+                n_windows=len(change.windows),
+                shift_percent=(100 * np.expm1(change.shift.log_frequency)).tolist(),
+                shift_std_percent=(100 * change.shift.std).tolist(),
+            )
+            for change in accepted
+        ],
     )
 
 

@@ -16,7 +16,7 @@ from monitor.window import Window
 from oma import ModalEstimate
 from updater import (
     Circumstances,
-    Diagnosis,
+    Explained,
     ModalMean,
     PairingError,
     Reference,
@@ -53,7 +53,7 @@ def seen_in(windows: Sequence[Window]) -> Seen:
 
 def explain_windows(
     reference: Reference, before: Seen, now: Seen, windows: InTime, tracks: Sequence[IndexArray]
-) -> tuple[Diagnosis, DiscrepancyResult | None]:
+) -> tuple[Explained, DiscrepancyResult | None]:
     """Diagnose what windows show since the baseline, delays beyond its own put back, and set them beside it.
 
     Parameters
@@ -88,7 +88,7 @@ def explain_windows(
         beside = discrepancy_result(reference, measured, found).model_copy(update={"places": ()})  # the answer has them
     except (PairingError, ValueError):
         beside = None  # what can be compared is enough to diagnose, not to draw
-    return found.diagnosis, beside
+    return found, beside
 
 
 def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexArray]) -> dict[str, ChannelHealth]:

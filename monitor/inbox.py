@@ -3,29 +3,56 @@
 A file needs no port and no rights but those on the folder, outlives a restart, and is seen by whoever runs the monitor.
 """
 
-import json
 import os
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 TOPIC_ACKNOWLEDGE = "/event/acknowledge"
+TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undo"
 TOPIC_REFUSED = "/event/refused"  # a file that says nothing sensible
 _LONGEST = 4096  # bytes
 
 
-class Acknowledgement(BaseModel):
-    """A person knows of the alarm."""
+class Word(BaseModel):
+    """What somebody says."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     by: str = ""
+
+
+class Acknowledgement(Word):
+    """A person knows of the alarm."""
+
+    kind: Literal["acknowledge"] = "acknowledge"
     note: str = ""
 
 
-def leave(state: Path, said: Acknowledgement) -> Path:
-    """Put an acknowledgement where the monitor of that state folder takes it; it appears whole or not at all."""
+class Acceptance(Word):
+    """What raised the alarm is intended, or explained, and is the new normal."""
+
+    kind: Literal["accept"] = "accept"
+    cause: Annotated[str, Field(min_length=1)]  #: what it is, in a person's words
+    alarm: int | None = None  #: when the alarm that is meant was raised [ns UTC]; the one that stands
+
+
+class Undoing(Word):
+    """The last acceptance was wrong."""
+
+    kind: Literal["undo"] = "undo"
+    note: str = ""
+
+
+Said = Acknowledgement | Acceptance | Undoing
+_TOPICS = {"acknowledge": TOPIC_ACKNOWLEDGE, "accept": TOPIC_ACCEPT, "undo": TOPIC_UNDO}
+_SAID: TypeAdapter[Said] = TypeAdapter(Annotated[Said, Field(union_mode="left_to_right")])
+
+
+def leave(state: Path, said: Said) -> Path:
+    """Put a word where the monitor of that state folder takes it; it appears whole or not at all."""
     folder = state / "inbox"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{uuid.uuid4().hex}.json"
@@ -35,7 +62,7 @@ def leave(state: Path, said: Acknowledgement) -> Path:
     return path
 
 
-def taken(state: Path) -> Iterator[tuple[str, dict[str, str]]]:
+def taken(state: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield topic and payload of what was left since the last time; each file is gone once it is yielded."""
     for path in sorted((state / "inbox").glob("*.json"), key=lambda p: p.name):
         try:
@@ -45,8 +72,8 @@ def taken(state: Path) -> Iterator[tuple[str, dict[str, str]]]:
         except OSError:
             continue  # not ours to read, or gone: the next look will tell
         try:
-            said = Acknowledgement.model_validate(json.loads(text))
-        except (ValueError, ValidationError) as error:
+            said = _SAID.validate_json(text)
+        except ValidationError as error:
             yield TOPIC_REFUSED, {"file": path.name, "why": str(error).splitlines()[0]}
         else:
-            yield TOPIC_ACKNOWLEDGE, said.model_dump()
+            yield _TOPICS[said.kind], said.model_dump(exclude={"kind"})

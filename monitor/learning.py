@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from monitor.accepted import Accepted
 from monitor.explaining import Seen, seen_in
 from monitor.fusion import choose_tracks
 from monitor.lateness import in_time
@@ -13,7 +14,17 @@ from monitor.novelty import Detector, DetectorState, first_state
 from monitor.settings import Settings
 from monitor.window import Window
 from oma import ModalEstimate, Tracker
-from updater import MassUpdater, PairingError, Reference, Structure, learn_reference, mean_modes, stack_tracks
+from updater import (
+    MassUpdater,
+    ModalMean,
+    PairingError,
+    Reference,
+    Structure,
+    learn_reference,
+    mean_modes,
+    parse_structure,
+    stack_tracks,
+)
 
 
 class Identified(Protocol):
@@ -32,13 +43,18 @@ class Identified(Protocol):
 class Watch:
     """What watching needs once a baseline is learnt."""
 
-    learnt: int  #: end of the baseline's last window [ns UTC]
     baseline: tuple[Window, ...]
-    before: Seen  #: what went with these
+    accepted: tuple[Accepted, ...]  #: changes of the structure since, in order
+    before: Seen  #: what went with the windows that the reference is learnt from
     tracker: Tracker
     reference: Reference
     updater: MassUpdater
     detector: Detector
+
+    @property
+    def learnt(self) -> int:
+        """End of the baseline's last window [ns UTC]."""
+        return self.baseline[-1].end
 
 
 def learn_watch(
@@ -47,8 +63,9 @@ def learn_watch(
     devices: Mapping[str, str],
     settings: Settings,
     known: DetectorState | None = None,
+    accepted: Sequence[Accepted] = (),
 ) -> Watch:
-    """Learn from baseline windows.
+    """Learn from baseline windows, and from those of changes that were accepted since.
 
     Parameters
     ----------
@@ -57,17 +74,21 @@ def learn_watch(
     devices : of each channel
     settings : of the site
     known : what judging has come to since, if these windows were learnt from before
+    accepted : changes of the structure, in order
 
     Raises
     ------
     PairingError
-        If fewer than three modes can be tracked.
+        If fewer than three modes can be tracked, or a mode is lost by an accepted change.
     """
     tracker, reference = learn_baseline(structure, baseline, devices)
+    for change in accepted:
+        structure = parse_structure(change.structure) if change.structure else structure
+        tracker, reference = learn_changed(structure, change.windows, tracker, reference)
     return Watch(
-        learnt=baseline[-1].end,
         baseline=tuple(baseline),
-        before=seen_in(baseline),
+        accepted=tuple(accepted),
+        before=seen_in(accepted[-1].windows if accepted else baseline),
         tracker=tracker,
         reference=reference,
         updater=MassUpdater(reference),
@@ -97,10 +118,44 @@ def learn_baseline(
     chosen = reference.calibration.tracks
     kept = often[chosen]
     mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
-    fields = {name: getattr(seed, name)[kept] for name in _MODAL_FIELDS}
-    fields |= {"frequency": np.exp(mean.log_frequency), "damping": mean.damping, "shape": mean.shape.astype(complex)}
-    tracker = Tracker(reference=replace(seed, channels=mean.channels, **fields))
-    return tracker, reference
+    return Tracker(reference=_at_mean(seed[kept], mean)), reference
 
 
-_MODAL_FIELDS = ("frequency_std", "damping_std", "shape_std", "support", "law_ratio")
+def learn_changed(
+    structure: Structure, windows: Sequence[Window], tracker: Tracker, reference: Reference
+) -> tuple[Tracker, Reference]:
+    """Learn what a structure is after a change; its modes keep their identities.
+
+    Parameters
+    ----------
+    structure : with the change written in, as far as it is known
+    windows : since the change
+    tracker, reference : of before it; devices' delays stay what they were
+
+    Raises
+    ------
+    PairingError
+        If a mode is in none of the windows, or has no partner in the model any more.
+    """
+    estimates = [window.in_time for window in windows]
+    tracks = [tracker.assign(estimate) for estimate in estimates]
+    lost = np.flatnonzero((np.array(tracks) < 0).all(0))
+    if len(lost):
+        raise PairingError(f"mode {', '.join(map(str, lost + 1))} is not seen since the change")
+    learnt = learn_reference(structure, estimates, tracks, reference.delays)
+    lost = np.setdiff1d(np.arange(len(tracks[0])), learnt.calibration.tracks)
+    if len(lost):
+        raise PairingError(f"mode {', '.join(map(str, lost + 1))} answers to no mode of the model since the change")
+    return Tracker(reference=_at_mean(tracker.reference, learnt.baseline)), learnt
+
+
+def _at_mean(estimate: ModalEstimate, mean: ModalMean) -> ModalEstimate:
+    """Return modes with the frequencies, damping and shapes of a mean."""
+    return replace(
+        estimate,
+        channels=mean.channels,
+        frequency=np.exp(mean.log_frequency),
+        damping=mean.damping,
+        shape=mean.shape.astype(complex),
+        shape_std=mean.shape_std,
+    )

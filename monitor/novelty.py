@@ -6,12 +6,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import IndexArray
-from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watched, Watching, accept, judge, start
+from monitor.detection import (
+    CHUNK,
+    DETECTORS,
+    GUARD,
+    Judged,
+    Shift,
+    Watched,
+    Watching,
+    accept,
+    judge,
+    shift_of,
+    shifted,
+    start,
+)
 from monitor.results import DetectorFigure, Novelty
 from monitor.settings import Settings
 from monitor.window import Window
 from updater import TrackedModes, stack_tracks
 
+MOST_OUT = 100  #: windows that a standing alarm is explained by: the newest, so that years of it fit into memory
 _YEAR = 365.25 * 86400  # s
 
 
@@ -22,6 +36,7 @@ class DetectorState:
     watched: Watched
     before: int  #: start of the last window [ns UTC]
     calm: tuple[Judged, ...] = ()  #: not learnt from yet
+    out: tuple[Judged, ...] = ()  #: over the limit, without a break, the newest `MOST_OUT`
 
 
 class Detector:
@@ -37,12 +52,27 @@ class Detector:
         self._per_year = settings.alarm.false_alarms_per_year / len(DETECTORS)
         self._step = settings.step_seconds
         self._watched = replace(state.watched, watching=watching_of(settings))
-        self._before, self._calm = state.before, list(state.calm)
+        self._before, self._calm, self._out = state.before, list(state.calm), list(state.out)
 
     @property
     def state(self) -> DetectorState:
         """What to go on from."""
-        return DetectorState(watched=self._watched, before=self._before, calm=tuple(self._calm))
+        return DetectorState(watched=self._watched, before=self._before, calm=tuple(self._calm), out=tuple(self._out))
+
+    def moved(self, n: int) -> tuple[DetectorState, Shift]:
+        """Return what to go on from where the structure is now by the last n windows, all over the limit.
+
+        Raises
+        ------
+        ValueError
+            If a mode is in none of them.
+        """
+        shift = shift_of(self._watched, self._out[-n:])
+        return DetectorState(watched=shifted(self._watched, shift), before=self._before), shift
+
+    def moved_back(self, shift: Shift) -> DetectorState:
+        """Return what to go on from where a move was wrong."""
+        return DetectorState(watched=shifted(self._watched, shift, back=True), before=self._before)
 
     def consider(self, window: Window, track: IndexArray) -> Novelty:
         """Judge one window, whose modes `track` (n_tracks,) gives the tracks of; -1 where one is missing."""
@@ -53,6 +83,7 @@ class Detector:
         judged, self._watched = judge(self._watched, modes.log_frequency, temperature, seconds)
         self._before = window.start
         self._calm.append(judged)
+        self._out = [*self._out, judged][-MOST_OUT:] if judged.over[0] else []
         return self._said(judged, np.flatnonzero(track >= 0))
 
     def _said(self, judged: Judged, seen: IndexArray) -> Novelty:

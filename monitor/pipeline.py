@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from daq import Assembler, Block, Event, FloatArray, IndexArray, Recording
-from monitor.alarm_words import acknowledged_said, change_said, resumed_said
-from monitor.alarms import Alarm, Change
+from monitor.accepted import Wanted
+from monitor.accepting import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last
+from monitor.alarm_words import accepted_said, acknowledged_said, change_said, resumed_said, undone_said
+from monitor.alarms import Alarm, Change, Kind
 from monitor.describe import (
     increment_result,
     mass_answer,
@@ -18,18 +20,18 @@ from monitor.describe import (
     spectrum_result,
 )
 from monitor.explaining import explain_windows, seen_in, sensors_seen
-from monitor.inbox import TOPIC_ACKNOWLEDGE
+from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.lateness import InTime
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory, matters
+from monitor.novelty import MOST_OUT
 from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, WindowResult
 from monitor.settings import Settings
 from monitor.window import Window, window_of
-from monitor.words import is_one_mass
+from monitor.words import is_one_mass, utc
 from oma import IdentificationError, identify_all
 from updater import NO_DELAYS, ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
 
-_MOST_OUT = 200  # windows that a standing alarm is explained by: the newest, so that years of it fit into memory
 Result = WindowResult | ReferenceResult | AlarmResult
 
 
@@ -59,6 +61,7 @@ class Pipeline:
         self._watch: Watch | None = None
         self._out: list[Window] = []  # windows over the limit, without a break
         self._calm: list[Window] = []  # windows under it since the sensors were last looked at
+        self._wanted: Wanted | None = None
         self._resumed = False  # from a memory, which has not been said yet
         if memory is not None:
             self._resume(memory)
@@ -66,11 +69,13 @@ class Pipeline:
     def _resume(self, memory: Memory) -> None:
         self._n_windows, self._resumed = memory.n_windows, True
         self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
-        self._out, self._calm = list(memory.out), list(memory.calm)
+        self._out, self._calm, self._wanted = list(memory.out), list(memory.calm), memory.wanted
         if memory.detector is None:
             self._baseline = list(memory.baseline)
         else:
-            self._watch = learn_watch(self._structure, memory.baseline, self._devices, self._settings, memory.detector)
+            self._watch = learn_watch(
+                self._structure, memory.baseline, self._devices, self._settings, memory.detector, memory.accepted
+            )
 
     @property
     def memory(self) -> Memory:
@@ -82,6 +87,8 @@ class Pipeline:
             baseline=watch.baseline if watch else tuple(self._baseline),
             detector=watch.detector.state if watch else None,
             alarm=self._alarm,
+            accepted=watch.accepted if watch else (),
+            wanted=self._wanted,
             out=tuple(self._out),
             calm=tuple(self._calm),
         )
@@ -91,8 +98,8 @@ class Pipeline:
         if self._resumed and isinstance(item, Block):
             self._resumed = False
             yield from self._said_resumed(item.pair_time)
-        if isinstance(item, Event) and item.topic == TOPIC_ACKNOWLEDGE:
-            yield from self._acknowledge(item)
+        if isinstance(item, Event):
+            yield from self._heard(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
         for recording in windows:
             yield from self.analyse(recording)
@@ -159,7 +166,7 @@ class Pipeline:
         level = score.t2 / score.limit if score.modes else math.nan
         self._alarm, changes = self._alarm.consider(window.end, level)
         watch.detector.settle(calm=self._alarm.state == "normal")
-        self._out = [*self._out, window][-_MOST_OUT:] if over else []
+        self._out = [*self._out, window][-MOST_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
         result = result.model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
@@ -171,11 +178,73 @@ class Pipeline:
         yield result
         nodes = watch.reference.calibration.model.nodes
         yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
+        yield from self._accept(window.end, watch)
+
+    def _heard(self, event: Event) -> Iterator[Result]:
+        """Obey a person."""
+        if event.topic == TOPIC_ACKNOWLEDGE:
+            yield from self._acknowledge(event)
+        elif event.topic == TOPIC_ACCEPT:
+            yield from self._want(event)
+        elif event.topic == TOPIC_UNDO:
+            yield from self._undo(event)
 
     def _acknowledge(self, event: Event) -> Iterator[Result]:
-        """Obey a person who knows of the alarm."""
+        """Take note of a person who knows of the alarm."""
         self._alarm, changes = self._alarm.acknowledge(event.time)
         yield from (self._changed(event.time, change, acknowledged_said(change, event.payload)) for change in changes)
+
+    def _want(self, event: Event) -> Iterator[Result]:
+        """Take a change as the new normal as soon as there are enough windows of it."""
+        said, raised = event.payload, self._alarm.raised
+        if self._watch is None or self._alarm.state != "alarm" or not self._out:
+            yield self._notice(event.time, "refused", "nothing is accepted: no change stands")
+        elif said["alarm"] is not None and said["alarm"] != raised:
+            stands = utc(raised) if raised is not None else "none"
+            yield self._notice(event.time, "refused", f"nothing is accepted: the alarm that stands is of {stands}")
+        else:
+            self._wanted = Wanted(cause=said["cause"], by=said["by"])
+            yield from self._accept(event.time, self._watch)
+            if self._wanted:
+                text = f"to be accepted as {said['cause']!r} once there are {LEAST_WINDOWS} windows since the change"
+                yield self._notice(event.time, "accepting", f"{text}; there are {len(self._pure())}")
+
+    def _accept(self, time: int, watch: Watch) -> Iterator[Result]:
+        """Make the changed structure the reference, if that is wanted and there are enough windows of it."""
+        pure, wanted = self._pure(), self._wanted
+        if wanted is not None and self._alarm.state != "alarm":
+            self._wanted = None
+            yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change is gone")
+            return
+        if wanted is None or len(pure) < LEAST_WINDOWS:
+            return
+        self._wanted = None
+        raised = self._alarm.raised or time
+        try:
+            watch = accept_change(self._structure, watch, pure, self._devices, self._settings, wanted, raised)
+        except CannotAcceptError as error:
+            yield self._notice(time, "refused", f"{wanted.cause!r} cannot be accepted: {error}")
+            return
+        self._watch, self._out, self._calm = watch, [], []
+        self._alarm, change = self._alarm.accept(time)
+        yield reference_result(watch.reference, time, watch.accepted)
+        yield self._changed(time, change, accepted_said(watch.accepted[-1]))
+
+    def _undo(self, event: Event) -> Iterator[Result]:
+        """Watch by what was the reference before the last acceptance."""
+        watch = self._watch
+        if watch is None or not watch.accepted:
+            yield self._notice(event.time, "refused", "nothing is undone: no change has been accepted")
+            return
+        self._watch = undo_last(self._structure, watch, self._devices, self._settings)
+        self._out, self._calm = [], []
+        yield reference_result(self._watch.reference, event.time, self._watch.accepted)
+        yield self._notice(event.time, "undone", undone_said(watch.accepted[-1], event.payload))
+
+    def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
+        """Return what is said without a change of the alarm."""
+        last = max(0, self._n_windows - 1)
+        return AlarmResult(time=time, state=self._alarm.state, text=text, window=last, kind=kind, quiet=True)
 
     def _changed(self, time: int, change: Change, text: str) -> AlarmResult:
         return AlarmResult(
@@ -191,12 +260,16 @@ class Pipeline:
     def _in_time(self, windows: Sequence[Window]) -> InTime:
         return InTime(tuple(w.in_time for w in windows), self._devices, tuple(w.removed for w in windows))
 
+    def _pure(self) -> list[Window]:
+        """Return the windows over the limit that begin after the first of them, which may hold both states."""
+        return [w for w in self._out if w.start >= self._out[0].end]
+
     def _explain(self, watch: Watch) -> dict[str, Any]:
         """Explain by the windows that begin after the first one over the limit: that one may hold both states.
 
         A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them.
         """
-        pure = [w for w in self._out if w.start >= self._out[0].end]
+        pure = self._pure()
         if not pure:
             return {}
         tracks = [self._track(w) for w in pure]
@@ -204,11 +277,11 @@ class Pipeline:
         found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
         now, lateness = seen_in(pure), self._in_time(pure)
         try:
-            diagnosis, beside = explain_windows(watch.reference, watch.before, now, lateness, tracks)
+            explained, beside = explain_windows(watch.reference, watch.before, now, lateness, tracks)
         except ValueError:
             return found  # fewer than three modes left to compare: there is an alarm, but no cause
-        found |= {"diagnosis": diagnosis, "discrepancy": beside}
-        if is_one_mass(diagnosis):
+        found |= {"diagnosis": explained.diagnosis, "discrepancy": beside}
+        if is_one_mass(explained.diagnosis):
             change, outlook = locate_and_sharpen(watch.reference, event)
             found["answer"] = mass_answer(self._structure, change, len(pure), outlook.said)
         return found
@@ -221,7 +294,7 @@ class Pipeline:
         watch, alarm = self._watch, self._alarm
         since = alarm.raised if alarm.state == "alarm" else None
         if watch:
-            yield reference_result(watch.reference, time)
+            yield reference_result(watch.reference, time, watch.accepted)
             text = resumed_said(len(watch.baseline), watch.learnt, since)
         else:
             text = f"learning goes on: {len(self._baseline)} of {self._settings.analysis.baseline_windows} windows"

@@ -176,6 +176,19 @@ class ReferenceMode(_Result):
     displacement: list[Vector]  #: at each node, largest 1 [-]
 
 
+class AcceptedShift(_Result):
+    """A change of the structure that somebody has accepted: provenance, and what the courses of the modes jump by."""
+
+    time: int  #: when it became the reference [ns UTC]
+    raised: int  #: when the alarm was [ns UTC]
+    cause: str  #: in a person's words
+    by: str
+    found: str  #: what the diagnosis said
+    n_windows: int  #: that the new reference was learnt from
+    shift_percent: list[float]  #: of each mode's frequency [%]
+    shift_std_percent: list[float]  #: [%]
+
+
 class ReferenceResult(_Result):
     """The reference learnt from the baseline, with the geometry to draw it."""
 
@@ -188,6 +201,7 @@ class ReferenceResult(_Result):
     calibrated: dict[str, tuple[float, float]]  #: parameter -> value, standard deviation
     delays: dict[str, tuple[float, float]] = {}  #: device -> constant delay against their mean, standard deviation [s]
     delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
+    accepted: list[AcceptedShift] = []  #: since the baseline, in order
 
 
 class AlarmResult(_Result):

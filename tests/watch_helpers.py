@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from updater_helpers import measure, true_model
 
-from daq import Recording
+from daq import FloatArray, Recording
 from monitor.memory import Memory
 from monitor.pipeline import Pipeline, Result
 from monitor.results import WindowResult
@@ -54,6 +54,10 @@ class Played:
     def put(self, body: Body | None) -> None:
         """Put a body onto the structure, or take it off again."""
         self._modes = self._true_modes(body)
+
+    def true_frequency(self, body: Body | None) -> FloatArray:
+        """Return the frequencies [Hz] of the structure with a body, or without."""
+        return self._true_modes(body).frequency
 
     def _true_modes(self, body: Body | None) -> ModalEstimate:
         """Return the modes as they would be measured without errors, with the deviations that these would have."""

@@ -131,6 +131,24 @@ def acknowledge(
 
 
 @app.command()
+def accept(
+    site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
+    alarm: Annotated[
+        str | None,
+        typer.Argument(metavar="ALARM", help="When it was raised, as `history` shows it; the one that stands."),
+    ] = None,
+    cause: Annotated[str, typer.Option("--as", help="What the change is, such as 'pump, 150 g'.")] = "",
+    by: Annotated[str, typer.Option(help="Who accepts it.")] = "",
+    undo: Annotated[bool, typer.Option("--undo", help="Take the last acceptance back.")] = False,
+    note: Annotated[str, typer.Option(help="Why it is taken back.")] = "",
+) -> None:
+    """Make the change that raised the alarm the new normal: an intended or explained one."""
+    from monitor.cli.accepting import accept_command, undo_command
+
+    raise typer.Exit(undo_command(site, by, note) if undo else accept_command(site, alarm, cause, by))
+
+
+@app.command()
 def replay(
     log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
     site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,

@@ -3,5 +3,20 @@
 from monitor.detection.detector import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
 from monitor.detection.law import CHUNK
 from monitor.detection.run_length import Watching
+from monitor.detection.shift import Shift, shift_of, shifted
 
-__all__ = ["CHUNK", "DETECTORS", "GUARD", "DetectorName", "Judged", "Watched", "Watching", "accept", "judge", "start"]
+__all__ = [
+    "CHUNK",
+    "DETECTORS",
+    "GUARD",
+    "DetectorName",
+    "Judged",
+    "Shift",
+    "Watched",
+    "Watching",
+    "accept",
+    "judge",
+    "shift_of",
+    "shifted",
+    "start",
+]

@@ -189,6 +189,8 @@ def _write_change(connection: Connection, change: AlarmResult) -> None:
         _update_last(connection, change.time, cleared=None, lasted=None, reopened=_times_reopened())
     elif change.kind == "acknowledged":
         _update_last(connection, change.time, acknowledged=change.time)
+    elif change.kind == "accepted":
+        _update_last(connection, change.time, cleared=change.time, lasted=change.lasted, text=change.text)
     elif change.kind == "state" and change.lasted is not None:
         _update_last(connection, change.time, cleared=change.time, lasted=change.lasted)
 

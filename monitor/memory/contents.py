@@ -5,6 +5,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+from monitor.accepted import Accepted, Wanted
 from monitor.alarms import Alarm
 from monitor.memory.codec import CodecError, decode, encode
 from monitor.novelty import DetectorState
@@ -13,7 +14,7 @@ from monitor.window import Window
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 1  # of what is written here: another one is not read
+VERSION = 2  # of what is written here: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,6 +26,8 @@ class Memory:
     baseline: tuple[Window, ...]  #: learnt from, or so far
     detector: DetectorState | None  #: None while the baseline is being learnt
     alarm: Alarm
+    accepted: tuple[Accepted, ...]  #: changes of the structure since the baseline
+    wanted: Wanted | None  #: an acceptance that waits for windows
     out: tuple[Window, ...]  #: over the limit, without a break
     calm: tuple[Window, ...]  #: under it since the sensors were last looked at
 

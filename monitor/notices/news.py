@@ -6,7 +6,18 @@ from monitor.result_events import event_result
 from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
 from monitor.words import change_text, utc
 
-_ROUTINE = ("gap", "acknowledge", "stopped", "notice_failed", "notice_back", "log_deleted", "device_open", "reloaded")
+_ROUTINE = (
+    "gap",
+    "acknowledge",
+    "accept",
+    "accept_undo",
+    "stopped",
+    "notice_failed",
+    "notice_back",
+    "log_deleted",
+    "device_open",
+    "reloaded",
+)
 
 
 class News:
@@ -52,7 +63,7 @@ class News:
             return self._notice("flapping", change.time, change.text)
         if change.kind == "acknowledged":
             return self._notice("acknowledged", change.time, change.text)
-        if change.kind == "latched":
+        if change.kind in ("latched", "accepted"):
             return self._notice("recovery", change.time, change.text)
         if change.raised:
             return self._notice("alarm", change.time, change.text)

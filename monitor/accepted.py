@@ -1,0 +1,28 @@
+"""A change that somebody has accepted: its name, what was found, and what the reference is learnt from since."""
+
+from dataclasses import dataclass
+
+from monitor.detection import Shift
+from monitor.window import Window
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Accepted:
+    """One accepted change of the structure."""
+
+    time: int  #: when it became the reference [ns UTC]
+    raised: int  #: when the alarm was [ns UTC]
+    cause: str  #: in a person's words
+    by: str
+    found: str  #: what the diagnosis said
+    structure: str  #: text of the structure with what was found written in; empty: as before
+    windows: tuple[Window, ...]  #: of the changed structure, which the reference is learnt from
+    shift: Shift  #: of the frequencies against what was expected before
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """An acceptance that waits for windows of the changed structure."""
+
+    cause: str
+    by: str

@@ -1,0 +1,90 @@
+"""A change that somebody accepts becomes the reference; what is known of temperature and scatter is kept."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from monitor.accepted import Accepted, Wanted
+from monitor.explaining import explain_windows, seen_in
+from monitor.lateness import InTime
+from monitor.learning import Watch, learn_watch
+from monitor.settings import Settings
+from monitor.window import Window
+from monitor.words import change_text
+from updater import ModalDataError, PairingError, Structure, dump_structure
+
+LEAST_WINDOWS = 5  #: since the change, from which a reference is learnt: as many as a baseline has at least
+
+
+class CannotAcceptError(Exception):
+    """There is a reason why a change cannot become the reference."""
+
+
+def accept_change(
+    structure: Structure,
+    watch: Watch,
+    pure: Sequence[Window],
+    devices: Mapping[str, str],
+    settings: Settings,
+    wanted: Wanted,
+    raised: int,
+) -> Watch:
+    """Return what to watch by from now on.
+
+    Where the diagnosis explains the change, its causes are written into the structure first: a mass is not taken for a
+    softer material. Elsewhere the one-step update's first stage takes it up.
+
+    Parameters
+    ----------
+    structure : of the site
+    watch : by which the change was found
+    pure : windows since the change, at least `LEAST_WINDOWS`
+    devices : of each channel
+    settings : of the site
+    wanted : who accepts it as what
+    raised : when the alarm was [ns UTC]
+
+    Raises
+    ------
+    CannotAcceptError
+        Saying why.
+    """
+    text, found = _explained(watch, pure, devices)
+    try:
+        known, shift = watch.detector.moved(len(pure))
+    except ValueError as error:
+        raise CannotAcceptError(str(error)) from error
+    change = Accepted(
+        time=pure[-1].end,
+        raised=raised,
+        cause=wanted.cause,
+        by=wanted.by,
+        found=found,
+        structure=text,
+        windows=tuple(pure),
+        shift=shift,
+    )
+    last: Exception | None = None
+    for tried in (change, replace(change, structure="")) if text else (change,):
+        try:
+            return learn_watch(structure, watch.baseline, devices, settings, known, (*watch.accepted, tried))
+        except (PairingError, ModalDataError) as error:
+            last = error
+    raise CannotAcceptError(str(last)) from last
+
+
+def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], settings: Settings) -> Watch:
+    """Return what was watched by before the last acceptance, with all that has been learnt of scatter since."""
+    *before, last = watch.accepted
+    return learn_watch(structure, watch.baseline, devices, settings, watch.detector.moved_back(last.shift), before)
+
+
+def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
+    """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
+    late = InTime(tuple(w.in_time for w in pure), devices, tuple(w.removed for w in pure))
+    tracks = [watch.tracker.assign(window.in_time) for window in pure]
+    try:
+        found, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
+    except ValueError:
+        return "", "not explained"
+    extended = found.extended if found.diagnosis.verdict == "explained" else None
+    return dump_structure(extended) if extended else "", change_text(found.diagnosis)

@@ -1,0 +1,76 @@
+"""A law moved to where the structure is now: a change that is accepted is no scatter, and teaches none."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daq import FloatArray
+from monitor.detection.detector import Judged, Watched
+from monitor.detection.law import Law
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shift:
+    """By how much the law was moved."""
+
+    log_frequency: FloatArray  #: (n_tracks,) relative change of each frequency [-]
+    std: FloatArray  #: (n_tracks,) [-]
+
+
+def shift_of(watched: Watched, judged: list[Judged]) -> Shift:
+    """Return how far windows of the changed structure lie from what the law predicts.
+
+    Their own errors are averaged down; what moves slowly was there in all of them alike, and is not.
+
+    Parameters
+    ----------
+    watched : one site
+    judged : windows since the change, one each
+
+    Raises
+    ------
+    ValueError
+        If a mode is in none of them.
+    """
+    law = watched.law
+    terms = np.concatenate([j.terms for j in judged])
+    residual = law.residual(terms, np.concatenate([j.whitened for j in judged]))
+    seen = np.isfinite(residual).sum(0)
+    if not seen.all():
+        missing = ", ".join(str(mode) for mode in np.flatnonzero(seen == 0) + 1)
+        raise ValueError(f"mode {missing} is not seen since the change")
+    variance = law.fast / seen + np.diag(law.slow + law.feared)
+    mean = np.where(np.isfinite(residual), residual, 0.0).sum(0) / seen
+    return Shift(log_frequency=mean * law.scale, std=np.sqrt(variance) * law.scale)
+
+
+def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
+    """Return a watch whose law predicts the changed frequencies, what it knows of temperature and scatter kept.
+
+    The shift is known as well as its deviations say; that much less is known of the law's constant. Averages begin
+    anew.
+
+    Parameters
+    ----------
+    watched : one site
+    shift : from `shift_of`
+    back : take it back; what the law has learnt since stays
+    """
+    sign = -1.0 if back else 1.0
+    law = replace(watched.law, centre=watched.law.centre + sign * shift.log_frequency)
+    if not back:
+        law = _less_sure(law, (shift.std / law.scale) ** 2)
+    return replace(watched, law=law, average=np.zeros_like(watched.average))
+
+
+def _less_sure(law: Law, variance: FloatArray) -> Law:
+    """Return a law of the same coefficients, whose constant has that much more variance (n_tracks,), whitened."""
+    common = law.common
+    along = float(common**2 @ variance)
+    across = float((variance.sum() - along) / max(len(variance) - 1, 1))
+    unknown = law.unknown.copy()
+    unknown[:, 0, 0] += (along, across)
+    information = np.asarray(np.linalg.inv(unknown), dtype=np.float64)
+    alike = np.outer(law.coefficient @ common, common)
+    moment = information[0] @ alike + information[1] @ (law.coefficient - alike)
+    return replace(law, unknown=unknown, sums=replace(law.sums, information=information, moment=moment))
