@@ -104,5 +104,5 @@ def _place(place: str | dict[str, Any]) -> list[str]:
     """Return driver and place of a device as the rig says it."""
     if isinstance(place, str):
         return ['driver = "epson-uart"', f'port = "{place}"']
-    fields = ", ".join(f"{key} = {json.dumps(value)}" for key, value in place.items())
+    fields = ", ".join(f"{key} = {json.dumps(value)}" for key, value in place.items() if value is not None)
     return ['driver = "epson-can"', f"can = {{{fields}}}"]
