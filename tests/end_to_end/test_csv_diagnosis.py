@@ -35,19 +35,22 @@ def folder(before: Path, modalwatch: Commands) -> Path:
     return before
 
 
-Diagnose = Callable[[str, Recording], tuple[int, dict[str, Any]]]
+Diagnose = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture
 def diagnosed(folder: Path, modalwatch: Commands) -> Diagnose:
-    def command(name: str, recording: Recording) -> tuple[int, dict[str, Any]]:
+    def command(name: str, recording: Recording, *, drawn: bool = False) -> tuple[int, dict[str, Any]]:
         table, log, out = folder / f"{name}.csv", folder / f"{name}.mcap", folder / name
         write_csv(table, recording)
         assert modalwatch("import", table, "-o", log).code == 0
-        named = ("--reference", folder / "before.mcap", "--out", out)
-        code = modalwatch("diagnose", folder / "structure.toml", log, *named).code
-        assert (out / "report.html").exists()
-        return code, json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+        answer = out / "diagnosis.json" if drawn else folder / f"{name}.json"
+        wanted = ("--out", out) if drawn else ("--json", answer)
+        code = modalwatch(
+            "diagnose", folder / "structure.toml", log, "--reference", folder / "before.mcap", *wanted
+        ).code
+        assert (out / "report.html").exists() == drawn
+        return code, json.loads(answer.read_text(encoding="utf-8"))
 
     return command
 
@@ -68,7 +71,7 @@ def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
     random = np.random.default_rng(SEED)
     x, side = random.uniform(-0.35, 0.35), random.uniform(-0.02, 0.02)
     body = Body(at=(x, 0, 1.48), mass=0.3, offset=(0, side, 0.02), inertia=(1e-4, 1e-4, 1e-4))
-    code, found = diagnosed("body", Rig(seed=SEED, body=(body,)).record(1, SECONDS, rate=RATE))
+    code, found = diagnosed("body", Rig(seed=SEED, body=(body,)).record(1, SECONDS, rate=RATE), drawn=True)
     assert (code, found["verdict"]) == (0, "explained")
     (cause,) = found["causes"]
     assert cause["cause"] == "added_mass"
@@ -94,7 +97,7 @@ def test_a_swapped_pair(diagnosed: Diagnose) -> None:
 
 
 def test_nothing(diagnosed: Diagnose) -> None:
-    code, found = diagnosed("nothing", Rig(seed=SEED).record(4, SECONDS, rate=RATE))
+    code, found = diagnosed("nothing", Rig(seed=SEED).record(4, SECONDS, rate=RATE), drawn=True)
     assert (code, found["verdict"], found["causes"]) == (0, "nothing_to_explain", [])
     assert found["gain"] is None
     assert found["extended_model"] is None

@@ -38,8 +38,7 @@ def test_short_demo_finds_the_body_and_replay_repeats_it_to_the_last_digit(tmp_p
 def test_ctrl_c_stops_cleanly_with_the_log_whole(tmp_path: Path) -> None:
     command = [*MODALWATCH, "demo", "--short", "--seed", "8", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    log = _first_log(tmp_path, process)
-    time.sleep(6)
+    log = _growing_log(tmp_path, process)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, out + err
@@ -49,12 +48,13 @@ def test_ctrl_c_stops_cleanly_with_the_log_whole(tmp_path: Path) -> None:
     assert log.read_bytes()[-8:] == b"\x89MCAP0\r\n"  # finished: stock readers open it
 
 
-def _first_log(folder: Path, process: subprocess.Popen[str]) -> Path:
+def _growing_log(folder: Path, process: subprocess.Popen[str]) -> Path:
+    """Wait for a log that holds some chunks, a second's data or more."""
     end = time.monotonic() + 40
     while time.monotonic() < end:
-        found = list((folder / "log").glob("*.mcap")) if (folder / "log").exists() else []
-        if found:
-            return found[0]
+        for log in (folder / "log").glob("*.mcap"):
+            if log.stat().st_size > 500_000:
+                return log
         assert process.poll() is None, process.communicate()
         time.sleep(0.1)
-    raise AssertionError("no log within 40 s")
+    raise AssertionError("no log of 500 kB within 40 s")
