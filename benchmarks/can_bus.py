@@ -119,7 +119,7 @@ def taken(open_bus: Open, take: Take, n_frames: int, pace: int) -> tuple[int, fl
         while n < n_frames and (found := take(bus)):
             n, last = n + found, time.monotonic()
         used = (time.process_time() - cpu) / (time.monotonic() - begun)
-        process.wait(10)
+        process.kill()  # it may wait for a reader that has gone deaf
     return n, last - begun, used
 
 

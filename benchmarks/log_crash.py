@@ -206,16 +206,22 @@ def write(path: Path, n_devices: int, seconds: int, rms: float) -> None:
 
 
 def sizes(folder: Path) -> None:
-    """Print bytes a 3-axis scan on the disk: ours, and a message a scan, bare (twelve bytes) or of ROS 2 (Imu)."""
-    print("\n| motion [mg rms] | ours | bare messages | times ours | Imu messages | times ours |")
-    print("| ---: | ---: | ---: | ---: | ---: | ---: |")
+    """Print bytes a 3-axis scan on the disk: the least, ours, and a message a scan, bare (twelve bytes) or ROS 2.
+
+    The entropy of normal white noise of s counts rms is log2(s sqrt(2 pi e)) bits a sample.
+    """
+    print("\n| motion [mg rms] | entropy | ours | bare messages | times ours | Imu messages | times ours |")
+    print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for milli_g in (0.0, 0.1, 1.0, 10.0):
         log, view, plain = (folder / f"{milli_g}{end}.mcap" for end in ("", "_view", "_plain"))
-        write(log, N_DEVICES, 60, milli_g * 1e-3 * 9.80665 / EPSON_SCALE)
+        rms = milli_g * 1e-3 * 9.80665 / EPSON_SCALE
+        least = 3 / 8 * np.log2(np.hypot(NOISE, rms) * np.sqrt(2 * np.pi * np.e))
+        write(log, N_DEVICES, 60, rms)
         n = sum(expand_log(log, view).values())
         _plain(log, plain)
         ours, bare, imu = (path.stat().st_size / n for path in (log, plain, view))
-        print(f"| {milli_g:g} | {ours:.2f} | {bare:.1f} | {bare / ours:.1f} | {imu:.1f} | {imu / ours:.1f} |")
+        row = f"| {milli_g:g} | {least:.2f} | {ours:.2f} | {bare:.1f} | {bare / ours:.1f} |"
+        print(f"{row} {imu:.1f} | {imu / ours:.1f} |")
 
 
 def _plain(log: Path, path: Path) -> None:

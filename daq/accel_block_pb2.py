@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15\x64\x61q/accel_block.proto\x12\nmodalwatch\"\xca\x01\n\nAccelBlock\x12\x0c\n\x04time\x18\x01 \x01(\x06\x12\x0c\n\x04rate\x18\x02 \x01(\x01\x12\x13\n\x0b\x66irst_index\x18\x03 \x01(\x04\x12\x0e\n\x06n_axes\x18\x04 \x01(\r\x12\x12\n\ndifference\x18\x05 \x03(\x11\x12\r\n\x05scale\x18\x06 \x01(\x01\x12\x13\n\x0btemperature\x18\x07 \x01(\x02\x12\r\n\x05\x66lags\x18\x08 \x01(\r\x12\x12\n\npair_index\x18\t \x01(\x04\x12\x11\n\tpair_time\x18\n \x01(\x06\x12\r\n\x05\x63lock\x18\x10 \x01(\tb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15\x64\x61q/accel_block.proto\x12\nmodalwatch\"\x83\x02\n\nAccelBlock\x12\x0c\n\x04time\x18\x01 \x01(\x06\x12\x0c\n\x04rate\x18\x02 \x01(\x01\x12\x13\n\x0b\x66irst_index\x18\x03 \x01(\x04\x12\x0e\n\x06n_axes\x18\x04 \x01(\r\x12\x12\n\ndifference\x18\x05 \x03(\x11\x12\r\n\x05scale\x18\x06 \x01(\x01\x12\x13\n\x0btemperature\x18\x07 \x01(\x02\x12\r\n\x05\x66lags\x18\x08 \x01(\r\x12\x12\n\npair_index\x18\t \x01(\x04\x12\x11\n\tpair_time\x18\n \x01(\x06\x12\x0f\n\x07n_scans\x18\x0b \x01(\r\x12&\n\x06packed\x18\x0c \x03(\x0b\x32\x16.modalwatch.PackedAxis\x12\r\n\x05\x63lock\x18\x10 \x01(\t\"T\n\nPackedAxis\x12\r\n\x05order\x18\x01 \x01(\r\x12\r\n\x05start\x18\x02 \x03(\x11\x12\r\n\x05n_low\x18\x03 \x01(\r\x12\x0b\n\x03low\x18\x04 \x01(\x0c\x12\x0c\n\x04high\x18\x05 \x01(\x0c\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -32,5 +32,7 @@ _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'daq.accel_block_pb2', _glob
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
   _globals['_ACCELBLOCK']._serialized_start=38
-  _globals['_ACCELBLOCK']._serialized_end=240
+  _globals['_ACCELBLOCK']._serialized_end=297
+  _globals['_PACKEDAXIS']._serialized_start=299
+  _globals['_PACKEDAXIS']._serialized_end=383
 # @@protoc_insertion_point(module_scope)

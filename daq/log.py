@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
 
-import numpy as np
+from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
@@ -25,10 +25,11 @@ from mcap_protobuf.schema import build_file_descriptor_set
 from zstandard import ZstdError
 
 from daq.accel_block_pb2 import AccelBlock
+from daq.block_message import decode_block, encode_block
 from daq.errors import LogError
 from daq.filelock import lock
 from daq.parts import PART, AnyLog, Part, files_of
-from daq.recording import Block, Flag
+from daq.recording import Block
 
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
@@ -50,44 +51,6 @@ class Event:
 
 
 Item = Block | Event
-
-
-def encode_block(block: Block) -> bytes:
-    """Return a block as protobuf; differences modulo 2^32 keep every int32 exactly."""
-    difference = np.diff(block.counts.T.view(np.uint32), axis=1, prepend=np.uint32(0)).view(np.int32)
-    nominal = block.pair_time - round((block.pair_index - block.first_index) / block.rate * 1e9)
-    return AccelBlock(
-        time=nominal,
-        rate=block.rate,
-        first_index=block.first_index,
-        n_axes=block.counts.shape[1],
-        difference=difference.ravel().tolist(),
-        scale=block.scale,
-        temperature=block.temperature,
-        flags=int(block.flags),
-        pair_index=block.pair_index,
-        pair_time=block.pair_time,
-        clock=block.clock,
-    ).SerializeToString()
-
-
-def decode_block(device: str, data: bytes) -> Block:
-    """Return the block of a device from protobuf."""
-    message = AccelBlock.FromString(data)
-    difference = np.array(message.difference, np.int32).reshape(message.n_axes, -1)
-    counts = np.cumsum(difference.view(np.uint32), axis=1, dtype=np.uint32).view(np.int32).T
-    return Block(
-        device=device,
-        rate=message.rate,
-        first_index=message.first_index,
-        counts=counts,
-        scale=message.scale,
-        pair_index=message.pair_index,
-        pair_time=message.pair_time,
-        temperature=message.temperature,
-        flags=Flag(message.flags),
-        clock=message.clock,
-    )
 
 
 class LogWriter:
@@ -210,7 +173,10 @@ def _read_file(path: Path) -> Iterator[Item]:
         if isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, Message):
-            yield _item(topics[record.channel_id], record)
+            try:
+                yield _item(topics[record.channel_id], record)
+            except (DecodeError, ValueError) as error:
+                raise LogError(path, f"message {record.sequence} of {topics[record.channel_id]}: {error}") from error
 
 
 def _item(topic: str, message: Message) -> Item:

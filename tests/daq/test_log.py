@@ -13,7 +13,9 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from daq import Block, Flag, IntArray, Item, LogError, LogWriter, read_attachments, read_log
-from daq.log import decode_block, encode_block
+from daq.accel_block_pb2 import AccelBlock
+from daq.block_message import decode_block, encode_block
+from daq.protocol.rice import PackedColumn, unpack
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
 INT32 = np.iinfo(np.int32)
@@ -61,6 +63,13 @@ def test_every_block_comes_back(counts: IntArray, first: int, pair: int, tempera
     assert (found.first_index, found.pair_index, found.pair_time) == (first, first + pair, START)
     assert (found.device, found.rate, found.scale, found.flags) == ("beam", 500.0, 1e-3, Flag(flags))
     np.testing.assert_equal(found.temperature, temperature)
+
+
+@given(counts_)
+def test_a_block_of_plain_differences_comes_back(counts: IntArray) -> None:
+    difference = np.diff(counts.T.view(np.uint32), axis=1, prepend=np.uint32(0)).view(np.int32)  # as in old logs
+    message = AccelBlock(rate=500.0, n_axes=counts.shape[1], difference=difference.ravel().tolist())
+    np.testing.assert_array_equal(decode_block("beam", message.SerializeToString()).counts, counts)
 
 
 def test_items_come_back_in_the_order_of_writing(whole: Path) -> None:
@@ -114,8 +123,8 @@ def test_stock_reader_reads_a_finished_log(whole: Path) -> None:
     assert summary.statistics is not None
     assert summary.statistics.message_count == len(some_items())
     assert [m.first_index for m in decoded] == [b.first_index for b in blocks]
-    first_counts = np.cumsum(np.array(decoded[0].difference[:250], np.int64)).astype(np.int32)
-    np.testing.assert_array_equal(first_counts, blocks[0].counts[:, 0])
+    columns = [PackedColumn(a.order, tuple(a.start), a.n_low, a.low, a.high) for a in decoded[0].packed]
+    np.testing.assert_array_equal(unpack(columns, decoded[0].n_scans), blocks[0].counts)
     assert [m.time for m in decoded[::2]] == [START + b.first_index * 1_000_000 for b in blocks[::2]]
 
 
