@@ -1,6 +1,6 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
-import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -25,14 +25,16 @@ from monitor.lateness import InTime
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory, matters
 from monitor.novelty import MOST_OUT
-from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, SelfTestResult, WindowResult
+from monitor.self_test import WITHIN, self_test
 from monitor.settings import Settings
 from monitor.window import Window, window_of
 from monitor.words import is_one_mass, utc
 from oma import IdentificationError, identify_all
 from updater import NO_DELAYS, ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
 
-Result = WindowResult | ReferenceResult | AlarmResult
+_DAY = 86400e9  # ns
+Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
 
 
 class Pipeline:
@@ -62,6 +64,9 @@ class Pipeline:
         self._out: list[Window] = []  # windows over the limit, without a break
         self._calm: list[Window] = []  # windows under it since the sensors were last looked at
         self._wanted: Wanted | None = None
+        self._recent: deque[Window] = deque(maxlen=max(WITHIN, settings.alarm.hold_windows))  # calm, without a break
+        self._tested: int | None = None  # when the last self-test was [ns UTC] ...
+        self._passed: int | None = None  # ... and the last that passed
         self._resumed = False  # from a memory, which has not been said yet
         if memory is not None:
             self._resume(memory)
@@ -70,6 +75,7 @@ class Pipeline:
         self._n_windows, self._resumed = memory.n_windows, True
         self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
         self._out, self._calm, self._wanted = list(memory.out), list(memory.calm), memory.wanted
+        self._tested, self._passed = memory.tested, memory.passed
         if memory.detector is None:
             self._baseline = list(memory.baseline)
         else:
@@ -89,6 +95,8 @@ class Pipeline:
             alarm=self._alarm,
             accepted=watch.accepted if watch else (),
             wanted=self._wanted,
+            tested=self._tested,
+            passed=self._passed,
             out=tuple(self._out),
             calm=tuple(self._calm),
         )
@@ -163,11 +171,11 @@ class Pipeline:
     def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
         score = watch.detector.consider(window, self._track(window))
         over = score.t2 > score.limit
-        level = score.t2 / score.limit if score.modes else math.nan
-        self._alarm, changes = self._alarm.consider(window.end, level)
+        self._alarm, changes = self._alarm.consider(window.end, score.level)
         watch.detector.settle(calm=self._alarm.state == "normal")
         self._out = [*self._out, window][-MOST_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
+        self._recent = deque(() if over else (*self._recent, window), self._recent.maxlen)
         result = result.model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
             result = result.model_copy(update=self._explain(watch))
@@ -179,6 +187,7 @@ class Pipeline:
         nodes = watch.reference.calibration.model.nodes
         yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
         yield from self._accept(window.end, watch)
+        yield from self._test(window.end, watch)
 
     def _heard(self, event: Event) -> Iterator[Result]:
         """Obey a person."""
@@ -245,6 +254,16 @@ class Pipeline:
         """Return what is said without a change of the alarm."""
         last = max(0, self._n_windows - 1)
         return AlarmResult(time=time, state=self._alarm.state, text=text, window=last, kind=kind, quiet=True)
+
+    def _test(self, time: int, watch: Watch) -> Iterator[Result]:
+        """Test now and then, while all is calm, whether an alarm would come."""
+        alarm = self._settings.alarm
+        since = watch.learnt if self._tested is None else self._tested
+        due = alarm.self_test_days > 0 and time - since >= alarm.self_test_days * _DAY
+        if due and self._alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
+            result = self_test(watch, self._alarm, tuple(self._recent), self._settings, time, self._passed)
+            self._tested, self._passed = time, result.last_passed
+            yield result
 
     def _changed(self, time: int, change: Change, text: str) -> AlarmResult:
         return AlarmResult(

@@ -4,9 +4,11 @@ from daq import Event
 from monitor.results import (
     TOPIC_ALARM,
     TOPIC_REFERENCE,
+    TOPIC_SELF_TEST,
     TOPIC_WINDOW,
     AlarmResult,
     ReferenceResult,
+    SelfTestResult,
     WindowResult,
 )
 from monitor.worker import Result
@@ -15,6 +17,7 @@ _TYPES: dict[str, type[Result]] = {
     TOPIC_WINDOW: WindowResult,
     TOPIC_REFERENCE: ReferenceResult,
     TOPIC_ALARM: AlarmResult,
+    TOPIC_SELF_TEST: SelfTestResult,
 }
 
 

@@ -25,6 +25,7 @@ Number = Annotated[float, BeforeValidator(_number)]
 TOPIC_WINDOW = "/result/window"
 TOPIC_REFERENCE = "/result/reference"
 TOPIC_ALARM = "/result/alarm"
+TOPIC_SELF_TEST = "/result/self_test"
 
 
 class _Result(BaseModel):
@@ -65,6 +66,11 @@ class Novelty(_Result):
     limit: Number  #: of the same [-]
     modes: list[int]  #: identities of the modes that entered
     detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
+
+    @property
+    def level(self) -> float:
+        """Over the limit [-]; not-a-number where no mode entered."""
+        return self.t2 / self.limit if self.modes else math.nan
 
 
 class Interval(_Result):
@@ -202,6 +208,29 @@ class ReferenceResult(_Result):
     delays: dict[str, tuple[float, float]] = {}  #: device -> constant delay against their mean, standard deviation [s]
     delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
     accepted: list[AcceptedShift] = []  #: since the baseline, in order
+
+
+class SelfTestResult(_Result):
+    """Whether a mass would be noticed: put into copies of the newest windows, at random places."""
+
+    time: int  #: [ns UTC]
+    mass: float  #: [kg]
+    places: int  #: that it was tried at
+    detected: int  #: at so many the alarm would have been raised within six windows
+    passed: bool  #: at half of them at least
+    last_passed: int | None  #: when a test has last passed, this one included [ns UTC]
+
+    @property
+    def probability(self) -> float:
+        """Of detection [-]."""
+        return self.detected / self.places
+
+    @property
+    def text(self) -> str:
+        """Say it in a line."""
+        said = "passed" if self.passed else "FAILED"
+        seen = f"{self.detected} of {self.places} places"
+        return f"self-test {said}: {1000 * self.mass:.0f} g would raise the alarm at {seen}"
 
 
 class AlarmResult(_Result):

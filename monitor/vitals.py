@@ -11,7 +11,7 @@ from typing import Any
 
 from daq import Block, Event, HostClock, Item
 from monitor.result_events import event_result
-from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
+from monitor.results import TOPIC_ALARM, TOPIC_SELF_TEST, TOPIC_WINDOW, AlarmResult, SelfTestResult, WindowResult
 
 NAME = "status.json"
 _EVERY = 1.0  # s
@@ -47,6 +47,7 @@ class Vitals:
         self._devices = {name: DeviceVitals() for name in devices}
         self._step_seconds, self._windowed = step_seconds, self._started
         self._window: dict[str, Any] = {}
+        self._self_test = self_test_of(path)
         self._written = self._started
         self._due = 0.0
 
@@ -57,6 +58,8 @@ class Vitals:
                 self._heard(item)
             elif item.topic in (TOPIC_WINDOW, TOPIC_ALARM):
                 self._analysed(item)
+            elif item.topic == TOPIC_SELF_TEST:
+                self._tested(item)
             else:
                 self._happened(item)
 
@@ -122,6 +125,7 @@ class Vitals:
                 "windowed": self._windowed,
                 "window": self._window,
                 "late": self._late,
+                "self_test": self._self_test,
                 "devices": {name: asdict(device) for name, device in self._devices.items()},
             }
 
@@ -130,6 +134,11 @@ class Vitals:
         if device is not None:
             device.scans += len(block.counts)
             device.heard, device.lost = time.time(), False
+
+    def _tested(self, event: Event) -> None:
+        result = event_result(event)
+        if isinstance(result, SelfTestResult):
+            self._self_test = result.payload() | {"text": result.text}
 
     def _happened(self, event: Event) -> None:
         device = self._devices.get(str(event.payload.get("device", "")))
@@ -148,3 +157,12 @@ class Vitals:
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
+
+
+def self_test_of(path: Path) -> dict[str, Any] | None:
+    """Return the last self-test that a file of vitals tells of: a restart does not make it unknown."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8")).get("self_test")
+    except (OSError, ValueError, AttributeError):
+        return None
+    return found if isinstance(found, dict) else None

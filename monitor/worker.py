@@ -10,10 +10,10 @@ from typing import Self
 
 from daq import Block, Event, Item
 from monitor.processes import deaf_to_stop_signals, received
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
 
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
-Result = WindowResult | ReferenceResult | AlarmResult
+Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
 _THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from monitor.cli.journal import line
-from monitor.results import AlarmResult, ReferenceResult
+from monitor.results import AlarmResult, WindowResult
 from monitor.worker import Result
 
 
@@ -38,7 +38,7 @@ class Display:
     def show(self, result: Result) -> None:
         """Take one result; ends the watch after the last planned window."""
         self.found.append(result)
-        if isinstance(result, AlarmResult | ReferenceResult):
+        if not isinstance(result, WindowResult):
             style = "bold red" if isinstance(result, AlarmResult) and result.state == "alarm" else "cyan"
             self._console.print(f"[{style}]{escape(line(result))}[/]")
             return

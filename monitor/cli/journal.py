@@ -17,14 +17,14 @@ from typing import Any, TextIO
 
 from daq import Block, Event, Item
 from monitor.result_events import event_result
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
 from monitor.sensors_said import health_text
 from monitor.words import change_text
 from monitor.worker import Result
 
 _A_MINUTE = 10  # lines of a kind, of one device
 _MINUTE = 60.0  # s
-_ROUTINE = ("_back", "_open", "_resumed", "_ok", "_deleted", "acknowledge", "stopped", "reloaded")
+_ROUTINE = ("_back", "_open", "_resumed", "_ok", "_deleted", "acknowledge", "accept", "undo", "stopped", "reloaded")
 
 
 def line(result: Result) -> str:
@@ -33,6 +33,8 @@ def line(result: Result) -> str:
         return f"reference: {len(result.modes)} modes, " + ", ".join(f"{m.frequency:.2f}" for m in result.modes) + " Hz"
     if isinstance(result, AlarmResult):
         return f"{result.state:>7}: {result.text}"
+    if isinstance(result, SelfTestResult):
+        return result.text
     return _window_line(result)
 
 

@@ -19,11 +19,12 @@ from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
 from monitor.history.rollup import roll_up
 from monitor.result_events import event_result
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
 from monitor.words import change_text
 from monitor.worker import Result
 
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
+_OF_TESTS = ("passed", "mass", "places", "detected")  # what is kept of a self-test
 _DRIVERS = {"postgresql": "postgresql+psycopg"}
 
 
@@ -128,9 +129,10 @@ def said(error: Exception) -> str:
 def _write(connection: Connection, item: Event) -> int | None:
     """Put one item in; return the day whose figures it changes."""
     result = _result(item)
-    if result is None:
-        row = {"time": item.time, "topic": item.topic[:64], "device": str(item.payload.get("device", ""))[:64]}
-        _put(connection, schema.events, [row | {"json": json.dumps(item.payload)}])
+    if result is None or isinstance(result, SelfTestResult):
+        payload = {name: value for name, value in item.payload.items() if result is None or name in _OF_TESTS}
+        row = {"time": item.time, "topic": item.topic[:64], "device": str(payload.get("device", ""))[:64]}
+        _put(connection, schema.events, [row | {"json": json.dumps(payload)}])
     elif isinstance(result, ReferenceResult):
         row = {"time": result.time, "n_windows": result.n_windows, "json": result.model_dump_json()}
         _put(connection, schema.references, [row])

@@ -14,7 +14,7 @@ from monitor.window import Window
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 2  # of what is written here: another one is not read
+VERSION = 3  # of what is written here: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,6 +28,8 @@ class Memory:
     alarm: Alarm
     accepted: tuple[Accepted, ...]  #: changes of the structure since the baseline
     wanted: Wanted | None  #: an acceptance that waits for windows
+    tested: int | None  #: when the last self-test was [ns UTC]
+    passed: int | None  #: when the last one that passed was [ns UTC]
     out: tuple[Window, ...]  #: over the limit, without a break
     calm: tuple[Window, ...]  #: under it since the sensors were last looked at
 

@@ -3,7 +3,14 @@
 from daq import Block, Event, Item
 from monitor.notice_text import Notice, NoticeKind
 from monitor.result_events import event_result
-from monitor.results import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
+from monitor.results import (
+    TOPIC_ALARM,
+    TOPIC_SELF_TEST,
+    TOPIC_WINDOW,
+    AlarmResult,
+    SelfTestResult,
+    WindowResult,
+)
 from monitor.words import change_text, utc
 
 _ROUTINE = (
@@ -36,9 +43,11 @@ class News:
         """Return the notice that an item of the log is worth; items in the log's order."""
         if isinstance(item, Block):
             return None
-        if item.topic not in (TOPIC_ALARM, TOPIC_WINDOW):
+        if item.topic not in (TOPIC_ALARM, TOPIC_WINDOW, TOPIC_SELF_TEST):
             return self._trouble(item)
         result = event_result(item)
+        if isinstance(result, SelfTestResult):
+            return None if result.passed else self._notice("trouble", result.time, result.text)
         if isinstance(result, AlarmResult):
             return self._change(result)
         return self._sharper(result) if isinstance(result, WindowResult) else None

@@ -63,6 +63,10 @@ class AlarmSettings(Section):
     """alarms raised and cleared within `flapping_hours`, from which on they wake nobody"""
     flapping_hours: Annotated[float, Field(ge=0)] = 24.0
     """see `flapping_changes`"""
+    self_test_days: Annotated[float, Field(ge=0)] = 7.0
+    """between tests whether a mass would raise the alarm; 0 for none"""
+    self_test_percent: Positive = 2.0
+    """that mass, of the structure's [%]"""
 
     @property
     def rules(self) -> AlarmRules:

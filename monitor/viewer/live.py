@@ -23,6 +23,7 @@ from monitor.viewer.signals import SignalStream
 from monitor.viewer.spectrum import draw_spectra
 from monitor.viewer.states import events, log_state, name_states, state_changes, write_event
 from monitor.viewer.trends import draw_trends
+from monitor.worker import Result
 from updater import parse_structure
 
 _HOST = "127.0.0.1"
@@ -93,8 +94,8 @@ class LiveResults:
         self._shown: set[str] = set()
         name_states(recording)
 
-    def add(self, result: WindowResult | ReferenceResult | AlarmResult | None) -> None:
-        """Take one result; None is none."""
+    def add(self, result: Result | None) -> None:
+        """Take one result; None is none, and a self-test is nothing to draw."""
         if isinstance(result, ReferenceResult):
             self._reference = result
             draw_bare_structure(self._recording, result, result.time)
@@ -102,7 +103,7 @@ class LiveResults:
             draw_mode_shapes(self._recording, result, result.time)
         elif isinstance(result, AlarmResult):
             self._alarms.append(result)
-        elif result:
+        elif isinstance(result, WindowResult):
             self._window(result)
         if result and self._windows:
             self._tell()

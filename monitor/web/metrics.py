@@ -19,6 +19,7 @@ def metrics(vitals: dict[str, Any] | None, state: str | None) -> bytes:
         _of_ways(registry, vitals)
         _of_devices(registry, vitals["devices"])
         _of_window(registry, vitals["window"])
+        _of_self_test(registry, vitals.get("self_test"))
     if state is not None:
         gauge = Gauge("modalwatch_state", "1 for the state of the alarm", ["state"], registry=registry)
         for name in _STATES:
@@ -79,6 +80,17 @@ def _of_window(registry: CollectorRegistry, window: dict[str, Any]) -> None:
     if window["phase"] != "learning":
         for mode, value in window["frequencies"].items():
             frequency.labels(mode).set(value)
+
+
+def _of_self_test(registry: CollectorRegistry, test: dict[str, Any] | None) -> None:
+    if test is None:
+        return
+    now = time.time()
+    _gauge(registry, "self_test_detection_ratio", "Of the mass, over places", test["detected"] / test["places"])
+    _gauge(registry, "self_test_mass_kilograms", "That was put into copies of windows", test["mass"])
+    _gauge(registry, "self_test_age_seconds", "Since the last one", now - test["time"] * 1e-9)
+    if test["last_passed"] is not None:
+        _gauge(registry, "self_test_success_age_seconds", "Since one has passed", now - test["last_passed"] * 1e-9)
 
 
 def _gauge(registry: CollectorRegistry, name: str, text: str, value: float) -> None:

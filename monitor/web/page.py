@@ -51,6 +51,7 @@ def _content(source: Source) -> dict[str, Any]:
         "devices": _devices(vitals) if vitals else [],
         "events": [_event(event) for event in reversed(past.events)] if past else [],
         "window": utc(past.windows[-1].end) if past else None,
+        "self_test": _self_test(vitals.get("self_test")) if vitals else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
     }
 
@@ -63,6 +64,10 @@ def _alarm(alarm: AlarmRow) -> dict[str, Any]:
         "text": alarm.text,
         "acknowledged": utc(alarm.acknowledged) if alarm.acknowledged else None,
     }
+
+
+def _self_test(test: dict[str, Any] | None) -> str | None:
+    return f"{test['text']} ({utc(test['time'])})" if test else None
 
 
 def _novelty(past: Past) -> dict[str, Any] | None:
@@ -107,4 +112,4 @@ def _age(heard: float | None, now: float) -> str:
 def _event(event: EventRow) -> dict[str, str]:
     payload = json.loads(event.json)
     said = ", ".join(f"{name} {value}" for name, value in payload.items() if value != "")
-    return {"time": utc(event.time), "what": event.topic.removeprefix("/event/").replace("_", " "), "said": said}
+    return {"time": utc(event.time), "what": event.topic.rpartition("/")[2].replace("_", " "), "said": said}

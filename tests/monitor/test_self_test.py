@@ -1,0 +1,136 @@
+"""The self-test puts a mass where it says, finds what it ought to, and leaves the watch as it is."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from updater_helpers import measure, t_frame
+from watch_helpers import BASELINE, STEP, Played, judged, run, site_settings, without_answers
+
+from daq import FloatArray, SystemClock
+from monitor.history import HistoryStore, Reader, Span
+from monitor.memory import memory_text, parse_memory
+from monitor.notices.news import News
+from monitor.pipeline import Result
+from monitor.result_events import result_event
+from monitor.results import SelfTestResult
+from monitor.self_test import DRAWS, with_mass
+from monitor.vitals import NAME, Vitals, self_test_of
+from monitor.web import Source
+from monitor.web.metrics import metrics
+from monitor.web.page import state_html
+from monitor.web.source import problems
+from updater import Body, build_model, nominal_reference, stack_tracks
+
+OFTEN = f"self_test_days = {5.5 * STEP / 86400}\nself_test_percent = "  # six windows after the last
+
+
+def self_tests(results: list[Result]) -> list[SelfTestResult]:
+    return [result for result in results if isinstance(result, SelfTestResult)]
+
+
+def frequencies(*bodies: Body) -> FloatArray:
+    """Return the first frequencies of the nominal frame with bodies [Hz], by the whole model."""
+    structure = t_frame().model_copy(update={"body": bodies})
+    return build_model(structure, shear_flexible=True, mass="consistent").modes(8).frequency
+
+
+def test_mass_changes_frequencies_as_in_the_whole_model() -> None:
+    """Thirty modes stand for the rest, which 2e-4 allows for: shifts are up to a tenth."""
+    model, random = build_model(t_frame(), shear_flexible=True, mass="consistent"), np.random.default_rng(0)
+    measured = [measure(model, random, np.ones(12)) for _ in range(3)]
+    reference = nominal_reference(t_frame(), stack_tracks(measured, [np.arange(8)] * 3))
+    places = np.array([(0.0, 0.0, 0.9), (0.3, 0.0, 1.48)])
+    found = with_mass(reference, places, 0.2)
+    bare = frequencies()
+    for place, ratio in zip(places, found, strict=True):
+        x, y, z = (float(v) for v in place)
+        expected = frequencies(Body(at=(x, y, z), mass=0.2)) / bare
+        np.testing.assert_allclose(ratio, expected[reference.paired], atol=2e-4)
+    assert np.all(with_mass(reference, places, 0.0) == pytest.approx(1.0, abs=1e-12))
+
+
+@pytest.mark.parametrize(("percent", "seen"), [(8.0, range(DRAWS // 2, DRAWS + 1)), (1e-4, range(1))])
+def test_what_weighs_enough_is_seen_and_nothing_is_not(
+    percent: float, seen: range, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played = Played(21, monkeypatch)
+    played.settings = site_settings(OFTEN + str(percent))
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE + 5))
+    windows = list(played.windows(4))
+    without = played.pipeline(pipeline.memory)
+    [test] = self_tests(run(pipeline, iter(windows[:1])))  # the sixth calm one
+    assert test.detected in seen
+    assert test.passed == (percent == 8.0)
+    assert test.last_passed == (test.time if test.passed else None)
+    whole = build_model(t_frame()).total_mass()
+    assert test.mass == pytest.approx(percent / 100 * whole, rel=1e-6)
+    # the watch is as it would be without the test
+    without_settings = site_settings("self_test_days = 0")
+    played.settings = without_settings
+    untested = played.pipeline(without.memory)
+    after = judged(run(pipeline, iter(windows[1:4])))
+    said = run(untested, iter(windows[:4]))
+    assert self_tests(said) == []
+    assert [w.payload() for w in judged(said)][1:] == [w.payload() for w in after]
+
+
+def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    without_answers(monkeypatch)
+    played = Played(22, monkeypatch)
+    played.settings = site_settings(OFTEN + "2.0")
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE + 6))
+    pipeline = played.pipeline(parse_memory(memory_text(pipeline.memory)))
+    again = run(pipeline, played.windows(8))
+    assert [test.time for test in self_tests(again)] == [judged(again)[5].end]
+    played.put(Body(at=(0.0, 0.0, 0.9), mass=0.25))
+    assert self_tests(run(pipeline, played.windows(6))) == []
+
+
+TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=True, last_passed=10**18)
+
+
+def test_only_a_failed_test_is_told(tmp_path: Path) -> None:
+    assert TEST.text == "self-test passed: 150 g would raise the alarm at 20 of 24 places"
+    assert TEST.probability == pytest.approx(20 / 24)
+    failed = SelfTestResult(time=10**18, mass=0.15, places=24, detected=3, passed=False, last_passed=None)
+    news = News("frame")
+    assert news.of(result_event(TEST)) is None
+    notice = news.of(result_event(failed))
+    assert notice is not None
+    assert (notice.kind, notice.text) == ("trouble", failed.text)
+    url = f"sqlite:///{tmp_path / 'history.sqlite'}"
+    with HistoryStore(url) as store:
+        store.write([result_event(failed)])
+    with Reader(url) as reader:
+        [event] = reader.events(Span(start=0, end=2**62))
+    assert (event.topic, event.time) == ("/result/self_test", 10**18)
+    assert '"detected": 3' in event.json
+
+
+@pytest.mark.parametrize(
+    ("text", "found"), [('{"self_test": {"passed": true}}', {"passed": True}), ("[]", None), ("", None)]
+)
+def test_last_test_outlives_a_restart(tmp_path: Path, text: str, found: object) -> None:
+    path = tmp_path / "status.json"
+    assert self_test_of(path) is None
+    path.write_text(text)
+    assert self_test_of(path) == found
+
+
+def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
+    failed = TEST.model_copy(update={"detected": 3, "passed": False})
+    state = dict.fromkeys(("disk", "history", "notices", "viewer", "analysis"))
+    state |= {"dropped": 0, "disk_free": 5e9, "not_in_history": 0, "waiting": {}, "bad_bytes": {}}
+    source = Source(name="frame", state=tmp_path, url=f"sqlite:///{tmp_path / 'history.sqlite'}")
+    for test, ratio, count in ((TEST, 20 / 24, 1), (failed, 3 / 24, 2)):
+        vitals = Vitals(tmp_path / NAME, (), 600.0, SystemClock())
+        vitals.take(result_event(test))
+        vitals.write(state)
+        text = metrics(source.vitals(), "normal").decode()
+        assert f"modalwatch_self_test_detection_ratio {ratio}" in text
+        assert "modalwatch_self_test_success_age_seconds" in text
+        assert (test.text in problems(source.vitals())) == (not test.passed)
+        assert state_html(source).count(test.text) == count  # a failed one among what is not well too
