@@ -8,10 +8,8 @@ import numpy as np
 from daq import FloatArray
 from updater.candidates import Candidate
 from updater.causes.base import Cause, Placed
+from updater.elsewhere import another_place
 from updater.fit import BoolArray, Fit
-from updater.structure import Structure
-
-_FAR = 0.05  # of the structure's largest extent, from where on a place is another one
 
 
 def by_place(found: Sequence[Candidate], sure: float) -> list[Candidate]:
@@ -52,7 +50,7 @@ def _places(part: Fit[Cause]) -> list[tuple[float, BoolArray]]:
     cause = part.hypotheses
     if not isinstance(cause, Placed):
         return []
-    least = _FAR * _extent(cause.reference.calibration.structure)
+    least = another_place(cause.reference.calibration.structure)
     found: list[tuple[FloatArray, FloatArray]] = []
     for inside in cause.by_place(part):
         where = cause.where(part.only(inside > 0))
@@ -63,8 +61,3 @@ def _places(part: Fit[Cause]) -> list[tuple[float, BoolArray]]:
         else:
             found[near] = found[near][0] + inside, found[near][1]
     return sorted(((float(inside.sum()), inside > 0) for inside, _ in found), key=lambda place: -place[0])
-
-
-def _extent(structure: Structure) -> float:
-    ends = np.array([end for member in structure.member for end in (member.point(0.0), member.point(member.length))])
-    return float(np.linalg.norm(np.ptp(ends, axis=0)))

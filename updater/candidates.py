@@ -1,13 +1,8 @@
-"""Causes fitted to the same data, alone and together, with the evidence for each.
+"""Causes of the catalogue fitted to the same data, each alone, with the evidence for each."""
 
-Compositions are found step by step: every cause of the catalogue is tried beside the best so far, the promising ones
-are fitted in turns, each over all its alternatives while the others give way in their parameters.
-"""
-
-import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -15,20 +10,16 @@ import numpy as np
 from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE, RARITY
 from updater.causes.common_factor import CommonFactor
-from updater.causes.composite import Beside, Chosen
+from updater.causes.composite import Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
-from updater.fit import Fit, fit, foreseen
+from updater.fit import Fit, fit
 from updater.prediction import prediction
 from updater.reference import Reference
 from updater.statistics import COMMON_STD
 
 PRIOR_NOTHING = 0.5
-_CLOSER = 3  # compositions that are fitted, of all that are foreseen to first order
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
-_MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
-_DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
-_HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
 _LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
@@ -59,14 +50,6 @@ class Candidate:
         """Tell whether all of its causes do something: a composition fits better than any of its parts does."""
         parts = [c for c in fewer if len(c.chosen) < len(self.chosen) and Counter(c.names) <= Counter(self.names)]
         return all(self.chi_square < part.chi_square - _LEAST_GAIN for part in parts)
-
-
-@dataclass(frozen=True, eq=False)
-class Promise:
-    """Several causes together, of which the last has not been fitted yet."""
-
-    chosen: tuple[Chosen, ...]
-    log_evidence: float  #: foreseen to first order, what its parameters cost left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,78 +136,3 @@ class Weighing:
                 Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)
             )
         return sorted(found, key=lambda c: -round(c.log_evidence, 2))  # equals stay in the catalogue's order
-
-    def promising(self, seeds: Sequence[Candidate]) -> list[Promise]:
-        """Foresee to first order what each cause would gain beside each of the seeds, the best first."""
-        found = [
-            self._promise(seed, name, cause)
-            for seed in seeds
-            for name, cause in self.causes.items()
-            if not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
-        ]
-        return sorted(found, key=lambda p: -p.log_evidence)
-
-    @cached_property
-    def _same_factor(self) -> list[Cause]:
-        """Makers of a factor on all frequencies that nothing tells apart; the first one stands for all."""
-        return [c for c in self.causes.values() if isinstance(c, CommonFactor) and not c.informed]
-
-    def _said_already(self, seed: Candidate, cause: Cause) -> bool:
-        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one."""
-        if not isinstance(cause, CommonFactor):
-            return False
-        return cause in self._same_factor[1:] or any(isinstance(c.cause, CommonFactor) for c in seed.chosen)
-
-    def _with_other_makers(self, found: Sequence[Candidate]) -> list[Candidate]:
-        """Return candidates and the same with each other maker of a common factor in the place of the first."""
-        every = list(found)
-        for candidate, other in itertools.product(found, self._same_factor[1:]):
-            first = self._same_factor[0]
-            if first.name in candidate.names:
-                chosen = tuple(replace(c, cause=other) if c.cause is first else c for c in candidate.chosen)
-                parts = tuple(replace(p, hypotheses=other) if p.hypotheses is first else p for p in candidate.parts)
-                every.append(replace(candidate, chosen=chosen, parts=parts))
-        return every
-
-    def _full(self, seed: Candidate) -> bool:
-        """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
-        most = min(max(2, len(self.data.log_ratio) // _MODES_EACH), max(1, int(self.data.freedom / _DATA_EACH)))
-        return sum(c.cause.drifting for c in seed.chosen) >= most
-
-    def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
-        self.on_cause(" and ".join((*seed.names, name)))
-        n_own = len(cause.prior_std)
-        theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
-        beside: Beside[Cause] = Beside(cause, seed.chosen)
-        cost = -foreseen(self.data, beside, theta, n_own)
-        gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
-        row = int(np.argmax(gain))
-        evidence = seed.log_evidence + float(gain[row]) + self.log_prior(name)
-        return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence)
-
-    def together(self, promises: Sequence[Promise]) -> list[Candidate]:
-        """Fit the best of what was foreseen; two causes of one kind are two."""
-        found: dict[tuple[str, ...], Candidate] = {}
-        for promise in promises[: _CLOSER + 2 - len(promises[0].chosen)]:
-            if promise.log_evidence < promises[0].log_evidence - _HOPELESS:
-                break
-            fitted = self._settled(promise.chosen)
-            key = tuple(sorted(fitted.names))
-            if key not in found or found[key].log_evidence < fitted.log_evidence:
-                found[key] = fitted
-        best, *others = sorted(found.values(), key=lambda c: -c.log_evidence)
-        again = self._settled(best.chosen)
-        return self._with_other_makers([again if again.log_evidence > best.log_evidence else best, *others])
-
-    def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
-        """Fit all alternatives of each cause beside the best of the others, the last one first."""
-        parts: list[Fit[Cause]] = []
-        for _ in chosen:
-            *others, last = chosen
-            found = fit(self.data, Beside(self.causes[last.cause.name], tuple(others), fresh=True))
-            chosen = found.hypotheses.best(found)
-            parts.insert(0, found.hypotheses.of_free(found))
-        # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
-        open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
-        evidence = found.log_evidence - open_ones + sum(self.log_prior(c.cause.name) for c in chosen)
-        return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))

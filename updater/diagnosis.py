@@ -18,6 +18,7 @@ from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
+from updater.compositions import Compositions
 from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.next_measurement import next_measurement
@@ -113,17 +114,18 @@ def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
 
 def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
     """Return single causes and, where one more promises much, compositions of ever more while the evidence grows."""
+    several = Compositions(weighing)
     for size in range(1, _MOST):
         seeds = [c for c in found if len(c.chosen) == size][:_SEEDS]
         if not seeds or found[0] is not seeds[0]:
             break
-        promises = weighing.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
+        promises = several.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
         if not promises:
             break
         much = _MUCH if weighing.reference.calibration.parameters else _MUCH_IN_A_FILE
         if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + much:
             break
-        more = [c for c in weighing.together(promises) if c.earned(found)]
+        more = [c for c in several.together(promises) if c.earned(found)]
         found = sorted([*found, *more], key=lambda c: -c.log_evidence)
     return found
 

@@ -14,7 +14,7 @@ from updater.reanalysis import Changed, Effect, derivative, picked, predict, rea
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 1e-3  # of chi-square: a step that gains less is an alternative's last
-_REACH = (1000.0, 1000.0, 100.0, 100.0, 100.0, 100.0)  # of chi-square over the best: promised by a step that is taken
+_REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 
 

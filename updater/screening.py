@@ -29,7 +29,7 @@ def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float
     mass_std : prior of the mass [kg]
     most : positions to keep
     """
-    linear = _linear(comparison)
+    linear = linear_in_mass(comparison)
     chunks = [slice(i, i + _CHUNK) for i in range(0, len(translation), _CHUNK)]
     gain = np.concatenate([_gain(translation[c], comparison.paired, linear, mass_std) for c in chunks])
     if len(gain) <= most:
@@ -38,7 +38,7 @@ def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float
 
 
 @dataclass(frozen=True, eq=False)
-class _Linear:
+class Linear:
     """Whitened residuals without a mass, and what is predicted for m = 1 kg."""
 
     log_ratio: FloatArray  #: (n,)
@@ -47,7 +47,8 @@ class _Linear:
     by_coupling: FloatArray  #: (n, n_modes, n_channels) of shape i by u_i . u_k
 
 
-def _linear(comparison: Comparison) -> _Linear:
+def linear_in_mass(comparison: Comparison) -> Linear:
+    """Return what a comparison leaves, and what a small mass would change of it."""
     square, paired = comparison.frequency**2, comparison.paired
     gap = square / square[paired, None] - 1
     gap[np.arange(len(paired)), paired] = np.inf
@@ -57,7 +58,7 @@ def _linear(comparison: Comparison) -> _Linear:
     moved = beside((turned / along[:, None])[:, :, None] * comparison.at_channels.T, comparison.base[:, None])
     off = beside(comparison.shape, comparison.base)
     white = comparison.drifting.matrix
-    return _Linear(
+    return Linear(
         log_ratio=white @ comparison.log_ratio,
         by_shift=-0.5 * white,
         shape=np.einsum("icd,id->ic", comparison.shape_whitener, off),
@@ -65,7 +66,7 @@ def _linear(comparison: Comparison) -> _Linear:
     )
 
 
-def _gain(translation: FloatArray, paired: IndexArray, linear: _Linear, mass_std: float) -> FloatArray:
+def _gain(translation: FloatArray, paired: IndexArray, linear: Linear, mass_std: float) -> FloatArray:
     """Return what the best mass at each position (n,) gains in chi-square."""
     shift = (translation[:, :, paired] ** 2).sum(1) @ linear.by_shift.T
     slope_rest, slope_slope = shift @ linear.log_ratio, (shift**2).sum(1)

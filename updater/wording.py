@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from daq import FloatArray
 from updater.apart import by_place
+from updater.causes.attached_oscillator import hides
 from updater.causes.base import Placed
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
@@ -67,6 +68,8 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
     if one.names == other.names:
         return False  # at another place
+    if any(hides(part.cause) for c in (one, other) for part in c.chosen):
+        return False  # stiffly hung it is a body: how common each is says which it is
     if _at_one_connection(one, other):
         return True
     predicted = [prediction(data, c.chosen) for c in (one, other)]

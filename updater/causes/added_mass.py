@@ -153,6 +153,12 @@ class AddedMass:
         probability = fit.probability
         return places(self.member, self.position, probability / self.weight, probability)
 
+    def points(self, fit: "Fit[Any]") -> FloatArray:
+        """Return where each alternative is (n, 3), on its member's axis [m]."""
+        del fit
+        places = zip(self.member.tolist(), self.position.tolist(), strict=True)
+        return np.array([self._member_of(m).point(s) for m, s in places])
+
     def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         return [place.probability * place.share for place in self.places(fit)]

@@ -5,7 +5,8 @@ its mass, the modes' mass matrix grows by m Phi^T Phi and is bordered by m^1/2 P
 1 / omega_o^2: exact in the reference's modes. The new mode's shape is the structure shaken at one place, which says
 where; how far the other modes make way says how heavy it is.
 
-Proposed only where a mode is seen that the reference does not know.
+Where no mode is seen that the reference does not know, its own may move the sensors too little to be seen: then its
+frequency can be any, and how the other modes make way says all there is.
 """
 
 from dataclasses import dataclass, replace
@@ -16,12 +17,12 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
-from updater.comparison import Comparison, NewModes, shaken
+from updater.comparison import Comparison, NewModes
 from updater.fe.element import local_axes
+from updater.hanging import hung, not_known, shaking, translations
 from updater.posterior import credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.shape_errors import beside
 from updater.structure import Oscillator, Structure
 from updater.verdict import Quantity, Where, vector
 
@@ -37,23 +38,28 @@ _MOST_FINE = 60
 _NEAR = 20.0  # of log density under the best
 _MASS_STD = 0.1  # of the structure's mass, Gaussian prior while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass
-_LEAST_START = 1e-3  # of the structure's mass, from where a fit begins
 _TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
+_STEP = 0.15  # of ln f between own frequencies that are begun from where no mode tells; their prior's deviation too
+_BEYOND = 1.3  # times the lowest and the highest mode that is seen: farther off it is a mass, or not there
 _CHANCE = 0.1  # probability of a new mode that is nobody's, or was not seen before
-_SAME_FREQUENCY, _SAME_SHAPE = 0.1, 0.6  # of ln f, and MAC: a mode of the reference that was not seen before
+_UNSEEN = 0.01  # of an oscillator whose mode no sensor sees, over one that is seen: a body clamped on acts much like it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedOscillator:
-    """Places, directions and new modes; parameters are mass [kg] and ln f, from the new mode's."""
+    """Places, directions and new modes; parameters are mass [kg] and ln f, from the new mode's.
+
+    Of one whose mode is not seen, places, directions and frequencies to begin from.
+    """
 
     reference: Reference
     comparison: Comparison
-    new: NewModes
+    new: NewModes | None  #: those seen that the reference does not know; None: it is one whose mode is not seen
+    log_frequency: FloatArray  #: (n_begun,) of the new modes, or that are begun from [ln Hz]
     member: IndexArray  #: (n,) of the structure's members
     position: FloatArray  #: (n,) distance from the member's start [m]
     axis: IndexArray  #: (n,) of the member's local axes, 0 along it
-    mode: IndexArray  #: (n,) which of the new modes
+    mode: IndexArray  #: (n,) which of these frequencies
     translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there, along the member's local axes
     log_prior: FloatArray  #: (n,)
     start: FloatArray  #: (n, 2)
@@ -70,7 +76,7 @@ class AttachedOscillator:
     @property
     def prior_std(self) -> FloatArray:
         """Mass [kg] and ln f."""
-        return np.array([_MASS_STD * self._total, _TUNED])
+        return np.array([_MASS_STD * self._total, _TUNED if self.new else _STEP])
 
     @property
     def lower(self) -> FloatArray:
@@ -81,7 +87,7 @@ class AttachedOscillator:
         """Return the mass that rides on the structure, and what is coupled with it."""
         at, mass = self.translation[rows], theta[:, 0]
         along = np.take_along_axis(at, self.axis[rows, None, None], axis=1)[:, 0]
-        omega = 2 * np.pi * np.exp(self.new.log_frequency[self.mode[rows]] + theta[:, 1])
+        omega = 2 * np.pi * np.exp(self.log_frequency[self.mode[rows]] + theta[:, 1])
         return replace(
             no_effect(len(rows), self.comparison),
             mass=mass[:, None, None] * (at.transpose(0, 2, 1) @ at),
@@ -90,8 +96,10 @@ class AttachedOscillator:
         )
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what a mass of any order makes of the evidence, and that the new mode is somebody's."""
+        """Return what a mass of any order makes of the evidence, and that the new mode is somebody's or is not seen."""
         mass = self._magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
+        if self.new is None:
+            return np.asarray(mass + np.log(_UNSEEN))
         explained = _log_explained(self.new, self.comparison.overdispersion)[np.unique(self.mode)]
         return np.asarray(mass + explained.mean())  # of several new modes alike: beside others only one is left here
 
@@ -125,15 +133,15 @@ class AttachedOscillator:
             axis=columns[1],
             mode=columns[2],
             position=columns[3],
-            translation=_translations(self.reference, columns[0], columns[3]),
+            translation=translations(self.reference, columns[0], columns[3]),
             log_prior=finer,
             start=theta[source],
         )
 
     def _alike(self, fit: "Fit[Cause]") -> IndexArray:
-        """Return the alternatives of the best one's direction and mode, by member and position."""
-        best = fit.best
-        own = np.flatnonzero((self.axis == self.axis[best]) & (self.mode == self.mode[best]))
+        """Return the alternatives of the best one's direction and new mode, by member and position."""
+        same = self.mode == self.mode[fit.best] if self.new else np.ones(len(self.mode), bool)
+        own = np.flatnonzero((self.axis == self.axis[fit.best]) & same)
         return own[np.lexsort((self.position[own], self.member[own]))]
 
     def where(self, fit: "Fit[Cause]") -> Where:
@@ -162,16 +170,18 @@ class AttachedOscillator:
         magnitude = self._magnitude(fit.theta[own, 0], np.sqrt(fit.covariance[own, 0, 0]))
         mass = float(share @ magnitude.mean)
         variance = float(share @ (magnitude.variance + (magnitude.mean - mass) ** 2))
-        log_f = float(share @ fit.theta[own, 1])
-        spread = float(np.sqrt(share @ (fit.covariance[own, 1, 1] + (fit.theta[own, 1] - log_f) ** 2)))
-        frequency = float(np.exp(self.new.log_frequency[self.mode[fit.best]] + log_f))
+        each = self.log_frequency[self.mode[own]] + fit.theta[own, 1]
+        log_f = float(share @ each)
+        spread = float(np.sqrt(share @ (fit.covariance[own, 1, 1] + (each - log_f) ** 2)))
+        frequency = float(np.exp(log_f))
         found = {
             "mass": Quantity(value=mass, std=variance**0.5, unit="kg"),
             "frequency": Quantity(value=frequency, std=frequency * spread, unit="Hz"),
         }
-        damping, std = self.new.damping[self.mode[fit.best]], self.new.damping_std[self.mode[fit.best]]
-        if np.isfinite(damping + std):
-            found["damping"] = Quantity(value=float(damping), std=float(std), unit="-")
+        if self.new is not None:
+            damping, std = self.new.damping[self.mode[fit.best]], self.new.damping_std[self.mode[fit.best]]
+            if np.isfinite(damping + std):
+                found["damping"] = Quantity(value=float(damping), std=float(std), unit="-")
         return found
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
@@ -182,16 +192,19 @@ class AttachedOscillator:
             at=vector(member.point(float(self.position[row]))),
             direction=vector(np.round(way, 9)),
             mass=float(theta[0]),
-            frequency=float(np.exp(self.new.log_frequency[self.mode[row]] + theta[1])),
+            frequency=float(np.exp(self.log_frequency[self.mode[row]] + theta[1])),
         )
         return structure.model_copy(update={"oscillator": (*structure.oscillator, oscillator)})
 
 
 def propose_attached_oscillator(reference: Reference, comparison: Comparison) -> AttachedOscillator | None:
-    """Return the places and directions whose shaking looks most like a new mode; None if there is none."""
+    """Return the places and directions whose shaking looks most like a new mode, or that make way most like it.
+
+    None if every new mode is one that the reference has.
+    """
     new = comparison.new
-    unknown = _unknown(reference, comparison) if new is not None else np.empty(0, np.intp)
-    if new is None or not len(unknown):
+    unknown = not_known(reference, comparison) if new is not None else np.empty(0, np.intp)
+    if new is not None and not len(unknown):
         return None
     members = reference.calibration.structure.member
     length = sum(member.length for member in members)
@@ -199,9 +212,15 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
     grids = [np.linspace(0, m.length, max(2, round(m.length / gap)) + 1) for m in members]
     member = np.repeat(np.arange(len(members)), [len(grid) for grid in grids])
     position = np.concatenate(grids)
-    translation = _translations(reference, member, position)
-    total = reference.calibration.model.total_mass()
-    looked = [_first_order(comparison, new, int(mode), translation, total) for mode in unknown]
+    translation = translations(reference, member, position)
+    largest = _MASS_STD * reference.calibration.model.total_mass()
+    if new is not None:
+        frequencies = new.log_frequency
+        looked = [shaking(comparison, new, int(mode), translation, largest) for mode in unknown]
+    else:
+        frequencies = _begun(comparison)
+        unknown = np.arange(len(frequencies))
+        looked = hung(comparison, translation, np.exp(frequencies), largest)
     misfit, start = (np.stack(parts) for parts in zip(*looked, strict=True))  # (n_new, n, 3), (n_new, n, 3, 2)
     kept = np.sort(np.argsort(misfit, axis=None)[:_KEPT])
     mode, place, axis = np.unravel_index(kept, misfit.shape)
@@ -210,6 +229,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
         reference=reference,
         comparison=comparison,
         new=new,
+        log_frequency=frequencies,
         member=member[place],
         position=position[place],
         axis=axis.astype(np.intp),
@@ -220,50 +240,15 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
     )
 
 
-def _unknown(reference: Reference, comparison: Comparison) -> IndexArray:
-    """Return the new modes that the reference has none for: what it has was there before, and was not seen."""
-    new = comparison.new
-    assert new is not None
-    others = np.setdiff1d(np.arange(len(reference.frequency)), reference.paired)
-    shape = comparison.at_channels[:, others]
-    assurance = (new.shape @ shape) ** 2 / np.maximum((shape**2).sum(0), 1e-300)
-    near = np.abs(new.log_frequency[:, None] - np.log(reference.frequency[others])) < _SAME_FREQUENCY
-    return np.flatnonzero(~(near & (assurance > _SAME_SHAPE)).any(1))
+def hides(cause: object) -> bool:
+    """Tell whether a cause is an oscillator whose mode is not seen."""
+    return isinstance(cause, AttachedOscillator) and cause.new is None
 
 
-def _translations(reference: Reference, member: IndexArray, position: FloatArray) -> FloatArray:
-    """Return the modes' translations (n, 3, n_modes) along the local axes of members at distances from their starts."""
-    structure, model = reference.calibration.structure, reference.calibration.model
-    members = structure.member
-    points = np.array([members[m].point(float(s)) for m, s in zip(member.tolist(), position.tolist(), strict=True)])
-    moved = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)[:, :3]
-    axes = np.array([local_axes(np.subtract(m.end, m.start), m.local_y) for m in members])
-    return np.asarray(axes[member] @ moved)
-
-
-def _first_order(
-    comparison: Comparison, new: NewModes, mode: int, translation: FloatArray, total: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return how badly each place and direction (n, 3) explains a new mode, and where its fit begins (n, 3, 2).
-
-    A mass m on a spring that answers at omega acts along its direction like m / (1 - omega_i^2 / omega^2) on a mode
-    omega_i, and like m across it; the structure shaken there moves by the sum of phi phi_s / (omega_r^2 - omega^2).
-    """
-    answer = shaken(np.exp(new.log_frequency[mode]), comparison.frequency)
-    shape = (translation * answer) @ comparison.heard_at_channels.T
-    shape = np.where(np.linalg.norm(shape, axis=-1, keepdims=True) > 0, shape, 1.0)
-    off = ((beside(new.shape[mode], shape) @ new.whitener[mode].T) ** 2).sum(-1)
-    squared = translation[:, :, comparison.paired] ** 2
-    across = squared.sum(1, keepdims=True) - squared
-    whitener = comparison.drifting.matrix
-    effect = -0.5 * (across - squared * answer[comparison.paired]) @ whitener.T
-    shift = whitener @ comparison.log_ratio
-    mass = effect @ shift / np.maximum((effect**2).sum(-1), 1e-12)
-    mass = np.clip(mass, _LEAST_START * total, _MASS_STD * total)
-    off += ((shift - mass[:, :, None] * effect) ** 2).sum(-1)
-    # the structure's receptance at its foot: omega_o^2 = omega^2 / (1 - m sum phi_s^2 / (omega_r^2 / omega^2 - 1))
-    foot = np.clip(mass * (translation**2 * answer).sum(-1), -0.3, 0.3)
-    return np.asarray(off), np.stack([mass, -0.5 * np.log(1 - foot)], axis=-1)
+def _begun(comparison: Comparison) -> FloatArray:
+    """Return own frequencies to begin from where no new mode is seen [ln Hz]."""
+    seen = np.log(comparison.frequency[comparison.paired])
+    return np.arange(seen.min() - np.log(_BEYOND), seen.max() + np.log(_BEYOND), _STEP)
 
 
 def _log_explained(new: NewModes, overdispersion: float) -> FloatArray:

@@ -55,6 +55,10 @@ class Placed(Protocol):
 
     reference: Reference
 
+    def points(self, fit: "Fit[Any]") -> FloatArray:
+        """Return where each alternative is (n, 3) [m]."""
+        ...
+
     def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         ...

@@ -165,6 +165,11 @@ class Stretches:
         inside = self.by_place(fit)[0]
         return np.asarray(inside / inside.sum())
 
+    def points(self, fit: "Fit[Any]") -> FloatArray:
+        """Return the middle of each alternative (n, 3) [m]."""
+        distance = self._distances(fit)[0].tolist()
+        return np.array([self.cells.members[m].point(s) for m, s in zip(self.member.tolist(), distance, strict=True)])
+
     def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         member, position, probability, cell_of = self._spread(fit)

@@ -1,0 +1,178 @@
+"""Several causes together: found step by step, each step sought widely and followed until it rests.
+
+Every cause of the catalogue is tried beside the best so far to first order; the promising ones are fitted in turns,
+each over all its alternatives while the others give way in their parameters. Turns end where no single cause can move
+alone. So from the best, each of its causes is also put at its next place, and a rare one exchanged for a common one
+that acts much like it.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from updater.candidates import Candidate, Weighing
+from updater.causes.attached_oscillator import hides
+from updater.causes.base import Cause
+from updater.causes.common_factor import CommonFactor
+from updater.causes.composite import Beside, Chosen
+from updater.elsewhere import next_place
+from updater.fit import Fit, fit, foreseen
+
+_CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
+_MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
+_DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
+_HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted ...
+_ERRS = 0.2  # ... and of what the best is foreseen to gain: by how much first order may err
+_TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
+_NEXT = 8.0  # of log density under a cause's best place: another one that is tried
+_LIKE = {"distributed_mass": "added_mass"}  # a rare cause, and a common one that may have been foreseen as the worse
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """Several causes together, of which the last has not been fitted yet."""
+
+    chosen: tuple[Chosen, ...]
+    log_evidence: float  #: foreseen to first order, what its parameters cost left out
+    fewer: float  #: log evidence without the one that has not been fitted
+
+
+@dataclass(frozen=True, eq=False)
+class Compositions:
+    """Several of the weighed causes at once."""
+
+    weighing: Weighing
+
+    def promising(self, seeds: Sequence[Candidate]) -> list[Promise]:
+        """Foresee to first order what each cause would gain beside each of the seeds, the best first.
+
+        What brings a mode that nobody sees is none of them: it explains too much of others' misfit.
+        """
+        seeds = [s for s in seeds if not any(hides(c.cause) for c in s.chosen)]
+        found = [
+            self._promise(seed, name, cause)
+            for seed in itertools.chain(seeds, *(self._elsewhere(seed) for seed in seeds if len(seed.chosen) == 1))
+            for name, cause in self.weighing.causes.items()
+            if not hides(cause) and not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
+        ]
+        return sorted(found, key=lambda p: -p.log_evidence)
+
+    @cached_property
+    def _same_factor(self) -> list[Cause]:
+        """Makers of a factor on all frequencies that nothing tells apart; the first one stands for all."""
+        return [c for c in self.weighing.causes.values() if isinstance(c, CommonFactor) and not c.informed]
+
+    def _said_already(self, seed: Candidate, cause: Cause) -> bool:
+        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one."""
+        if not isinstance(cause, CommonFactor):
+            return False
+        return cause in self._same_factor[1:] or any(isinstance(c.cause, CommonFactor) for c in seed.chosen)
+
+    def _with_other_makers(self, found: Sequence[Candidate]) -> list[Candidate]:
+        """Return candidates and the same with each other maker of a common factor in the place of the first."""
+        every = list(found)
+        for candidate, other in itertools.product(found, self._same_factor[1:]):
+            first = self._same_factor[0]
+            if first.name in candidate.names:
+                chosen = tuple(replace(c, cause=other) if c.cause is first else c for c in candidate.chosen)
+                parts = tuple(replace(p, hypotheses=other) if p.hypotheses is first else p for p in candidate.parts)
+                every.append(replace(candidate, chosen=chosen, parts=parts))
+        return every
+
+    def _full(self, seed: Candidate) -> bool:
+        """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
+        most = min(
+            max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
+            max(1, int(self.weighing.data.freedom / _DATA_EACH)),
+        )
+        return sum(c.cause.drifting for c in seed.chosen) >= most
+
+    def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
+        self.weighing.on_cause(" and ".join((*seed.names, name)))
+        n_own = len(cause.prior_std)
+        theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
+        beside: Beside[Cause] = Beside(cause, seed.chosen)
+        cost = -foreseen(self.weighing.data, beside, theta, n_own)
+        gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
+        row = int(np.argmax(gain))
+        evidence = seed.log_evidence + float(gain[row]) + self.weighing.log_prior(name)
+        return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence, seed.log_evidence)
+
+    def together(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Fit the best of what was foreseen; two causes of one kind are two."""
+        found: dict[tuple[str, ...], Candidate] = {}
+
+        def keep(fitted: Candidate) -> None:
+            key = tuple(sorted(fitted.names))
+            if key not in found or found[key].log_evidence < fitted.log_evidence:
+                found[key] = fitted
+
+        for promise in self._worth_fitting(promises):
+            keep(self._settled(promise.chosen))
+        best = max(found.values(), key=lambda c: c.log_evidence)
+        keep(self._at_rest(best))
+        tried = [other.chosen for other in self._elsewhere(best)]
+        for chosen in (*tried, *self._alike(max(found.values(), key=lambda c: c.log_evidence))):
+            keep(self._at_rest(self._settled(chosen)))
+        return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
+
+    def _worth_fitting(self, promises: Sequence[Promise]) -> list[Promise]:
+        """Return the promises that may come true better than the best: first order errs by a share of what it says."""
+        best = promises[0]
+        margin = _HOPELESS + _ERRS * max(best.log_evidence - best.fewer, 0.0)
+        few = promises[: _CLOSER + 2 - len(best.chosen)]
+        return [p for p in few if p.log_evidence >= best.log_evidence - margin]
+
+    def _at_rest(self, fitted: Candidate) -> Candidate:
+        """Fit again, each cause beside the others where these have come to, while that is better."""
+        for _ in range(_TURNS):
+            again = self._settled(fitted.chosen)
+            if again.log_evidence < fitted.log_evidence + _STILL:
+                return max(fitted, again, key=lambda c: c.log_evidence)
+            fitted = again
+        return fitted
+
+    def _elsewhere(self, fitted: Candidate) -> list[Candidate]:
+        """Return the same with each cause in turn at its next place, which fits in turns do not reach."""
+        found = []
+        room = _NEXT + _ERRS * max(fitted.chi_square - fitted.parts[0].freedom, 0.0) / 2
+        for number, part in enumerate(fitted.parts):
+            row = next_place(part, room)
+            if row is not None:
+                moved = Chosen(part.hypotheses, row, part.theta[row])
+                less = float(part.log_density[part.best] - part.log_density[row])
+                found.append(
+                    replace(
+                        fitted,
+                        chosen=(moved, *fitted.chosen[:number], *fitted.chosen[number + 1 :]),
+                        log_evidence=fitted.log_evidence - less,
+                        chi_square=float(part.chi_square[row]),
+                    )
+                )
+        return found
+
+    def _alike(self, fitted: Candidate) -> list[tuple[Chosen, ...]]:
+        """Return the causes with a common one in the place of a rare one that acts much like it."""
+        found = []
+        for number, one in enumerate(fitted.chosen):
+            other = self.weighing.causes.get(_LIKE.get(one.cause.name, ""))
+            if other is not None:
+                others = fitted.chosen[:number] + fitted.chosen[number + 1 :]
+                found.append((*others, Chosen(other, 0, np.zeros(len(other.prior_std)))))
+        return found
+
+    def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
+        """Fit all alternatives of each cause beside the best of the others, the last one first."""
+        parts: list[Fit[Cause]] = []
+        for _ in chosen:
+            *others, last = chosen
+            found = fit(self.weighing.data, Beside(self.weighing.causes[last.cause.name], tuple(others), fresh=True))
+            chosen = found.hypotheses.best(found)
+            parts.insert(0, found.hypotheses.of_free(found))
+        # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
+        open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
+        evidence = found.log_evidence - open_ones + sum(self.weighing.log_prior(c.cause.name) for c in chosen)
+        return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))
