@@ -7,13 +7,13 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
-# What computes shares the processors; what runs in real time comes after it, alone. Modules are compiled once, whatever
-# the environment says: these tests start some hundred processes.
+# What computes shares the processors, the long files first; what runs in real time comes after it, for it waits more than it
+# computes. Modules are compiled once, whatever the environment says: these tests start some hundred processes.
 test: export OPENBLAS_NUM_THREADS = 1
 test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/.done
-	$(BIN)/python -m pytest -m "not live" --numprocesses auto --dist loadfile
-	$(BIN)/python -m pytest -m live
+	$(BIN)/python -m pytest -m "not live" --numprocesses auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -m live --numprocesses auto --dist loadgroup
 
 check: $(VENV)/.done
 	$(BIN)/ruff check .

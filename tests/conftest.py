@@ -1,7 +1,26 @@
-"""What tests of the command line share."""
+"""What tests of the command line share, and which files are begun first."""
 
 import pytest
 from cli_helpers import Commands
+
+_LONG = {
+    "test_hidden_mass.py",
+    "test_diagnosis.py",
+    "test_sealed_modes.py",
+    "test_csv_diagnosis.py",
+    "test_sealed_records.py",
+    "test_report.py",
+    "test_identify.py",
+    "test_replay_data.py",
+    "test_no_mass_claimed.py",
+    "test_localization.py",
+}
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin long files first, else in random order: none of them is waited for at the end, with processors idle."""
+    items.sort(key=lambda item: item.path.name not in _LONG)
 
 
 @pytest.fixture

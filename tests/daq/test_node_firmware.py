@@ -31,7 +31,9 @@ def test_firmware_of_the_docs_is_read_by_the_driver(tmp_path: Path) -> None:
                 "axes": [0, 1, 2],
                 "scale": float(np.float32(3.8e-5)),
             }
-            reads = [driver.read() for _ in range(60)]
+            reads = [driver.read()]
+            while sum(len(scans.counts) for scans in reads) < 800:  # a second's
+                reads.append(driver.read())
             driver.close()
         finally:
             process.kill()
@@ -40,7 +42,6 @@ def test_firmware_of_the_docs_is_read_by_the_driver(tmp_path: Path) -> None:
     counts = np.concatenate([scans.counts for scans in reads])
     counter = np.concatenate([scans.counter for scans in reads])
     k = counter[0] + np.arange(len(counter), dtype=np.int32)
-    assert len(k) >= 60
     np.testing.assert_array_equal(counter, k)
     np.testing.assert_array_equal(counts, np.stack([k, -k, 3 * k], axis=1))
     assert sum(scans.bad_bytes for scans in reads) == 0

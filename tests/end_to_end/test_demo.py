@@ -12,7 +12,7 @@ import pytest
 from daq import read_log
 from monitor.replay import replay
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]
 
 MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
 SEED = 7

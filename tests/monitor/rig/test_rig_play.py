@@ -32,7 +32,7 @@ from monitor.errors import SettingsError, StartError
 from monitor.rig import Place, PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
 from updater import Body
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]  # one after the other: they keep a processor busy
 
 SPEED = 10.0
 RUN = "import sys; from pathlib import Path; from monitor.rig import run_rig; a = sys.argv; "
