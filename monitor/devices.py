@@ -84,7 +84,7 @@ class Devices:
             If one does not answer: all that were started are stopped.
         """
         for name, (device, driver) in drivers.items():
-            reader = DeviceReader(name, driver, device.rate, self._clock, self._sink)
+            reader = DeviceReader(name, driver, device.rate, self._clock, self._sink, delay=device.delay)
             try:
                 reader.connect()
             except DriverError as error:
@@ -111,7 +111,9 @@ class Devices:
         before : readers that are stopped, whose indices theirs go on from
         """
         for name, (device, driver) in drivers.items():
-            reader = DeviceReader(name, driver, device.rate, self._clock, self._sink, after=before.get(name))
+            reader = DeviceReader(
+                name, driver, device.rate, self._clock, self._sink, delay=device.delay, after=before.get(name)
+            )
             try:
                 reader.connect()
             except DriverError as error:

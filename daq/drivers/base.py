@@ -34,7 +34,10 @@ class Scans:
 
 
 class Driver(Protocol):
-    """One kind of device: what hardware asks for, and nothing else."""
+    """One kind of device: what hardware asks for, and nothing else.
+
+    One that filters has `delay` as well: how long after the motion a scan is that its filter lets through [s].
+    """
 
     scale: float  #: m/s2 a count; known once it is open
     modulus: int  #: at which the device's counter wraps
@@ -254,6 +257,7 @@ class DeviceReader(threading.Thread):
     sink : takes blocks and events, from this thread
     block_seconds : length of a block [s of data]
     silent_seconds : without a scan, of wall time, after which a device counts as lost
+    delay : how long after the motion a scan is, of which times are told [s]; as the driver knows unless given
     after : stopped reader of the same device and rate, whose indices go on, so that one log can hold both
     """
 
@@ -267,11 +271,13 @@ class DeviceReader(threading.Thread):
         *,
         block_seconds: float = 0.2,
         silent_seconds: float = 1.7,  # with a read's wait seen within 2 s
+        delay: float | None = None,
         after: "DeviceReader | None" = None,
     ) -> None:
         super().__init__(name=f"reader {device}", daemon=True)
         self.device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
         self._silent_seconds = silent_seconds
+        self._delay: float = getattr(driver, "delay", 0.0) if delay is None else delay
         self.bad_bytes = 0  #: dropped since the start, as no whole frame held them
         self._n_scans = max(1, round(block_seconds * rate))
         self._blocks: Blocks = after._blocks if after else self._new_blocks()
@@ -291,7 +297,8 @@ class DeviceReader(threading.Thread):
             If it does not answer.
         """
         self._know(self._driver.open())
-        self._sink(self._event("device_open", self._identity))
+        filtered = {"filter_delay": self._delay} if self._delay else {}
+        self._sink(self._event("device_open", {**self._identity, **filtered}))
 
     def lose(self, why: DriverError) -> None:
         """Begin as if the device had been lost: the first to answer in its place is taken for it."""
@@ -301,7 +308,7 @@ class DeviceReader(threading.Thread):
         """Take a device for the one that is meant."""
         self._identity, before = identity, self._blocks
         self._blocks = self._new_blocks()  # some devices say their scale when they are asked
-        self._blocks.go_on_from(before, self._clock.now())
+        self._blocks.go_on_from(before, self._moved())
 
     def _new_blocks(self) -> Blocks:
         return Blocks(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
@@ -327,11 +334,11 @@ class DeviceReader(threading.Thread):
         self._driver.close()
 
     def _stream(self) -> None:
-        heard = self._clock.now()
+        heard = self._moved()
         while not self._ending.is_set():
             scans = self._driver.read()
             self.bad_bytes += scans.bad_bytes
-            now = self._clock.now() - round(scans.age * self._clock.speed)
+            now = self._moved() - round(scans.age * self._clock.speed)
             if scans.warning:
                 self._sink(self._event("device_warning", {"what": scans.warning}))
             for block in self._blocks.add(scans, now):
@@ -341,8 +348,12 @@ class DeviceReader(threading.Thread):
             elif now - heard > self._silent_seconds * 1e9 * self._clock.speed:
                 raise DeviceLost(self.device, f"silent for {self._silent_seconds:g} s")
 
+    def _moved(self) -> int:
+        """Return when the motion was that arrives now [ns UTC]."""
+        return self._clock.now() - round(self._delay * 1e9)
+
     def _flush(self) -> None:
-        for block in self._blocks.flush(self._clock.now()):
+        for block in self._blocks.flush(self._moved()):
             self._hand_on(block)
 
     def _hand_on(self, block: Block) -> None:
@@ -374,7 +385,7 @@ class DeviceReader(threading.Thread):
                 refused = identity
                 continue
             if self._identity:
-                self._blocks.restart(self._clock.now())
+                self._blocks.restart(self._moved())
             else:
                 self._know(identity)
             self._sink(self._event("device_back", identity))

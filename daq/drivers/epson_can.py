@@ -17,6 +17,7 @@ from daq.drivers.rates import known_rate
 from daq.drivers.sync_count import SyncedCounter
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
+from daq.protocol.epson_filters import FILTERS, group_delay
 from daq.protocol.frames import concatenate
 from daq.recording import IndexArray, IntArray
 
@@ -49,6 +50,7 @@ class EpsonCan:
 
     def __init__(self, address: CanAddress, rate: float) -> None:
         self._address, self._rate = address, known_rate(rate, epson.RATES, address)
+        self.delay = group_delay(FILTERS[self._rate])  #: of its filter [s]
         self._member: Member | None = None
         self._heartbeat: HeartbeatConsumer | None = None
         self._decoder = epson.ScanDecoder(address.node)

@@ -9,6 +9,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from daq.can_address import CanAddress
 from daq.drivers.heartbeat import PERIOD_MS
 from daq.protocol import epson_can as epson
+from daq.protocol.epson_filters import FILTERS
 
 _APPLY_SECONDS = 4.0  # a device takes about one
 _ASK_SECONDS = 0.05
@@ -18,21 +19,21 @@ _SDO_REQUEST = 0x600
 
 def configure(node: canopen.RemoteNode, address: CanAddress, rate: int) -> None:
     """Set rate [Hz], filter, what it samples on, process data and heartbeat; errors as of `canopen`, or ValueError."""
-    period, taps = epson.RATES[rate]
+    period, number = epson.RATES[rate], FILTERS[rate]
     if address.sync:
         _write(node, epson.SYNC_COB, epson.SYNC, 4)  # an earlier run's SYNC ends
     if address.sync == "producer":
         _write(node, epson.SYNC_PERIOD, 1000 * period, 4)
     _write(node, epson.PERIOD, period, 4)
-    _write(node, epson.FILTER, taps, 1)
+    _write(node, epson.FILTER, number, 1)
     _write(node, epson.TRANSMISSION, epson.BY_SYNC if address.sync else epson.BY_TIMER, 1)
     _write(node, epson.TPDO1_COB, epson.COB_NO_RTR | epson.TPDO1 + address.node, 4)
     _write(node, epson.TPDO2_COB, epson.COB_NO_RTR | epson.TPDO2 + address.node, 4)
-    _apply(node, period, taps)
+    _apply(node, period, number)
     _write(node, epson.HEARTBEAT, PERIOD_MS, 2)
 
 
-def _apply(node: canopen.RemoteNode, period: int, taps: int) -> None:
+def _apply(node: canopen.RemoteNode, period: int, number: int) -> None:
     """Make the device take what it was told, and wait until it answers again."""
     _write(node, epson.APPLY, epson.APPLY_NOW, 1)
     end, patience = time.monotonic() + _APPLY_SECONDS, node.sdo.RESPONSE_TIMEOUT
@@ -45,8 +46,8 @@ def _apply(node: canopen.RemoteNode, period: int, taps: int) -> None:
             if time.monotonic() > end:
                 raise
     node.sdo.RESPONSE_TIMEOUT = patience
-    if found != (period, taps):
-        raise ValueError(f"period and filter: expected {(period, taps)}, found {found}")
+    if found != (period, number):
+        raise ValueError(f"period and filter: expected {(period, number)}, found {found}")
 
 
 def produce_sync(node: canopen.RemoteNode) -> None:

@@ -19,11 +19,6 @@ _GATHER_SECONDS = 0.19  # with the wait for the next scan a block's 0.2 s
 _LEAST_RATE = 500.0  # bytes/s: a device that sends less is heard scan by scan
 
 
-def bites_of(line: serial.Serial) -> Bites:
-    """Return what reads an open serial line."""
-    return Bites(line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
-
-
 class SerialPort:
     """An open serial port that nobody else may open meanwhile.
 
@@ -31,6 +26,7 @@ class SerialPort:
     ----------
     path : of the port
     baud : 8 data bits, no parity [bit/s]
+    answer_seconds : that `answer` waits for all of it [s]
 
     Raises
     ------
@@ -38,10 +34,10 @@ class SerialPort:
         If it cannot be opened.
     """
 
-    def __init__(self, path: str, baud: int) -> None:
+    def __init__(self, path: str, baud: int, answer_seconds: float = READ_SECONDS) -> None:
         self._path = path
-        self._line = serial.Serial(path, baud, timeout=READ_SECONDS, write_timeout=1.0, exclusive=True)
-        self._bites = bites_of(self._line)
+        self._line = serial.Serial(path, baud, timeout=answer_seconds, write_timeout=1.0, exclusive=True)
+        self._bites = Bites(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
 
     def read(self) -> bytes:
         """Return what has arrived; nothing if nothing comes within `READ_SECONDS`.
@@ -64,6 +60,11 @@ class SerialPort:
     def write(self, data: bytes) -> None:
         """Send bytes; OSError if the port is gone."""
         self._line.write(data)
+
+    def answer(self, size: int) -> bytes:
+        """Return so many bytes, or what of them comes in time; OSError if the port is gone."""
+        answer: bytes = self._line.read(size)
+        return answer
 
     def discard_input(self) -> None:
         """Throw away what has arrived."""

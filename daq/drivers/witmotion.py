@@ -39,6 +39,7 @@ class Witmotion:
 
     def __init__(self, port: str, rate: float) -> None:
         self._path, self._rate = port, known_rate(rate, wit.RATES, port)
+        self.delay = wit.filter_delay(self._rate)  #: of its filter [s]
         self._port: SerialPort | None = None
         self._decoder = wit.WitDecoder()
 

@@ -41,6 +41,7 @@ class WitmotionCan:
         if address.sync:
             raise ValueError(f"sync of {address}: a WT901 samples by its own clock, found {address.sync!r}")
         self._address, self._rate = address, known_rate(rate, wit.RATES, address)
+        self.delay = wit.filter_delay(self._rate)  #: of its filter [s]
         self._member: Member | None = None
         self._number = 0  # of the next scan
 

@@ -5,13 +5,14 @@ from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
 from daq.hostclock import HostClock
 from daq.protocol import epson
+from daq.protocol.epson_filters import TAPS, group_delay
 from daq.recording import IntArray
 
 _SERIAL_LENGTH = 8
 
 
 class EmulatedEpson(SerialEmulator):
-    """The device side of one M-A352: it answers registers and streams burst frames.
+    """The device side of one M-A352: it answers registers and streams burst frames, as late as its filter makes them.
 
     Parameters
     ----------
@@ -73,7 +74,8 @@ class EmulatedEpson(SerialEmulator):
     def _mode(self, value: int) -> None:
         self._registers[0, epson.MODE_CTRL & ~1] = (value & epson.MODE_CONFIG) << 9  # MODE_STAT: configuring
         if value == epson.MODE_SAMPLING and self.sampling_since is None:
-            self.start(self._rate)
+            number = self._registers.get((1, epson.FILTER_CTRL), 0)
+            self.start(self._rate, group_delay(number) if number in TAPS else 0.0)
         elif value == epson.MODE_CONFIG:
             self.stop()
 

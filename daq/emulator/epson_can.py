@@ -1,5 +1,6 @@
 """An Epson M-A552AC1x on an emulated CAN bus."""
 
+import math
 import time
 
 import numpy as np
@@ -9,6 +10,7 @@ from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
 from daq.emulator.sync import SyncProducer
 from daq.hostclock import HostClock
 from daq.protocol import epson_can as epson
+from daq.protocol.epson_filters import TAPS, group_delay
 from daq.protocol.frames import CanFrames
 
 _INITIALISING, _OPERATIONAL, _PRE_OPERATIONAL, _STOPPED = 0, 5, 127, 4
@@ -64,6 +66,11 @@ class EmulatedEpsonCan:
     def synced(self) -> bool:
         """Whether it samples on SYNC."""
         return self._objects[epson.TRANSMISSION] == epson.BY_SYNC
+
+    @property
+    def _delay(self) -> float:
+        """How long after the motion a scan is that its filter lets through [s]."""
+        return group_delay(self._objects[epson.FILTER])
 
     @property
     def sampling_since(self) -> int | None:
@@ -152,8 +159,8 @@ class EmulatedEpsonCan:
         """Return how many scans its own timer has made due."""
         if self._started is None:
             return 0
-        elapsed = (self._clock.now() - self._started) * 1e-9
-        return max(0, int(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
+        elapsed = (self._clock.now() - self._started) * 1e-9 - self._delay
+        return max(0, math.floor(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
 
     def _n_heard(self, syncs: Syncs) -> int:
         """Return how many scans SYNC frames make due: one each; the source is told when the first of them is."""
@@ -161,7 +168,7 @@ class EmulatedEpsonCan:
             return 0
         if syncs.since != self._train:
             self._train, self._train_first = syncs.since, self._due
-            self._started = syncs.since + round(syncs.first / syncs.rate * 1e9)
+            self._started = syncs.since + round((syncs.first / syncs.rate - self._delay) * 1e9)
             self._source.start(self._started, syncs.rate)
         return syncs.n
 
@@ -187,7 +194,7 @@ def _objects(node: int, serial_number: int, product: str) -> dict[Place, Entry]:
         epson.TPDO1_COB: any_number(epson.COB_NO_RTR | epson.TPDO1 + node, 4),
         epson.TPDO2_COB: any_number(epson.COB_NO_RTR | epson.TPDO2 + node, 4),
         epson.TRANSMISSION: number(epson.BY_SYNC, 1, epson.BY_SYNC, epson.BY_TIMER),
-        epson.PERIOD: number(2, 4, *(period for period, _ in epson.RATES.values())),
-        epson.FILTER: number(9, 1, *range(1, 15)),
+        epson.PERIOD: number(2, 4, *epson.RATES.values()),
+        epson.FILTER: number(9, 1, *TAPS),
         epson.APPLY: number(epson.APPLIED, 1, epson.APPLY_NOW),
     }

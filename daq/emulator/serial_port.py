@@ -1,5 +1,6 @@
 """What emulated devices on serial lines have in common: a pty, scans that fall due, and a line that may be full."""
 
+import math
 import os
 import termios
 import tty
@@ -42,6 +43,7 @@ class SerialEmulator(ABC):
         self._pending = bytearray(self.line.babble())
         self._started: int | None = None
         self._first_started: int | None = None
+        self._delay = 0.0  # of the filter: scans are sent that much after the motion [s]
         self._true_rate = 0.0  # of the scans, by the world's clock [Hz]
         self._due = 0
         self.sent = 0  #: frames handed to the pty
@@ -83,8 +85,9 @@ class SerialEmulator(ABC):
         """Send bytes, after what is sent already."""
         self._pending += data
 
-    def start(self, rate: float) -> None:
-        """Sample from now on, at a nominal rate [Hz]."""
+    def start(self, rate: float, delay: float = 0.0) -> None:
+        """Sample from now on, at a nominal rate [Hz], behind a filter with a delay [s]."""
+        self._delay = delay
         self._started, self._due = self._clock.now(), 0
         self._first_started = self._first_started or self._started
         self._true_rate = rate * (1 + self._clock_error)
@@ -114,7 +117,7 @@ class SerialEmulator(ABC):
             self.hear(heard)
 
     def _sample(self, started: int) -> None:
-        due = int((self._clock.now() - started) * 1e-9 * self._true_rate) + 1
+        due = math.floor(((self._clock.now() - started) * 1e-9 - self._delay) * self._true_rate) + 1
         n = due - self._due
         if n <= 0:
             return

@@ -22,6 +22,7 @@ class WitSettings:
         self._temperature = round(100 * temperature)
         self._content, self._unlocked = _AS_BOUGHT, False
         self.rate = 10.0  #: scans a second [Hz]
+        self.delay = 0.0  #: of its filter [s]; as bought it has none
 
     def obey(self, command: bytes) -> bool:
         """Take a command of five bytes; tell whether sampling begins anew, at another rate."""
@@ -32,6 +33,8 @@ class WitSettings:
         address, value = command[2], command[3] | command[4] << 8
         if address == wit.CONTENT:
             self._content = value
+        elif address == wit.BANDWIDTH:
+            self.delay = wit.DELAY.get(value, 0.0)
         rates = [rate for rate, (code, _) in wit.RATES.items() if (address, value) == (wit.RATE, code)]
         self.rate = float(rates[0]) if rates else self.rate
         return bool(rates)

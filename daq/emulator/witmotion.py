@@ -50,7 +50,7 @@ class EmulatedWitmotion(SerialEmulator):
             del self._commands[: wit.COMMAND_SIZE]
             if self._settings.obey(command):
                 self.stop()
-                self.start(self._settings.rate)
+                self.start(self._settings.rate, self._settings.delay)
 
     def encode(self, counts: IntArray, first: int) -> bytes:
         """Return the packets of scans (n, 3), each of all types that it was told to send."""

@@ -1,5 +1,7 @@
 """A WitMotion WT901 on an emulated CAN bus."""
 
+import math
+
 import numpy as np
 
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
@@ -56,7 +58,8 @@ class EmulatedWitmotionCan:
     def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the frames that are due, of as many scans as there is room for; the others are dropped."""
         del syncs  # it has a timer
-        n = max(0, int((self._clock.now() - self._started) * 1e-9 * self._rate) + 1 - self._due)
+        elapsed = (self._clock.now() - self._started) * 1e-9 - self._settings.delay
+        n = max(0, math.floor(elapsed * self._rate) + 1 - self._due)
         counts = self._source.read(self._due, n)[:room] if n else np.empty((0, 3), np.int32)
         self._due += n
         self.dropped += n - len(counts)

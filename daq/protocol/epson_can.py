@@ -29,8 +29,7 @@ PERIOD = 0x2001, 0  #: ms
 APPLY = 0x2005, 0
 APPLY_NOW, APPLIED = 0x11, 0x10
 FILTER = 0x61A1, 1
-#: scans a second -> (ms, filter of 512 taps that fits it)
-RATES = {1000: (1, 10), 500: (2, 9), 200: (5, 8), 100: (10, 7), 50: (20, 6)}
+RATES = {1000: 1, 500: 2, 200: 5, 100: 10, 50: 20}  #: scans a second -> ms
 _KEPT = 4096  # frames remembered while no TPDO2 comes
 
 

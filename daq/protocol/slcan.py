@@ -69,8 +69,8 @@ class SlcanDecoder:
         stream = np.frombuffer(self._rest + data, np.uint8)
         ends = np.flatnonzero((stream == END) | (stream == REFUSED))
         starts = np.concatenate([_FIRST, ends + 1])
-        # of a line without end enough is kept to know that it is too long
-        self._rest = stream[max(starts[-1], len(stream) - _LONGEST - 1) :].tobytes()
+        # of a line without end enough is kept to know its kind, and that it is too long
+        self._rest = stream[starts[-1] : starts[-1] + _LONGEST + 1].tobytes()
         length = ends - starts[:-1]
         lines = np.flatnonzero(length > 0)
         return self._frames(stream, starts[lines], length[lines])

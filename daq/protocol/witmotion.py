@@ -28,6 +28,8 @@ UNLOCK = bytes([0xFF, 0xAA, 0x69, 0x88, 0xB5])  #: before registers can be writt
 NODE, BITRATE = 0x50, 250_000  #: that a device has on a CAN bus as it is sold
 #: scans a second -> (RATE, BANDWIDTH: a filter that ends below half of it; the lowest is of 5 Hz)
 RATES = {200: (0x0B, 2), 100: (0x09, 3), 50: (0x08, 4), 20: (0x07, 6), 10: (0x06, 6)}
+#: BANDWIDTH -> delay of that filter [s], that of the chip inside (InvenSense MPU-9250, register map, ACCEL_CONFIG2)
+DELAY = {1: 1.88e-3, 2: 2.88e-3, 3: 4.88e-3, 4: 8.87e-3, 5: 16.83e-3, 6: 32.48e-3}
 COMMAND_SIZE = 5
 
 _PACKET = np.dtype([("head", "u1"), ("type", "u1"), ("word", "<i2", 4), ("sum", "u1")])
@@ -43,6 +45,11 @@ def settings(rate: int) -> tuple[bytes, ...]:
     code, bandwidth = RATES[rate]
     values = (CONTENT, ONLY_ACCELERATION), (BANDWIDTH, bandwidth), (RATE, code)
     return tuple(command for value in values for command in (UNLOCK, write_register(*value)))
+
+
+def filter_delay(rate: int) -> float:
+    """Return how long after the motion a scan is at one of `RATES` [s]."""
+    return DELAY[RATES[rate][1]]
 
 
 def encode_packets(kind: int, words: npt.NDArray[np.int16]) -> bytes:

@@ -85,6 +85,8 @@ class DeviceSettings(Section):
     log: LogSettings | None = None
     rate: Positive = 1000.0
     """scans a second [Hz]"""
+    delay_ms: Annotated[Annotated[float, Field(ge=0, le=1000)] | None, Field(examples=[1.5])] = None
+    """how long after the motion a scan is, which times are corrected by; as the driver knows its filter unless given"""
     channels: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"y": "beam_left_y", "z": "beam_left_z"}])]
     """device axis = sensor of the structure; the other axes are logged, not analysed"""
 
@@ -99,6 +101,8 @@ class DeviceSettings(Section):
             raise ValueError(f"expected one of `can.node` and `dbc`, found {'none' if self.dbc is None else 'both'}")
         if self.can is not None and self.can.sync and self.dbc is not None:
             raise ValueError("can.sync: what `dbc` describes is told nothing, and samples by its own clock")
+        if self.delay_ms is not None and self.log is not None:
+            raise ValueError("delay_ms: the times of a log have been corrected when it was recorded")
         return self
 
     @model_validator(mode="after")
@@ -107,6 +111,11 @@ class DeviceSettings(Section):
             if self.dbc is not None and axis not in self.dbc.signals:
                 raise ValueError(f"channels: axis {axis} is none of `dbc.signals`, {', '.join(self.dbc.signals)}")
         return self
+
+    @property
+    def delay(self) -> float | None:
+        """How long after the motion a scan is [s], None if the driver knows."""
+        return None if self.delay_ms is None else 1e-3 * self.delay_ms
 
     @property
     def waits_for_sync(self) -> bool:

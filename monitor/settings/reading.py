@@ -62,14 +62,16 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
 
 def _check_sync(settings: Settings, path: Path | str) -> None:
     """Refuse devices on a bus that cannot sample on one SYNC."""
-    first: dict[tuple[str, str], tuple[CanAddress, float]] = {}
+    first: dict[tuple[str, str], tuple[CanAddress, float, float | None]] = {}
     producers: dict[tuple[str, str], CanAddress] = {}
-    for address, rate in ((device.place, device.rate) for device in settings.device):
+    for address, rate, delay in ((device.place, device.rate, device.delay_ms) for device in settings.device):
         if not isinstance(address, CanAddress) or not address.sync:
             continue
-        other, its = first.setdefault(address.bus, (address, rate))
+        other, its, late = first.setdefault(address.bus, (address, rate, delay))
         if its != rate:
             raise SettingsError(path, f"device: {address} is at {rate:g} Hz, {other} on the same SYNC at {its:g} Hz")
+        if late != delay:
+            raise SettingsError(path, f"device: {address} and {other} on one SYNC: expected one `delay_ms`")
         if address.sync == "producer" and (other := producers.setdefault(address.bus, address)) is not address:
             raise SettingsError(path, f"device: {address} and {other} both produce SYNC, expected one on a bus")
 

@@ -86,7 +86,14 @@ def test_two_nodes_at_ten_times_real_time_lose_nothing(tmp_path: Path) -> None:
         assert 0 < report["sent"][k] - blocks[-1].end_index < 5000  # under way when the reader stopped
     assert not events_of(items, "gap")
     assert events_of(items, "device_open") == [
-        {"device": f"d{k}", "product": "A552", "hardware": "AC10", "version": "1.00", "serial": str(100 + k)}
+        {
+            "device": f"d{k}",
+            "product": "A552",
+            "hardware": "AC10",
+            "version": "1.00",
+            "serial": str(100 + k),
+            "filter_delay": 0.063875,
+        }
         for k in range(2)
     ]
 

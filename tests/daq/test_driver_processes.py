@@ -79,7 +79,8 @@ def test_six_devices_at_ten_times_real_time_lose_nothing() -> None:
         assert all(not b.flags & (Flag.AFTER_GAP | Flag.BAD_FRAMES) for b in blocks)
         assert all(b.temperature == pytest.approx(21.0, abs=0.002) for b in blocks)
     assert events_of(items, "device_open") == [
-        {"device": f"d{k}", "product": "A352AD10", "serial": f"E{k:07}", "version": "0100"} for k in range(6)
+        {"device": f"d{k}", "product": "A352AD10", "serial": f"E{k:07}", "version": "0100", "filter_delay": 0.063875}
+        for k in range(6)
     ]
 
 

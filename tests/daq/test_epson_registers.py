@@ -2,15 +2,17 @@
 
 import os
 import select
+import termios
 import time
 from collections.abc import Iterator
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from can_helpers import serving
 from hypothesis import given
 
-from daq import EmulatedEpson, IntArray, SystemClock
+from daq import EmulatedEpson, IntArray, SystemClock, make_driver
 from daq.protocol import epson
 
 bytes_ = st.integers(0, 255)
@@ -54,6 +56,19 @@ def _answer(device: EmulatedEpson, line: int) -> bytes:
         if select.select([line], [], [], 0.01)[0]:
             reply += os.read(line, 4 - len(reply))
     return reply
+
+
+@pytest.mark.live
+@pytest.mark.parametrize(("rate", "number"), [(1000, 10), (50, 6)])
+def test_driver_chooses_the_filter_that_the_vendors_driver_would(device: EmulatedEpson, rate: int, number: int) -> None:
+    with serving(device.serve):
+        driver = make_driver("epson-uart", device.port, rate)
+        driver.open()
+        driver.close()
+    line = os.open(device.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    termios.tcflush(line, termios.TCIFLUSH)  # scans that were on their way
+    assert ask(device, line, 1, epson.FILTER_CTRL) == number
+    os.close(line)
 
 
 @given(st.integers(0, 0x7F), bytes_)

@@ -95,6 +95,8 @@ def test_one_sync_has_one_rate_and_what_a_dbc_file_describes_has_none() -> None:
     assert [device.waits_for_sync for device in parse_settings(synced, "s").device] == [True, True]
     with pytest.raises(SettingsError, match=r"node 2 is at 200 Hz, slcan:PORT node 1 on the same SYNC at 500 Hz"):
         parse_settings("rate = 200".join(synced.rsplit("rate = 500", 1)), "s")
+    with pytest.raises(SettingsError, match=r"node 2 and slcan:PORT node 1 on one SYNC: expected one `delay_ms`"):
+        parse_settings("rate = 500\ndelay_ms = 3".join(synced.rsplit("rate = 500", 1)), "s")
     dbc = 'dbc = {file = "i.dbc", signals = {x = "X", y = "Y", z = "Z"}, counter = "C"}\n'
     with pytest.raises(SettingsError, match=r"device.0: .*can.sync: what `dbc` describes is told nothing"):
         parse_settings(SITE.replace("node = 1}", 'sync = "consumer"}\n' + dbc), "s")

@@ -257,7 +257,7 @@ def test_a_stall_of_the_rig_loses_nothing() -> None:
         report = rig.report()
     assert report.dropped == 0
     assert report.events == (ORIGIN + 3_000_000_000,)
-    assert 6 * 3900 <= report.sent <= 6 * 4001
+    assert 6 * (3900 - 64) <= report.sent <= 6 * 4001  # the filters still hold the last 64 ms
     assert all(n_missing(scans(items, name)) == 0 for name in rig.ports)
 
 
@@ -271,7 +271,7 @@ def test_what_a_host_does_not_fetch_is_dropped_and_counted() -> None:
         report = rig.report()
     held = 6 * (20 * 4096 + 640 * 1024) // 24  # frames in the devices' buffers, and in ports of kernels that hold most
     assert 0 < report.sent <= held
-    assert 6 * 59_500 <= report.sent + report.dropped <= 6 * 60_001
+    assert 6 * (59_500 - 64) <= report.sent + report.dropped <= 6 * 60_001
     assert sum(report.dropped_by_device.values()) == report.dropped
     assert min(report.dropped_by_device.values()) > 0
 
