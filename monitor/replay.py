@@ -9,7 +9,7 @@ from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.result_events import event_result
 from monitor.settings import parse_settings
 from monitor.site import Site
-from monitor.worker import TOPIC_STOPPED, Kept, Result, Worker
+from monitor.worker import TOPIC_STOPPED, Kept, Result, Told, Worker
 from updater import parse_structure
 
 _WAITING = 2000  # items that may wait for the analysis
@@ -21,6 +21,7 @@ class ReplayReport:
 
     found: list[Result]
     logged: list[Result]
+    memory: str  #: what to go on from, as text; empty if nothing was said
 
     @property
     def same(self) -> bool:
@@ -51,13 +52,18 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     devices = tuple(device.name for device in parse_settings(texts[1], f"{log}: site.toml").device)
     logged: list[Result] = []
     found: list[Result] = []
-    with Worker(*texts, _memory(attached, texts), capacity=_WAITING) as worker, ThreadPoolExecutor(1) as feeder:
+    kept = ""
+    worker = Worker(*texts, _memory(attached, texts), capacity=_WAITING, keep=True)
+    with worker, ThreadPoolExecutor(1) as feeder:
         feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
+            if isinstance(result, Kept):
+                kept = result.text
+                continue
             found.append(result)
             on_result(result)
         feeding.result()
-    return ReplayReport(found=found, logged=logged)
+    return ReplayReport(found=found, logged=logged, memory=kept)
 
 
 def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
@@ -91,13 +97,12 @@ def _is_last(item: Item) -> bool:
     return isinstance(item, Event) and item.topic == TOPIC_STOPPED
 
 
-def _until_last(worker: Worker) -> Iterator[Result]:
+def _until_last(worker: Worker) -> Iterator[Told]:
     while True:
         for result in worker.results(1.0):
             if result is None:
                 return
-            if not isinstance(result, Kept):
-                yield result
+            yield result
 
 
 def logged_results(log: AnyLog) -> Iterator[Result]:

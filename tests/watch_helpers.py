@@ -29,14 +29,19 @@ _NO_POLES = Stabilization(
 )
 
 
-def site_settings(more: str = "") -> Settings:
+def site_text(more: str = "") -> str:
     """Return settings of twelve channels on one device each, of the shipped frame; `more` stands in [alarm]."""
     channels = parse_structure(t_structure_toml()).channels
     lines = ['structure = "t_structure.toml"', "[analysis]", f"baseline_windows = {BASELINE}", "[alarm]", more]
     for name in channels:
         device = ["[[device]]", f'name = "d_{name}"', 'driver = "epson-uart"', f'port = "/dev/{name}"']
         lines += [*device, f'channels = {{x = "{name}"}}']
-    return parse_settings("\n".join(lines))
+    return "\n".join(lines)
+
+
+def site_settings(more: str = "") -> Settings:
+    """Return the same, read."""
+    return parse_settings(site_text(more))
 
 
 class Played:
@@ -48,6 +53,7 @@ class Played:
         self._seed, self._n = seed, 0
         self._gain = 1 + 0.003 * self._random.standard_normal(12)
         self._modes = self._true_modes(None)
+        self.text, self.structure = site_text(), parse_structure(t_structure_toml())
         self.settings = site_settings()
         monkeypatch.setattr("monitor.pipeline.identify_all", self._identify)
 
@@ -68,7 +74,7 @@ class Played:
 
     def pipeline(self, memory: Memory | None = None) -> Pipeline:
         """Return a pipeline of the site."""
-        return Pipeline(parse_structure(t_structure_toml()), self.settings, memory)
+        return Pipeline(self.structure, self.settings, memory)
 
     def windows(self, n: int) -> Iterator[Recording]:
         """Yield recordings, whose signals are noise that nobody looks at."""

@@ -149,6 +149,23 @@ def accept(
 
 
 @app.command()
+def prove(
+    site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
+    mass: Annotated[float, typer.Option(help="That hangs on now [kg].", min=1e-6)],
+    at: Annotated[str, typer.Option(metavar="X,Z|X,Y,Z", help="Where, on a member [m].")],
+    log: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="LOG.mcap|DIR", help="Look at this log instead of what the monitor remembers; repeat."),
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets it all.")] = None,
+) -> None:
+    """Commission a site: hang a known mass on, wait for the alarm, see whether the answer holds."""
+    from monitor.cli.proving import prove_command
+
+    raise typer.Exit(prove_command(site, mass, at, log or [], json))
+
+
+@app.command()
 def replay(
     log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
     site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,

@@ -1,0 +1,69 @@
+"""The commissioning drill: what cannot be proven yet is said, and what is found is held against the truth."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from cli_helpers import Commands
+from watch_helpers import BASELINE, Played, run, without_answers
+
+from monitor.memory import MEMORY, memory_text
+from monitor.proof import ProofError, gather, prove
+from updater import Body, t_structure_toml
+
+MASS, AT = 0.25, (0.0, 0.0, 0.9)
+
+
+def test_what_cannot_be_proven_yet_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(31, monkeypatch)
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(3))
+    with pytest.raises(ProofError, match=f"3 of {BASELINE} windows: hang the mass on once it is"):
+        gather(pipeline.memory, played.structure, played.settings)
+    run(pipeline, played.windows(BASELINE))
+    with pytest.raises(ProofError, match="no change is seen: hang the mass on, and look again after 30 min"):
+        gather(pipeline.memory, played.structure, played.settings)
+
+
+def test_drill_by_what_the_monitor_remembers(
+    modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_answers(monkeypatch)
+    played = Played(32, monkeypatch)
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE))
+    played.put(Body(at=AT, mass=MASS))
+    run(pipeline, played.windows(4))
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(played.text, encoding="utf-8")
+    words = ("prove", tmp_path / "site.toml", "--mass", str(MASS), "--at", "0,0.9")
+    refused = modalwatch(*words)
+    assert (refused.code, "the watch has no baseline: it has never run" in refused.err) == (2, True)
+
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state" / MEMORY).write_text(memory_text(pipeline.memory), encoding="utf-8")
+    done = modalwatch(*words)
+    assert (done.code, done.err) == (0, ""), done.out
+    assert done.out.count(" ok") == 4
+    [kept] = (tmp_path / "state" / "proofs").iterdir()
+    found = json.loads(kept.read_text(encoding="utf-8"))
+    assert found["passed"]
+    assert found["windows"]["n"] == 3
+    # each modal mass is what the true mode's motion there says, to the deviations and what one mode alone leaves out
+    assert len(found["modes"]) >= 3
+    for mode in found["modes"]:
+        scale = mode["modal_mass_over_model"]
+        assert abs(scale["value"] - 1) < 4 * scale["std"] + 0.05
+
+
+def test_places_that_make_no_sense(modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(33, monkeypatch)
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(played.text, encoding="utf-8")
+    for at in ("here", "1", "1,2,3,4", ""):
+        refused = modalwatch("prove", tmp_path / "site.toml", "--mass", "0.1", "--at", at)
+        assert (refused.code, "--at: expected X,Z or X,Y,Z in metres" in refused.err) == (2, True)
+    evidence = SimpleNamespace(structure=played.structure, found=None, diagnosis=None)
+    with pytest.raises(ProofError, match="is 500 mm off the nearest member, column: expected within 50"):
+        prove(evidence, 0.1, (0.5, 0.0, 0.5))  # type: ignore[arg-type]
