@@ -77,7 +77,7 @@ def analysed_alike(one: Site, other: Site) -> bool:
 def _key(site: Site) -> tuple[object, ...]:
     settings = site.settings
     devices = tuple((device.name, device.driver, device.rate, device.channels) for device in settings.device)
-    return site.structure_text, settings.recorder, settings.analysis, settings.alarm, devices
+    return site.structure_text, settings.recorder, settings.analysis, settings.alarm, settings.temperature, devices
 
 
 def _rotation(recorder: RecorderSettings) -> Rotation:

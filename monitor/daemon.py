@@ -65,6 +65,7 @@ def run(
     *,
     takers: Sequence[Callable[[Item], None]] = (),
     recalled: Recalled = NOTHING,
+    mended: Sequence[str] = (),
     reread: Callable[[], Site | None] = lambda: None,
 ) -> RunReport:
     """Watch until `stop` is set: readers and writer in threads, analysis in a process.
@@ -77,6 +78,7 @@ def run(
     live : shows what is logged, if given
     takers : called in the log's thread with all that is logged; they must not wait
     recalled : of the run before, to go on from
+    mended : what was done to logs that earlier runs left without an end, in words
     reread : asked now and then for new settings to go on with; None if there are none
 
     Raises
@@ -85,7 +87,7 @@ def run(
         If a device does not answer or the log cannot be made.
     """
     manager = ServiceManager()
-    with Running(site, on_result, live, takers, recalled) as running:
+    with Running(site, on_result, live, takers, recalled, mended) as running:
         manager.ready()
         while not stop.is_set():
             if running.turn():

@@ -28,6 +28,7 @@ from monitor.novelty import MOST_OUT
 from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, SelfTestResult, WindowResult
 from monitor.self_test import WITHIN, self_test
 from monitor.settings import Settings
+from monitor.weather import Weather
 from monitor.window import Window, window_of
 from monitor.words import is_one_mass, utc
 from oma import IdentificationError, identify_all
@@ -67,6 +68,7 @@ class Pipeline:
         self._recent: deque[Window] = deque(maxlen=max(WITHIN, settings.alarm.hold_windows))  # calm, without a break
         self._tested: int | None = None  # when the last self-test was [ns UTC] ...
         self._passed: int | None = None  # ... and the last that passed
+        self._weather = Weather(settings.temperature.stale_minutes) if settings.temperature else None
         self._resumed = False  # from a memory, which has not been said yet
         if memory is not None:
             self._resume(memory)
@@ -109,8 +111,11 @@ class Pipeline:
         if isinstance(item, Event):
             yield from self._heard(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
+        if self._weather and isinstance(item, Event):
+            self._weather.take(item)
         for recording in windows:
-            yield from self.analyse(recording)
+            weather = self._weather
+            yield from self.analyse(replace(recording, temperature=weather.of(recording)) if weather else recording)
 
     def analyse(self, recording: Recording) -> Iterator[Result]:
         """Take one window; yield what it lets be said."""

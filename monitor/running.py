@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -11,17 +11,16 @@ from typing import Any, Self
 from daq import Event, Item, LogError, LogThread
 from monitor.analysing import Analysis, analysed_alike, logs_of, new_analysis
 from monitor.devices import Devices, Drivers, site_clock, site_drivers
-from monitor.errors import SettingsError, StartError
-from monitor.history import HistoryRecorder
+from monitor.errors import SettingsError
 from monitor.inbox import taken
 from monitor.live import LiveView
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
-from monitor.notices import Courier
+from monitor.outlets import Outlets
 from monitor.result_events import result_event
 from monitor.service_manager import SignsOfLife
 from monitor.site import Site
+from monitor.thermometer import Thermometer, thermometer
 from monitor.vitals import NAME, Vitals
-from monitor.web import web_process
 from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Result, Told, Worker
 from updater import parse_structure
 
@@ -41,6 +40,7 @@ class Running:
     live : shows what is logged, if given
     takers : called in the log's thread with all that is logged
     recalled : of the run before, to go on from
+    mended : what was done to logs that earlier runs left without an end, in words
     """
 
     def __init__(
@@ -50,20 +50,23 @@ class Running:
         live: LiveView | None,
         takers: Sequence[Callable[[Item], None]],
         recalled: Recalled,
+        mended: Sequence[str],
     ) -> None:
-        self._site, self._on_result, self._live, self._takers = site, on_result, live, takers
+        self._site, self._on_result, self._takers = site, on_result, takers
         self._clock = site_clock(site.settings)
+        self._mended = mended
         self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, self._clock, self._take, self._kept)
         self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
         self._analyses = [self._analysis]
-        self._history, self._couriers = _history(site), _couriers(site)
+        self._outlets = Outlets(site, live)
+        self._thermometer = ExitStack()
+        self._reads: Thermometer | None = None
         self.vitals = Vitals(site.state / NAME, _names(site), _step(site), self._clock)
         seconds = site.settings.recorder.chunk_seconds
         self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
         self._devices = Devices(self._clock, self._log.put)
-        self._web = ExitStack()
         self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
 
     def __enter__(self) -> Self:
@@ -71,14 +74,13 @@ class Running:
         with ExitStack() as stack:
             stack.callback(lambda: self._analysis.worker.__exit__())
             self._analysis.worker.__enter__()
-            stack.callback(lambda: _stop([self._history, *self._couriers]))
-            _start([self._history, *self._couriers])
-            stack.callback(lambda: self._web.close())
-            self._serve(self._site)
+            stack.enter_context(self._outlets)
+            stack.callback(lambda: self._thermometer.close())
+            self._read_temperature()
             stack.enter_context(self._memory)
             stack.enter_context(self._log)
-            if self._live and self._live.problem:
-                self._say("no_viewer", {"why": self._live.problem})
+            if self._mended:
+                self._say("unclean_end", {"why": "; ".join(self._mended)})
             self._say_refused()
             self._devices.start(site_drivers(self._site.settings.device, self._clock.speed))
             self._undo = stack.pop_all()
@@ -92,8 +94,10 @@ class Running:
     def turn(self) -> bool:
         """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
         self._report()
-        for topic, payload in self._said():
+        for topic, payload in (*taken(self._site.state), *self._outlets.said()):
             self._log.put(Event(topic=topic, time=self._clock.now(), payload=payload))
+        for reading in self._reads.read() if self._reads else ():
+            self._log.put(reading)
         if self._revive_at and time.monotonic() >= self._revive_at:
             self._renew_analysis("the analysis had died")
         return self.vitals.write(self._state())
@@ -146,7 +150,10 @@ class Running:
         drivers = site_drivers(fresh, self._clock.speed)
         self._site, old = site, self._site
         self._renew_devices(old, changed, drivers)
-        said = self._renew_others(old)
+        if before.temperature != now.temperature:
+            self._read_temperature()
+        alike = analysed_alike(old, site)
+        said = [*self._outlets.renew(site, analysed_alike=alike), *(() if alike else ("log and analysis",))]
         said += [f"device {name}" for name in {*changed, *drivers}]
         self._say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing"})
 
@@ -162,30 +169,6 @@ class Running:
         if not alike:
             self._renew_analysis("other settings")
         self._devices.resume(drivers, stopped if alike else {})
-
-    def _renew_others(self, old: Site) -> list[str]:
-        """Put in whose settings have changed; return what that was."""
-        before, now, said = old.settings, self._site.settings, []
-        if before.history != now.history:
-            was, self._history = self._history, _history(self._site)
-            _replace([was], [self._history])
-            said.append("history")
-        if before.notify != now.notify:
-            told, new = self._couriers, _couriers(self._site)
-            for courier, former in zip(new, told, strict=False):
-                courier.go_on_from(former)
-            self._couriers = new
-            _replace(told, new)
-            said.append("notify")
-        if before.web != now.web:
-            self._serve_anew()
-            said.append("web")
-        if not analysed_alike(old, self._site):
-            said.append("log and analysis")
-        if self._live and (before.viewer != now.viewer or said[-1:] == ["log and analysis"]):
-            self._live.restart(now, self._site.structure_text, self._site.site_text)
-            said.append("viewer")
-        return said
 
     def _renew_analysis(self, why: str) -> None:
         """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.
@@ -211,6 +194,12 @@ class Running:
         for name in self.vitals.lost:
             self._say("device_lost", {"device": name, "why": "it was lost before"})
 
+    def _read_temperature(self) -> None:
+        """Read the site's thermometer, if it has one, and no other one any more."""
+        self._thermometer.close()
+        settings = self._site.settings.temperature
+        self._reads = self._thermometer.enter_context(thermometer(settings, self._clock)) if settings else None
+
     def _remembered(self) -> str:
         """Return what the new analysis goes on from: what the old one kept, as far as it is of the same watch."""
         if not self._kept:
@@ -227,18 +216,6 @@ class Running:
 
     def _feed_to(self, analysis: Analysis) -> None:
         self._worker = analysis.worker
-
-    def _serve(self, site: Site) -> None:
-        web = site.settings.web
-        if web:
-            self._web.enter_context(web_process(site.source, web.bind, web.port, web.token_file))
-
-    def _serve_anew(self) -> None:
-        self._web.close()
-        try:
-            self._serve(self._site)
-        except StartError as error:
-            self._say("no_web", {"why": str(error)})
 
     def _report(self) -> bool:
         """Log and hand on what the analysis has found; False once it has said its last word, or has died."""
@@ -278,22 +255,11 @@ class Running:
         """Hand on an item once it is logged; in the log's thread."""
         if self._worker is not None:
             self._worker.feed(item)
-        self._history.put(item)
+        self._outlets.put(item)
         self.vitals.take(item)
         self._memory.take(item)
-        for courier in self._couriers:
-            courier.put(item)
-        if self._live:
-            self._live.show(item)
         for taker in self._takers:
             taker(item)
-
-    def _said(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield what a person, the history or the notices have said since the last time."""
-        yield from taken(self._site.state)
-        yield from self._history.said()
-        for courier in self._couriers:
-            yield from courier.said()
 
     def _say(self, what: str, payload: dict[str, Any]) -> None:
         self._log.put(self._event(f"/event/{what}", payload))
@@ -303,48 +269,16 @@ class Running:
 
     def _state(self) -> dict[str, Any]:
         """Return what is well or not beside the devices and windows."""
-        live, problems = self._live, (courier.problem for courier in self._couriers)
-        return {
+        return self._outlets.problems | {
             "dropped": self._log.dropped,
             "disk": self._analysis.keeper.problem,
             "disk_free": _free(logs_of(self._site)),
-            "history": self._history.problem,
-            "not_in_history": self._history.dropped,
-            "notices": "; ".join(filter(None, problems)) or None,
-            "viewer": live.problem if live else None,
             "memory": self._memory.problem,
+            "temperature": self._reads.problem if self._reads else None,
             "analysis": None if self._worker else "its process has died; it is started again",
             "waiting": {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0},
             "bad_bytes": self._devices.bad_bytes,
         }
-
-
-Part = HistoryRecorder | Courier
-
-
-def _start(parts: Sequence[Part]) -> None:
-    for part in parts:
-        part.__enter__()
-
-
-def _stop(parts: Sequence[Part]) -> None:
-    for part in parts:
-        part.__exit__()
-
-
-def _replace(old: Sequence[Part], new: Sequence[Part]) -> None:
-    """Stop the old, which may still write to files that the new ones share; what has come for those waits."""
-    _stop(old)
-    _start(new)
-
-
-def _history(site: Site) -> HistoryRecorder:
-    return HistoryRecorder(site.source.url, site.state / "history_spool.jsonl")
-
-
-def _couriers(site: Site) -> list[Courier]:
-    targets = enumerate(site.settings.notify, 1)
-    return [Courier(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]
 
 
 def _names(site: Site) -> tuple[str, ...]:

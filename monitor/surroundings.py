@@ -13,8 +13,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from monitor.history import HistoryError, Reader
-from monitor.settings import NotifySettings
+from monitor.settings import NotifySettings, TemperatureSettings
 from monitor.site import Site
+from monitor.thermometer import last_reading
 
 _SECONDS = 3.0  # to wait for a server
 _PORTS = {"http": 80, "https": 443, "mqtt": 1883, "mqtts": 8883}
@@ -36,6 +37,8 @@ def look_around(site: Site) -> Iterator[Finding]:
     yield _history(site)
     for number, target in enumerate(site.settings.notify, 1):
         yield _guarded(f"notify {number}", partial(_notify, target))
+    if site.settings.temperature:
+        yield _guarded("temperature", partial(_temperature, site.settings.temperature))
     web, viewer = site.settings.web, site.settings.viewer
     if web:
         yield _guarded("web", partial(_port, web.bind, web.port))
@@ -82,6 +85,13 @@ def _notify(target: NotifySettings) -> str:
     except OSError as error:
         raise ValueError(f"{url.scheme}://{host}:{port}: {error}") from error
     return f"{url.scheme}://{host}:{port} answers"
+
+
+def _temperature(settings: TemperatureSettings) -> str:
+    """Say whether a thermometer can be read."""
+    if settings.mqtt:
+        return _notify(NotifySettings(mqtt=settings.mqtt))
+    return last_reading(settings)
 
 
 def _port(host: str, port: int) -> str:

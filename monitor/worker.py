@@ -82,7 +82,7 @@ class Worker:
         AnalysisError
             If there is no room, and the process that would make some has ended.
         """
-        waiting = isinstance(item, Block) or item.topic.startswith("/event/")
+        waiting = isinstance(item, Block) or item.topic.startswith(("/event/", "/measured/"))
         while waiting:
             try:
                 self._inbox.put(item, timeout=1.0)

@@ -40,7 +40,8 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     as_json : whether what happens is said as an object a line
     """
     site = load_site(path, given)
-    for said in mend_logs(site.folder / site.settings.recorder.folder):
+    mended = list(mend_logs(site.folder / site.settings.recorder.folder))
+    for said in mended:
         console.print(escape(said), soft_wrap=True)
     recalled = recall(site.state, parse_structure(site.structure_text), site.settings)
     with (
@@ -57,6 +58,7 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
             live,
             takers=(lines.take,),
             recalled=recalled,
+            mended=mended,
             reread=partial(_reread, hangup, path, given),
         )
     tell_live_end(console, live)

@@ -40,8 +40,8 @@ class HistoryRecorder:
         self.dropped = 0  #: items that found no room, in memory or on disk
 
     def put(self, item: Item) -> None:
-        """Take what was logged, from any thread; blocks of samples are not for the history."""
-        if isinstance(item, Event):
+        """Take what was logged, from any thread; what was measured is not for the history."""
+        if isinstance(item, Event) and not item.topic.startswith("/measured/"):
             try:
                 self._queue.put_nowait(item)
             except queue.Full:

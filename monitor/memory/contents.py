@@ -36,11 +36,12 @@ class Memory:
 
 def matters(structure: Structure, settings: Settings) -> dict[str, str]:
     """Return what a baseline depends on; with anything of it changed, it must be learnt anew."""
-    analysis = settings.analysis
+    analysis, temperature = settings.analysis, settings.temperature
     return {
         "the structure file": hashlib.sha256(dump_structure(structure).encode()).hexdigest()[:16],
         "the channels": ", ".join(f"{c.name} = {c.device} {'xyz'[c.axis]}" for c in settings.channels),
         "the devices": ", ".join(f"{d.name} ({d.driver}, {d.rate:g} Hz)" for d in settings.device),
+        "the thermometer": "the devices'" if temperature is None else temperature.csv or temperature.mqtt or "",
         "analysis.window_seconds": f"{analysis.window_seconds:g}",
         "analysis.overlap": f"{analysis.overlap:g}",
         "analysis.band": "unset" if analysis.band is None else "{:g} to {:g} Hz".format(*analysis.band),

@@ -5,7 +5,7 @@ from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overrides
 from monitor.settings.reading import load_settings, parse_settings, read_settings
-from monitor.settings.site import RecorderSettings, Settings
+from monitor.settings.site import RecorderSettings, Settings, TemperatureSettings
 
 __all__ = [
     "AXES",
@@ -15,6 +15,7 @@ __all__ = [
     "Override",
     "RecorderSettings",
     "Settings",
+    "TemperatureSettings",
     "annotated",
     "json_schema",
     "load_settings",

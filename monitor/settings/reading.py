@@ -106,7 +106,7 @@ def load_settings(path: Path) -> Settings:
 
 
 def _from_folder(settings: Settings, folder: Path) -> Settings:
-    """Return settings whose DBC files and logs are found from anywhere."""
+    """Return settings whose files - DBC, logs, temperature - are found from anywhere."""
 
     def found(device: DeviceSettings) -> DeviceSettings:
         files = {"dbc": device.dbc, "log": device.log}
@@ -118,7 +118,11 @@ def _from_folder(settings: Settings, folder: Path) -> Settings:
             }
         )
 
-    return settings.model_copy(update={"device": tuple(found(device) for device in settings.device)})
+    copied: dict[str, object] = {"device": tuple(found(device) for device in settings.device)}
+    if settings.temperature and settings.temperature.csv:
+        path = str(folder / settings.temperature.csv)
+        copied["temperature"] = settings.temperature.model_copy(update={"csv": path})
+    return settings.model_copy(update=copied)
 
 
 def _explained(error: ValidationError, path: Path | str, origins: Mapping[tuple[str, ...], str]) -> SettingsError:

@@ -1,9 +1,10 @@
 """A whole SITE.toml."""
 
 from ipaddress import ip_address
-from typing import Annotated
+from typing import Annotated, Self
+from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from daq import Channel
 from monitor.alarms import AlarmRules
@@ -82,6 +83,34 @@ class AlarmSettings(Section):
         )
 
 
+class TemperatureSettings(Section):
+    """A thermometer beside those of the devices; leave the section out for none. It has `csv` or `mqtt`."""
+
+    csv: Annotated[str | None, Field(examples=["weather.csv"])] = None
+    """file that another program writes a line a reading to, relative to SITE.toml; has this or `mqtt` (service.md)"""
+    mqtt: Annotated[str | None, Field(examples=["mqtt://broker.example.org/site/air"])] = None
+    """`mqtt://HOST:PORT/TOPIC`, `mqtts://` with TLS; needs `modalwatch[fleet]`"""
+    column: str = "temperature"
+    """of the file, or of the JSON object that is said on the topic [degC]"""
+    stale_minutes: Positive = 60.0
+    """age of the last reading from which on the devices' own thermometers go on for it"""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = [name for name in ("csv", "mqtt") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"expected one of `csv` and `mqtt`, found {' and '.join(given) or 'none'}")
+        return self
+
+    @field_validator("mqtt")
+    @classmethod
+    def _topic(cls, url: str | None) -> str | None:
+        place = urlsplit(url or "")
+        if url is not None and (place.scheme not in ("mqtt", "mqtts") or not place.hostname or not place.path[1:]):
+            raise ValueError("expected mqtt://HOST/TOPIC or mqtts://HOST/TOPIC")
+        return url
+
+
 class HistorySettings(Section):
     """Where what was found is kept for years."""
 
@@ -136,6 +165,7 @@ class Settings(Section):
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     alarm: AlarmSettings = AlarmSettings()
+    temperature: TemperatureSettings | None = None
     history: HistorySettings = HistorySettings()
     notify: tuple[NotifySettings, ...] = ()
     web: WebSettings | None = None

@@ -31,7 +31,7 @@ class Past:
 
 
 #: of which `status.json` says what is wrong with them, or null
-TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis")
+TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "temperature")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ import pytest
 from cli_helpers import Commands
 from pydantic import BaseModel
 
-from monitor.settings import EXAMPLE, annotated, parse_settings
+from monitor.settings import EXAMPLE, TemperatureSettings, annotated, parse_settings
 from monitor.settings.reading import section_of
 from monitor.settings.site import Settings
 
@@ -58,14 +58,23 @@ def test_each_way_of_notice_can_be_used(way: str) -> None:
     assert model.model_validate({**rest, way: target[way]})
 
 
+@pytest.mark.parametrize("source", ["csv", "mqtt"])
+def test_each_source_of_temperature_can_be_used(source: str) -> None:
+    table = uncommented()["temperature"]
+    rest = {key: value for key, value in table.items() if key not in {"csv", "mqtt"}}
+    assert TemperatureSettings.model_validate({**rest, source: table[source]})
+
+
 @pytest.mark.parametrize("place", ["can", "log", "dbc"])
 def test_each_place_of_a_device_can_be_used(place: str) -> None:
     [device] = uncommented()["device"]
     keep = {"dbc": ("can", "dbc")}.get(place, (place,))
     rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "log"}}
+    if place == "log":
+        del rest["delay_ms"]
     places = {key: device[key] for key in keep}
     if place == "dbc":
-        places["can"] = {key: value for key, value in device["can"].items() if key != "node"}
+        places["can"] = {key: value for key, value in device["can"].items() if key not in {"node", "sync"}}
     settings = EXAMPLE.model_dump() | {"device": [{**rest, **places}]}
     again = Settings.model_validate(settings)
     assert parse_settings(annotated(again)) == again

@@ -1,0 +1,347 @@
+"""The monitor through every fault of a rig's life: nothing lost that was there to be had, memory flat, all of it named.
+
+A real `modalwatch run` - viewer, pages, notices, history and all - on emulated accelerometers in a process of their
+own, in real time, with the faults of soak_faults.py once in ten minutes. Afterwards every scan that a device took is
+looked for in the logs by the number that it carries; what is missing must have been taken while a fault kept it away.
+
+    python benchmarks/soak.py [--minutes 120] [--devices 6] [--keep DIR]
+
+or `make soak`. Exit code 1 if a check fails.
+"""
+
+import argparse
+import http.server
+import json
+import os
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import numpy as np
+import psutil
+from soak_faults import Spell, played
+from soak_rig import places
+
+from daq import Block, read_log
+from updater import t_structure_toml
+
+_HERE = Path(__file__).parent
+_RUN = [sys.executable, "-c", "from monitor.cli.main import main; main()", "run"]
+_LOOK = 1.0  # s
+_WINDOW, _BASELINE = 20.0, 8  # s; windows
+_SETTLED = 60.0  # s after a start from which memory is to be flat: everything is loaded, and has run once
+_END = 0.5  # s before the end: what is on its way then
+
+
+def free_port() -> int:
+    """Return a port that nobody uses, nor the next one."""
+    while True:
+        with socket.socket() as one, socket.socket() as two:
+            one.bind(("127.0.0.1", 0))
+            port = int(one.getsockname()[1])
+            try:
+                two.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port
+
+
+class Hook(http.server.BaseHTTPRequestHandler):
+    """Takes notices."""
+
+    texts: list[str]
+
+    def do_POST(self) -> None:
+        """Keep what is told."""
+        said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        self.texts += [notice["text"] for notice in said["notices"]]
+        self.send_response(200)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+class Life:
+    """One process of the monitor, as it was looked at."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []  # s since its start
+        self.rss: list[float] = []  # MB, of it alone
+        self.cpu = {"monitor": 0.0, "analysis": 0.0, "others": 0.0}  # s
+        self.seconds = 0.0
+
+
+class Soak:
+    """A rig and a monitor that go through it."""
+
+    def __init__(self, folder: Path, n: int, seconds: float) -> None:
+        self.folder, self._n, self._seconds = folder, n, seconds
+        self.viewer_port, self._web, self._hook_port = free_port(), free_port(), free_port()
+        self.told: list[str] = []
+        self.lives: list[Life] = []
+        self._hook: http.server.ThreadingHTTPServer | None = None
+        self._rotate = 60.0
+        self.web_codes: dict[int, int] = {}
+        (folder / "t_structure.toml").write_text(structure(n), encoding="utf-8")
+
+    @contextmanager
+    def rig(self) -> Iterator[None]:
+        """Run the rig."""
+        mass_at = self._seconds - 110.0
+        command = [sys.executable, str(_HERE / "soak_rig.py"), str(self.folder), str(self._n)]
+        command += [str(self._seconds), str(mass_at)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as self._rig:
+            assert self._rig.stdout is not None
+            assert self._rig.stdin is not None
+            self._rig.stdout.readline()
+            self.rig_process = psutil.Process(self._rig.pid)
+            yield
+            self._rig.stdin.close()
+            self._rig.wait(20)
+
+    def tell_rig(self, line: str) -> None:
+        """Have the rig do something."""
+        assert self._rig.stdin is not None
+        self._rig.stdin.write(line + "\n")
+        self._rig.stdin.flush()
+
+    def webhook(self, *, up: bool) -> None:
+        """Have notices taken, or refused."""
+        if up:
+            handler = type("Kept", (Hook,), {"texts": self.told})
+            self._hook = http.server.ThreadingHTTPServer(("127.0.0.1", self._hook_port), handler)
+            threading.Thread(target=self._hook.serve_forever, daemon=True).start()
+        elif self._hook:
+            self._hook.shutdown()
+            self._hook.server_close()
+
+    def write_site(self) -> None:
+        """Write the settings."""
+        lines = ['structure = "t_structure.toml"', "[recorder]", "min_free_gb = 0", f"rotate_minutes = {self._rotate}"]
+        lines += ["[analysis]", f"window_seconds = {_WINDOW}", f"baseline_windows = {_BASELINE}"]
+        lines += ["[web]", f"port = {self._web}", "[viewer]", f"port = {self.viewer_port}", "[[notify]]"]
+        lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "per_hour = 1000"]
+        for name, (_, axes) in places(self._n).items():
+            mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
+            lines += ["[[device]]", f'name = "{name}"', 'driver = "epson-uart"', f'port = "{self.folder / name}"']
+            lines += [f"channels = {{{mapped}}}"]
+        (self.folder / "site.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    def start_monitor(self) -> None:
+        """Start the monitor, and wait until it says that it has started."""
+        path = str(self.folder / "notify")
+        Path(path).unlink(missing_ok=True)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
+            heard.bind(path)
+            heard.settimeout(60.0)
+            out = (self.folder / "said.jsonl").open("a", encoding="utf-8")
+            environment = os.environ | {"NOTIFY_SOCKET": path}
+            command = [*_RUN, str(self.folder / "site.toml"), "--json-log"]
+            self._process = subprocess.Popen(command, stdout=out, stderr=out, env=environment)
+            while heard.recv(4096) != b"READY=1":
+                pass
+        Path(path).unlink()
+        self.monitor = psutil.Process(self._process.pid)
+        self.lives.append(Life())
+        self._started = time.monotonic()
+
+    def reload(self) -> None:
+        """Have files rotate at another size: a new log, and not a gap."""
+        self._rotate += 1
+        self.write_site()
+        self._process.send_signal(signal.SIGHUP)
+
+    def look(self) -> None:
+        """Look at the monitor's processes, and at its page."""
+        time.sleep(_LOOK)
+        life = self.lives[-1]
+        try:
+            children = self.monitor.children()
+            used = {"monitor": _cpu(self.monitor)}
+            analysis = [child for child in children if child.nice() == self.monitor.nice() + 5]
+            used["analysis"] = sum(map(_cpu, analysis))
+            used["others"] = sum(_cpu(child) for child in children if child not in analysis)
+            life.rss.append(self.monitor.memory_info().rss / 1e6)
+        except psutil.NoSuchProcess:
+            return  # it was just killed
+        life.times.append(time.monotonic() - self._started)
+        life.seconds = life.times[-1]
+        life.cpu = {name: max(seconds, life.cpu[name]) for name, seconds in used.items()}
+        if len(life.times) % 10 == 0:
+            self._ask()
+
+    def _ask(self) -> None:
+        try:
+            code = httpx.get(f"http://127.0.0.1:{self._web}/healthz", timeout=5.0, trust_env=False).status_code
+        except httpx.HTTPError:
+            code = 0
+        self.web_codes[code] = self.web_codes.get(code, 0) + 1
+
+    def metrics(self) -> dict[str, float]:
+        """Return what the monitor says of itself."""
+        text = httpx.get(f"http://127.0.0.1:{self._web}/metrics", timeout=10.0, trust_env=False).text
+        pairs = (line.rsplit(" ", 1) for line in text.splitlines() if line.startswith("modalwatch_"))
+        return {name: float(value) for name, value in pairs}
+
+    def stop(self) -> int:
+        """End the monitor; return its exit code."""
+        self._process.terminate()
+        return self._process.wait(120)
+
+
+def _cpu(process: psutil.Process) -> float:
+    times = process.cpu_times()
+    return float(times.user + times.system)
+
+
+def structure(n: int) -> str:
+    """Return the T-frame's file with a sensor wherever a device of the rig has an analysed axis."""
+    text = t_structure_toml()
+    for name, (at, axes) in list(places(n).items())[6:]:
+        for axis in axes:
+            direction = [int(axis == other) for other in "xyz"]
+            text += f'\n[[sensor]]\nchannel = "{name}_{axis}"\nat = {list(at)}\ndirection = {direction}\n'
+    return text
+
+
+def numbers(folder: Path, axes: dict[str, int]) -> dict[str, np.ndarray]:
+    """Return the numbers that the scans in the logs carry, device by device, as they stand there."""
+    found: dict[str, list[np.ndarray]] = {name: [] for name in axes}
+    for path in sorted((folder / "log").glob("*.mcap"), key=lambda path: path.name):
+        for item in read_log(path):
+            if isinstance(item, Block):
+                found[item.device].append(item.counts[:, axes[item.device]])
+    return {name: np.concatenate([*parts, np.zeros(0, int)]).astype(int) for name, parts in found.items()}
+
+
+def missing(folder: Path, spells: list[Spell], n: int, end: int) -> tuple[list[str], bool]:
+    """Return a row of the table a device, and whether nothing is missing without a reason."""
+    axes = {name: next(i for i, axis in enumerate("xyz") if axis not in a) for name, (_, a) in places(n).items()}
+    with (folder / "sent.jsonl").open(encoding="utf-8") as file:
+        lines = [json.loads(line) for line in file]
+    times = np.array([line["time"] for line in lines])
+    rows, well = [], True
+    for name, logged in numbers(folder, axes).items():
+        taken = np.array([line["taken"][name] for line in lines])
+        last = int(np.interp(end, times, taken))
+        there = np.zeros(taken[-1] + 1, int)
+        np.add.at(there, logged[(logged >= 0) & (logged < len(there))], 1)
+        gone = np.flatnonzero(there[:last] == 0)
+        when = np.interp(gone, taken + np.arange(len(taken)) * 1e-9, times)
+        excused = np.array([any(s.may_lose(name, int(t)) for s in spells) for t in when], bool)
+        odd = int(np.count_nonzero(~excused)) if len(gone) else 0
+        twice = int(np.count_nonzero(there > 1)) + int(np.count_nonzero((logged < 0) | (logged >= len(there))))
+        well &= odd == 0 and twice == 0
+        rows.append(f"| {name} | {last} | {len(gone)} | {odd} | {twice} |")
+        for k in np.flatnonzero(~excused)[:3] if len(gone) else ():
+            rows.append(f"| (first odd ones: {gone[k]} at {when[k] / 1e9 - times[0] / 1e9:.2f} s of the rig) | | | | |")
+    return rows, well
+
+
+def named(folder: Path, spells: list[Spell]) -> tuple[list[str], bool]:
+    """Return a row a fault: whether the history names it, in its time."""
+    with sqlite3.connect(folder / "state" / "history.sqlite") as base:
+        events = base.execute("SELECT time, topic, device FROM events").fetchall()
+    rows, well = [], True
+    for spell in spells:
+        fault, late = spell.fault, spell.ended + int(100e9)  # a window, and what is tried again after a minute
+        device = fault.device if fault.device not in (None, "*") else None
+        said = {
+            topic.removeprefix("/event/")
+            for at, topic, of in events
+            if spell.begun - 1e9 <= at <= late and (device is None or of in ("", device))
+        }
+        there = all(name in said for name in fault.named)
+        well &= there
+        words = ", ".join(f"`{name}`" if name in said else f"`{name}` MISSING" for name in fault.named)
+        rows.append(
+            f"| {fault.what}{f' ({device})' if device else ''} | {(spell.ended - spell.begun) / 1e9:.1f} | {words} |"
+        )
+    return rows, well
+
+
+def growth(life: Life) -> tuple[float, float]:
+    """Return the memory of a life once it has settled: the median [MB], and its slope [MB/h]."""
+    times, rss = np.array(life.times), np.array(life.rss)
+    settled = times > _SETTLED
+    if settled.sum() < 10:
+        return float(np.median(rss)), 0.0
+    slope = float(np.polyfit(times[settled] / 3600, rss[settled], 1)[0])
+    return float(np.median(rss[settled])), slope
+
+
+def soaked(folder: Path, n: int, seconds: float) -> bool:
+    """Go through it, print the tables; tell whether all is as it should be."""
+    soak = Soak(folder, n, seconds)
+    soak.webhook(up=True)
+    soak.write_site()
+    with soak.rig():
+        soak.start_monitor()
+        spells = played(soak, seconds, soak.look)
+        said = soak.metrics()
+        rig_cpu = _cpu(soak.rig_process)
+        end = time.time_ns() - int(_END * 1e9)
+        code = soak.stop()
+    soak.webhook(up=False)
+    return report(soak, spells, said, (code, end, rig_cpu), n, seconds)
+
+
+def report(
+    soak: Soak, spells: list[Spell], said: dict[str, float], ended: tuple[int, int, float], n: int, seconds: float
+) -> bool:
+    """Print what came of it."""
+    code, end, rig_cpu = ended
+    print(f"\n{3 * n} channels at 1000 Hz, {2 * n} of them analysed, {seconds / 60:.0f} minutes\n")
+    print("| fault | seconds | named in the history |\n| --- | ---: | --- |")
+    rows, all_named = named(soak.folder, spells)
+    print("\n".join(rows))
+    print(
+        "\n| device | scans taken | missing | of them without a reason | twice |\n| --- | ---: | ---: | ---: | ---: |"
+    )
+    rows, all_there = missing(soak.folder, spells, n, end)
+    print("\n".join(rows))
+    print("\n| life | seconds | monitor | analysis | view and pages | RSS of the monitor [MB] | slope [MB/h] |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for number, life in enumerate(soak.lives, 1):
+        median, slope = growth(life)
+        shares = " | ".join(f"{100 * used / life.seconds:.1f} %" for used in life.cpu.values())
+        print(f"| {number} | {life.seconds:.0f} | {shares} | {median:.0f} | {slope:+.1f} |")
+    for name in ("window", "alarm"):
+        late = said.get(f"modalwatch_{name}_latency_seconds")
+        print(f"\nlast sample to {name}: {'-' if late is None else f'{late:.2f} s'}", end="")
+    print(f"\nnotices taken: {len(soak.told)}; /healthz answered: {soak.web_codes}; exit code {code}")
+    print(f"the rig itself: {100 * rig_cpu / seconds:.0f} % of a core")
+    checks = {"nothing missing without a reason": all_there, "every fault named": all_named, "ended with 0": code == 0}
+    checks["the mass at the end raised an alarm"] = said.get('modalwatch_state{state="alarm"}') == 1.0
+    for what, well in checks.items():
+        print(f"{'ok  ' if well else 'FAIL'} {what}")
+    return all(checks.values())
+
+
+def main() -> None:
+    """Read the arguments, soak, and end with 1 if a check fails."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=120.0)
+    parser.add_argument("--devices", type=int, default=6, help="of three channels each")
+    parser.add_argument("--keep", type=Path, help="folder that keeps what the monitor wrote")
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
+        well = soaked(Path(name), asked.devices, 60 * asked.minutes)
+        if asked.keep:
+            shutil.copytree(name, asked.keep, symlinks=True, ignore_dangling_symlinks=True)
+    sys.exit(not well)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""What befalls the monitor in a soak, when, and by which word its history has to name it."""
+
+import os
+import resource
+import signal
+import sqlite3
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import psutil
+from soak_rig import CUT, CYCLE, LEAST, SILENCE
+
+ANY = "*"  # device: all of them
+
+
+class Soak(Protocol):
+    """What faults are done to."""
+
+    folder: Path
+    monitor: psutil.Process
+    viewer_port: int
+
+    def tell_rig(self, line: str) -> None:
+        """Have the rig do something."""
+        ...
+
+    def start_monitor(self) -> None:
+        """Start the monitor, and wait until it has started."""
+        ...
+
+    def webhook(self, *, up: bool) -> None:
+        """Have notices taken, or refused."""
+        ...
+
+    def reload(self) -> None:
+        """Change a setting and have it read."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One of them; times since the start of its cycle [s]."""
+
+    what: str
+    at: float
+    seconds: float
+    begin: Callable[[Soak], None] = lambda _: None
+    end: Callable[[Soak], None] = lambda _: None
+    device: str | None = None  #: whose scans may be missing; ANY, or None of nobody
+    named: tuple[str, ...] = ()  #: events of the history that have to be there, each with the device
+    before: float = 0.3  #: s from which on scans may be missing; more where the rig counts from its own beginning
+    after: float = 1.0  #: s after it until which they may: until the device streams again
+    once: bool = False  #: in the first cycle only
+
+
+def _child(soak: Soak, nice: int, port: int | None = None) -> psutil.Process:
+    """Return a process of the monitor's by its priority, and the port that it serves."""
+    for child in soak.monitor.children():
+        ports = {c.laddr.port for c in child.net_connections("tcp") if c.status == psutil.CONN_LISTEN}
+        if child.nice() == soak.monitor.nice() + nice and (port is None or port in ports):
+            return child
+    raise LookupError(f"the monitor has no process of priority +{nice}")
+
+
+def _limit(soak: Soak, size: int) -> None:
+    """Let no file of the monitor grow beyond a size: what a full disk does to a write."""
+    resource.prlimit(soak.monitor.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+
+class Locked:
+    """The history's database, locked by somebody else."""
+
+    def __init__(self) -> None:
+        self._held: sqlite3.Connection | None = None
+
+    def begin(self, soak: Soak) -> None:
+        """Lock it."""
+        self._held = sqlite3.connect(soak.folder / "state" / "history.sqlite", timeout=30.0, isolation_level=None)
+        self._held.execute("BEGIN EXCLUSIVE")
+
+    def end(self, _: Soak) -> None:
+        """Let it go."""
+        if self._held:
+            self._held.close()
+
+
+def _kill(soak: Soak) -> None:
+    os.kill(soak.monitor.pid, signal.SIGKILL)
+    soak.monitor.wait(10)
+
+
+_LOCK = Locked()
+LOST, BACK = "device_lost", "device_back"
+
+
+def _plugged(what: str, device: str, at: float, seconds: float, how: str = "plug") -> Fault:
+    return Fault(
+        what=what,
+        at=at,
+        seconds=seconds,
+        begin=lambda soak: soak.tell_rig(f"unplug {device}"),
+        end=lambda soak: soak.tell_rig(f"{how} {device}"),
+        device=device,
+        named=(LOST, BACK),
+    )
+
+
+FAULTS = (
+    _plugged("unplugged", "col_037", 60, 6),
+    Fault(
+        what="silent", at=SILENCE[1], seconds=SILENCE[2], device=SILENCE[0], named=(LOST, BACK), before=8.0, after=3.0
+    ),
+    Fault(what="frames cut", at=CUT[1], seconds=CUT[2], device=CUT[0], named=("gap",), before=8.0),
+    _plugged("unplugged, then babble", "col_074", 160, 4, "babble"),
+    Fault(
+        what="disk full",
+        at=190,
+        seconds=10,
+        begin=lambda soak: _limit(soak, 2000),
+        end=lambda soak: _limit(soak, resource.RLIM_INFINITY),
+        named=("recording_stopped", "recording_resumed"),
+    ),
+    Fault(
+        what="database locked",
+        at=230,
+        seconds=20,
+        begin=_LOCK.begin,
+        end=_LOCK.end,
+        named=("history_down", "history_back"),
+    ),
+    Fault(
+        what="webhook down",
+        at=270,
+        seconds=25,
+        begin=lambda soak: soak.webhook(up=False),
+        end=lambda soak: soak.webhook(up=True),
+        named=("notice_failed", "notice_back"),
+    ),
+    _plugged("unplugged, webhook down", "beam_mid", 275, 5),
+    Fault(
+        what="viewer killed",
+        at=320,
+        seconds=1,
+        begin=lambda soak: _child(soak, 10, soak.viewer_port).kill(),
+        named=("no_viewer", "viewer_back"),
+    ),
+    Fault(
+        what="analysis killed", at=400, seconds=1, begin=lambda soak: _child(soak, 5).kill(), named=("analysis_died",)
+    ),
+    Fault(what="settings reloaded", at=440, seconds=1, begin=lambda soak: soak.reload(), named=("reloaded",)),
+    Fault(
+        what="kill -9, restart",
+        at=470,
+        seconds=3,
+        begin=_kill,
+        end=lambda soak: soak.start_monitor(),
+        device=ANY,
+        named=("unclean_end",),
+        before=0.5,
+        once=True,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Spell:
+    """A fault as it came to pass [ns UTC]."""
+
+    fault: Fault
+    begun: int
+    ended: int
+
+    def may_lose(self, device: str, time_ns: int) -> bool:
+        """Tell whether a scan that a device took at a time may be missing for it."""
+        if self.fault.device not in (ANY, device):
+            return False
+        first, last = self.begun - int(self.fault.before * 1e9), self.ended + int(self.fault.after * 1e9)
+        return first <= time_ns <= last
+
+
+def played(soak: Soak, seconds: float, look: Callable[[], None]) -> list[Spell]:
+    """Have all faults happen, cycle after cycle; `look` is called all the while."""
+    begun = time.monotonic()
+    steps = []
+    for cycle in range(int(seconds // CYCLE) + 1):
+        for fault in FAULTS:
+            if cycle and fault.once:
+                continue
+            at = CYCLE * cycle + fault.at
+            if at + fault.seconds + LEAST < seconds:
+                steps += [(at, 0, fault), (at + fault.seconds, 1, fault)]
+    spells: list[Spell] = []
+    started: dict[str, int] = {}
+    for at, ends, fault in sorted(steps, key=lambda step: step[:2]):
+        while time.monotonic() - begun < at:
+            look()
+        if ends:
+            fault.end(soak)
+            spells.append(Spell(fault, started[fault.what], time.time_ns()))
+        else:
+            started[fault.what] = time.time_ns()
+            fault.begin(soak)
+    while time.monotonic() - begun < seconds:
+        look()
+    return spells

@@ -1,0 +1,159 @@
+"""Who is told of what a run logs: history, notices, pages and the live view; each may fail or give way to another."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any, Self
+
+from daq import Item
+from monitor.errors import StartError
+from monitor.history import HistoryRecorder
+from monitor.live import LiveView
+from monitor.notices import Courier
+from monitor.site import Site
+from monitor.web import web_process
+
+_VIEWER_SECONDS = 60.0  # until a live view that died is served again
+Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
+
+
+class Outlets:
+    """All of them; `put` is for the log's thread, the rest for the one that made it.
+
+    Parameters
+    ----------
+    site : that is watched
+    live : the live view, started by somebody else; None for none
+    """
+
+    def __init__(self, site: Site, live: LiveView | None) -> None:
+        self._site, self._live = site, live
+        self._history, self._couriers = _history(site), _couriers(site)
+        self._web = ExitStack()
+        self._viewer_said: str | None = None
+        self._viewer_due = 0.0
+
+    def __enter__(self) -> Self:
+        """Start all but the live view.
+
+        Raises
+        ------
+        StartError
+            If the pages cannot be served.
+        """
+        with ExitStack() as stack:
+            stack.callback(lambda: _stop([self._history, *self._couriers]))
+            _start([self._history, *self._couriers])
+            stack.callback(lambda: self._web.close())
+            self._serve()
+            self._undo = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Bring out what waits, and end."""
+        self._undo.close()
+
+    def put(self, item: Item) -> None:
+        """Hand on what was logged; never waits."""
+        self._history.put(item)
+        for courier in self._couriers:
+            courier.put(item)
+        if self._live:
+            self._live.show(item)
+
+    def said(self) -> Iterator[Said]:
+        """Yield what befell them since the last time; a live view that died is served again after a while."""
+        yield from self._history.said()
+        for courier in self._couriers:
+            yield from courier.said()
+        yield from self._tend_viewer()
+
+    def _tend_viewer(self) -> Iterator[Said]:
+        """Say once why there is no view; serve it again a minute after it has died."""
+        live, now = self._live, time.monotonic()
+        if live is None:
+            return
+        if live.problem and self._viewer_said is None:
+            self._viewer_said, self._viewer_due = live.problem, now + _VIEWER_SECONDS
+            yield "/event/no_viewer", {"why": live.problem}
+        elif self._viewer_said is not None and now >= self._viewer_due:
+            self._viewer_due = now + _VIEWER_SECONDS
+            live.restart(self._site.settings, self._site.structure_text, self._site.site_text)
+            if live.problem is None:
+                self._viewer_said = None
+                yield "/event/viewer_back", {}
+
+    @property
+    def problems(self) -> dict[str, Any]:
+        """What is wrong with each, None if nothing is."""
+        troubled = "; ".join(courier.problem for courier in self._couriers if courier.problem)
+        return {
+            "history": self._history.problem,
+            "not_in_history": self._history.dropped,
+            "notices": troubled or None,
+            "viewer": self._live.problem if self._live else None,
+        }
+
+    def renew(self, site: Site, *, analysed_alike: bool) -> Iterator[str]:
+        """Put others in the place of those whose settings have changed; yield which, or why one cannot be served.
+
+        What comes for history and notices meanwhile waits: the old ones may still write to files that the new share.
+        """
+        before, now = self._site.settings, site.settings
+        self._site = site
+        if before.history != now.history:
+            old, self._history = self._history, _history(site)
+            _stop([old])
+            _start([self._history])
+            yield "history"
+        if before.notify != now.notify:
+            self._renew_couriers()
+            yield "notify"
+        if before.web != now.web:
+            yield self._serve_anew()
+        if self._live and (before.viewer != now.viewer or not analysed_alike):
+            self._live.restart(now, site.structure_text, site.site_text)
+            yield "viewer"
+
+    def _renew_couriers(self) -> None:
+        old, new = self._couriers, _couriers(self._site)
+        for courier, former in zip(new, old, strict=False):
+            courier.go_on_from(former)
+        self._couriers = new
+        _stop(old)
+        _start(new)
+
+    def _serve(self) -> None:
+        web = self._site.settings.web
+        if web:
+            self._web.enter_context(web_process(self._site.source, web.bind, web.port, web.token_file))
+
+    def _serve_anew(self) -> str:
+        self._web.close()
+        try:
+            self._serve()
+        except StartError as error:
+            return f"no pages: {error}"
+        return "web"
+
+
+Part = HistoryRecorder | Courier
+
+
+def _start(parts: Sequence[Part]) -> None:
+    for part in parts:
+        part.__enter__()
+
+
+def _stop(parts: Sequence[Part]) -> None:
+    for part in parts:
+        part.__exit__()
+
+
+def _history(site: Site) -> HistoryRecorder:
+    return HistoryRecorder(site.source.url, site.state / "history_spool.jsonl")
+
+
+def _couriers(site: Site) -> list[Courier]:
+    targets = enumerate(site.settings.notify, 1)
+    return [Courier(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]

@@ -1,0 +1,57 @@
+"""The temperature that windows are judged by where a site has a thermometer of its own: a function of the log.
+
+One thermometer is followed through, not now this and now another one: the step between two would pass for a change of
+the structure. Where it fails, the devices' own thermometers go on for it, less what they differed by before.
+"""
+
+import math
+
+import numpy as np
+
+from daq import Event, Recording
+
+TOPIC_TEMPERATURE = "/measured/temperature"
+_FORGET = 0.05  # share of a window in the difference to the devices' thermometers
+
+
+def reading(time: int, celsius: float, source: str) -> Event:
+    """Return a reading as it stands in the log."""
+    return Event(topic=TOPIC_TEMPERATURE, time=time, payload={"celsius": celsius, "source": source})
+
+
+class Weather:
+    """Readings so far, and the temperature of windows.
+
+    Parameters
+    ----------
+    stale_minutes : age beyond which a reading says nothing of a window
+    """
+
+    def __init__(self, stale_minutes: float) -> None:
+        self._stale = round(stale_minutes * 60e9)
+        self._readings: list[tuple[int, float]] = []  # time [ns UTC] and temperature [degC]
+        self._apart = math.nan  # of it and the devices' mean, of late [K]
+
+    def take(self, event: Event) -> None:
+        """Take what stands in the log."""
+        if event.topic == TOPIC_TEMPERATURE:
+            self._readings.append((event.time, float(event.payload["celsius"])))
+
+    def of(self, recording: Recording) -> float:
+        """Return the temperature of a window [degC], NaN where nothing tells it; windows in their order.
+
+        The mean of the readings within the window; without one, the last before it that is not stale.
+        """
+        known = [(t, c) for t, c in self._readings if t <= recording.end]
+        within = [c for t, c in known if t >= recording.start]
+        oldest = recording.start - self._stale
+        self._readings = [(t, c) for t, c in self._readings if t >= oldest]
+        if within or (known and max(known)[0] >= oldest):
+            found = float(np.mean(within)) if within else max(known)[1]
+            self._compare(found - recording.temperature)
+            return found
+        return recording.temperature + self._apart
+
+    def _compare(self, apart: float) -> None:
+        if math.isfinite(apart):
+            self._apart = apart if math.isnan(self._apart) else self._apart + _FORGET * (apart - self._apart)
