@@ -65,13 +65,12 @@ def unstuffed(segments: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]]:
     flat = np.zeros((n, width + 255), np.uint8)  # room for a code that points beyond the end; a zero points nowhere
     flat[:, :width] = segments
     frames = flat.reshape(-1)
-    at = np.arange(n) * (width + 255)
-    end = at + width
-    while len(running := np.flatnonzero(at < end)):
-        code = frames[at[running]]
-        frames[at[running]] = 0
-        at[running] += code
-    return flat[:, 1:width], np.asarray(at == end)
+    begin = np.arange(0, n * (width + 255), width + 255)
+    at = begin.copy()
+    while (code := frames.take(at)).any():
+        frames[at] = 0
+        at += code
+    return flat[:, 1:width], np.asarray(at - begin == width)
 
 
 def crc16(content: Bytes) -> npt.NDArray[np.uint16]:

@@ -138,8 +138,9 @@ class NodeDecoder:
         """Return the intact frames of one type among those that are as long as it."""
         if not len(begin):
             return np.empty(0, layout)
-        content, good = cobs.unseal(stream[begin[:, None] + np.arange(layout.itemsize + _STUFFING)])
-        found = np.ascontiguousarray(content[good & (content[:, 0] == kind)])
+        content, good = cobs.unseal(stream.take(begin[:, None] + np.arange(layout.itemsize + _STUFFING)))
+        good &= content[:, 0] == kind
+        found = np.ascontiguousarray(content if good.all() else content[good])
         self.bad_bytes -= len(found) * (layout.itemsize + _STUFFING + 1)
         return found.view(layout)[:, 0]
 
