@@ -89,3 +89,17 @@ def test_line_needs_a_pair() -> None:
 def test_counter_is_unwrapped_to_the_nearest(index: int, error: int) -> None:
     counter = np.arange(index, index + 5) % 65536
     np.testing.assert_array_equal(unwrap(counter, index + 2 + error), np.arange(index, index + 5))
+
+
+@pytest.mark.parametrize("ppm", [-50.0, 50.0])
+def test_times_jitter_less_than_a_tenth_of_a_millisecond_behind_a_usb_adapter(ppm: float) -> None:
+    """Packets of 16 ms: a packet's last scan is up to a period old, and least as often as the two clocks beat."""
+    latency, speed = 0.016, 1 + ppm * 1e-6
+    random, fit, off = np.random.default_rng(4), ClockFit(RATE), []
+    for packet in np.arange(13, 25_000, 13) * latency:  # read 0.2 s apart
+        index = int(packet * speed * RATE)
+        fit.add(index, START + round((packet + random.exponential(1e-4)) * 1e9))
+        if packet > 150:
+            earlier = index - 2000
+            off.append((fit.time_at(earlier) - START) * 1e-9 - earlier / RATE / speed)
+    assert np.std(off) < 1e-4
