@@ -53,6 +53,7 @@ bench: $(VENV)/.done
 many-devices: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/many_devices.py 600 epson-uart
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/many_devices.py 600 modalwatch-node
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/many_devices.py 600 epson-uart 50
 
 # How exact the times of scans are over an hour behind USB adapters: the table in docs/daq.md, a minute.
 jitter: $(VENV)/.done

@@ -4,7 +4,7 @@ Another process emulates the devices on ptys and hands their bytes on every ten 
 sixteen of USB adapters. This one records them as `modalwatch run` does (readers, writer, disk guard; no analysis) and
 states its own CPU time, system calls included, as a share of one core: other work on the machine does not count.
 
-Usage: python benchmarks/many_devices.py [SECONDS] [DRIVER], or make many-devices
+Usage: python benchmarks/many_devices.py [SECONDS] [DRIVER] [VIEW_RATE], or make many-devices
 """
 
 import json
@@ -91,10 +91,10 @@ def emulated(kind: str) -> Iterator[tuple[list[str], Callable[[], int]]]:
         process.kill()
 
 
-def record(folder: Path, kind: str, ports: Sequence[str], seconds: float) -> float:
+def record(folder: Path, kind: str, ports: Sequence[str], seconds: float, view_rate: float) -> float:
     """Record for so long; return the share of a core that it took."""
     clock = SystemClock()
-    recorder = LogRecorder(folder, {}, clock.now())
+    recorder = LogRecorder(folder, {}, clock.now(), view_rate=view_rate)
     keeper = LogKeeper(recorder, DiskGuard(folder, Retention()), _ignore)
     with LogThread(keeper, _ignore, chunk_seconds=RecorderSettings().chunk_seconds) as log, ExitStack() as stack:
         for k, port in enumerate(ports):
@@ -133,14 +133,15 @@ def main() -> None:
     """Measure, and print a row."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
     kind = sys.argv[2] if len(sys.argv) > 2 else "epson-uart"
+    view_rate = float(sys.argv[3]) if len(sys.argv) > 3 else 0.0
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as name, emulated(kind) as (ports, end):
-        share = record(Path(name), kind, ports, seconds)
+        share = record(Path(name), kind, ports, seconds, view_rate)
         held, dropped = memory(), end()
         scans, gaps = missing(Path(name))
         size = sum(path.stat().st_size for path in Path(name).glob("*.mcap"))
-    print("| driver | seconds | scans | missing | no room at the device | of a core | RSS [MB] | bytes a scan |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
-    row = (f"`{kind}`", f"{seconds:g}", scans, gaps, dropped, f"{100 * share:.1f} %", f"{held:.0f}")
+    print("| driver | view [Hz] | seconds | scans | missing | no room | of a core | RSS [MB] | bytes a scan |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    row = (f"`{kind}`", f"{view_rate:g}", f"{seconds:g}", scans, gaps, dropped, f"{100 * share:.1f} %", f"{held:.0f}")
     print("| " + " | ".join(map(str, (*row, f"{size / scans:.2f}"))) + " |")
 
 

@@ -11,8 +11,9 @@ from daq.errors import LogError
 from daq.log import read_attachments, read_log
 from daq.parts import AnyLog
 from daq.recording import Block, Flag, IndexArray
-from daq.ros_messages import SCHEMAS, encode_scans, message_kind
+from daq.ros_messages import ENCODING, encode_scans, message_kind, schema
 from daq.timebase import ClockFit
+from daq.view import VIEW
 
 _AHEAD_SECONDS = 2.0  # of a device's data that its clock has seen before a scan gets its time
 
@@ -122,8 +123,8 @@ class _Messages:
         if block.device not in self._channels:
             kind = message_kind(block.counts.shape[1])
             if kind not in self._schemas:
-                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", SCHEMAS[kind].encode())
-            topic = f"/view/{block.device}"
-            self._channels[block.device] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+                self._schemas[kind] = self._writer.register_schema(*schema(kind))
+            topic = VIEW + block.device
+            self._channels[block.device] = self._writer.register_channel(topic, ENCODING, self._schemas[kind])
             self.written[block.device] = 0
         return self._channels[block.device]

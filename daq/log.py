@@ -30,6 +30,9 @@ from daq.errors import LogError
 from daq.filelock import lock
 from daq.parts import PART, AnyLog, Part, files_of
 from daq.recording import Block
+from daq.ros_messages import ENCODING as VIEW_ENCODING
+from daq.ros_messages import schema as view_schema
+from daq.view import ViewMessage
 
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
@@ -95,6 +98,7 @@ class LogWriter:
             self._writer.add_attachment(time.time_ns(), time.time_ns(), name, "text/plain", text.encode())
         self._accel = self._writer.register_schema(*SCHEMAS["protobuf"])
         self._json = self._writer.register_schema(*SCHEMAS["json"])
+        self._shown: dict[str, int] = {}  # schemas of the view
         self.flush()
         _sync_folder(self._path.parent)
 
@@ -105,6 +109,12 @@ class LogWriter:
         else:
             text = json.dumps(item.payload, separators=(",", ":"))
             self._add(item.topic, self._json, "json", item.time, text.encode())
+
+    def show(self, message: ViewMessage) -> None:
+        """Append a scan for stock viewers to the open chunk; readers of the log pass over it."""
+        if message.kind not in self._shown:
+            self._shown[message.kind] = self._writer.register_schema(*view_schema(message.kind))
+        self._add(message.topic, self._shown[message.kind], VIEW_ENCODING, message.time, message.data)
 
     def _add(self, topic: str, schema: int, encoding: str, log_time: int, data: bytes) -> None:
         if topic not in self._channels:
@@ -170,9 +180,9 @@ def read_log(log: AnyLog) -> Iterator[Item]:
 def _read_file(path: Path) -> Iterator[Item]:
     topics: dict[int, str] = {}
     for record in _records(path):
-        if isinstance(record, Channel):
+        if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING:
             topics[record.id] = record.topic
-        elif isinstance(record, Message):
+        elif isinstance(record, Message) and record.channel_id in topics:
             try:
                 yield _item(topics[record.channel_id], record)
             except (DecodeError, ValueError) as error:

@@ -10,6 +10,7 @@ from daq.log import Item, LogWriter
 from daq.log_names import log_path
 from daq.parts import Part
 from daq.recording import Block
+from daq.view import View
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,7 @@ class LogRecorder:
     attachments : name -> text, written to each
     started : time of the start [ns UTC]
     rotation : when a new file is begun
+    view_rate : scans a second that are written for stock viewers too [Hz]; 0 for none
 
     Raises
     ------
@@ -40,10 +42,17 @@ class LogRecorder:
     """
 
     def __init__(
-        self, folder: Path, attachments: Mapping[str, str], started: int, rotation: Rotation | None = None
+        self,
+        folder: Path,
+        attachments: Mapping[str, str],
+        started: int,
+        rotation: Rotation | None = None,
+        *,
+        view_rate: float = 0.0,
     ) -> None:
         self._folder, self._attachments, self._rotation = folder, attachments, rotation or Rotation()
         self._part = Part(run=uuid.uuid4().hex, started=started, number=0)
+        self._view = View(view_rate) if view_rate else None
         self.newest = started  #: time of the newest data [ns UTC]
         self._first = started  # the same of the first data in the open file
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
@@ -60,6 +69,9 @@ class LogRecorder:
             _finish(finished)
         self._writer.write(item)
         self._holds += 1
+        if self._view and isinstance(item, Block):
+            for message in self._view.add(item):
+                self._writer.show(message)
 
     def flush(self) -> None:
         """Close the chunk and bring it to the disk; if the file is full now, what comes next begins a new one."""

@@ -279,6 +279,8 @@ def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:
             writer.add_metadata(record.name, record.metadata)
         elif isinstance(record, Message) and record.channel_id in survey.channels:
             channel = survey.channels[record.channel_id]
+            if channel.schema_id not in survey.schemas and channel.message_encoding not in SCHEMAS:
+                continue  # of the view, which `log expand` makes again
             if channel.schema_id not in schemas:
                 schemas[channel.schema_id] = writer.register_schema(*_schema(survey, channel))
             if channel.id not in channels:

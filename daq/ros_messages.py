@@ -30,10 +30,16 @@ _DIMENSION = "MSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint
 _LAYOUT = "MSG: std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset"
 _ARRAY = "std_msgs/MultiArrayLayout layout\nfloat64[] data"
 
+ENCODING = "cdr"  #: of messages
 SCHEMAS = {
     IMU: f"\n{_SEPARATOR}\n".join((_IMU, _HEADER, _TIME, _QUATERNION, _VECTOR)),
     ARRAY: f"\n{_SEPARATOR}\n".join((_ARRAY, _LAYOUT, _DIMENSION)),
 }
+
+
+def schema(kind: str) -> tuple[str, str, bytes]:
+    """Return name, encoding and text of the schema of a kind of messages."""
+    return kind, "ros2msg", SCHEMAS[kind].encode()
 
 
 def message_kind(n_axes: int) -> str:

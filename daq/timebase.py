@@ -54,15 +54,20 @@ class ClockFit:
         """Take one pair: this scan had arrived at this time [ns UTC]."""
         if self._origin is None:
             self._origin = time - round(index / self._rate * 1e9)
-        self._line = None
         late = time - self._origin - round(index / self._rate * 1e9)
         same = self._pairs and index // int(_BIN * self._rate) == self._pairs[-1][0] // int(_BIN * self._rate)
-        if not same:
+        if same and late >= self._pairs[-1][1]:
+            news = False
+        else:
+            news = True
+            if same:
+                self._pairs.pop()
             self._pairs.append((index, late))
-        elif late < self._pairs[-1][1]:
-            self._pairs[-1] = (index, late)
         while (index - self._pairs[0][0]) / self._rate > _SPAN:
             self._pairs.popleft()
+            news = True
+        if news:
+            self._line = None
 
     def line(self) -> tuple[float, float, int]:
         """Return (lateness at index 0 [ns], drift [ns a scan], origin [ns UTC]).

@@ -56,7 +56,13 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
     }
     if memory:
         attachments[MEMORY] = memory
-    recorder = LogRecorder(folder, attachments, clock.now(), _rotation(recorder_settings))
+    recorder = LogRecorder(
+        folder,
+        attachments,
+        clock.now(),
+        _rotation(recorder_settings),
+        view_rate=recorder_settings.view_rate,
+    )
     return Analysis(
         recorder=recorder,
         keeper=LogKeeper(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),

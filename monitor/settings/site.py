@@ -30,6 +30,8 @@ class RecorderSettings(Section):
     """of all log files that runs have recorded in the folder; beyond it the oldest are deleted"""
     min_free_gb: Annotated[float, Field(ge=0)] = 1.0
     """room left on the disk: the oldest log files are deleted for it, never the newest; 0 for never"""
+    view_rate: Annotated[float, Field(ge=0)] = 50.0
+    """scans a second of each device that are written for stock viewers too (rerun, Foxglove) [Hz]; 0 for none"""
 
 
 class AnalysisSettings(Section):
