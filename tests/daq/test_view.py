@@ -29,7 +29,7 @@ def motion(index: FloatArray) -> FloatArray:
 
 
 def block(device: str, first: int, n: int, n_axes: int) -> Block:
-    index = np.arange(first, first + n)
+    index = np.arange(first, first + n, dtype=float)
     fast = np.sin(2 * np.pi * STOPPED * index / RATE)[:, None]
     counts = np.rint((motion(index) + fast) / SCALE).astype(np.int32)[:, :n_axes]
     base = make_block(device, first, n=n)
