@@ -24,7 +24,7 @@ from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, L
 from daq.expand import expand_log
 from daq.found import Found, PortAnswer
 from daq.hostclock import HostClock, ScaledClock, SystemClock
-from daq.log import Event, Item, LogWriter, read_attachments, read_log
+from daq.log import Event, Item, LogWriter, read_attachments, read_events, read_log
 from daq.log_address import LogAddress
 from daq.log_keeper import LogKeeper
 from daq.log_names import as_logs, newest_log
@@ -119,6 +119,7 @@ __all__ = [
     "read_attachments",
     "read_channel_map",
     "read_data",
+    "read_events",
     "read_layout",
     "read_log",
     "repair_log",

@@ -163,6 +163,12 @@ def _sync_folder(folder: Path) -> None:
         os.close(number)
 
 
+def read_events(log: AnyLog) -> Iterator[Event]:
+    """Yield the events alone, which is faster; else as `read_log`."""
+    for path in files_of(log):
+        yield from (item for item in _read_file(path, signals=False) if isinstance(item, Event))
+
+
 def read_log(log: AnyLog) -> Iterator[Item]:
     """Yield blocks and events in the order in which they were written, in bounded memory.
 
@@ -177,11 +183,12 @@ def read_log(log: AnyLog) -> Iterator[Item]:
         yield from _read_file(path)
 
 
-def _read_file(path: Path) -> Iterator[Item]:
+def _read_file(path: Path, *, signals: bool = True) -> Iterator[Item]:
     topics: dict[int, str] = {}
     for record in _records(path):
         if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING:
-            topics[record.id] = record.topic
+            if signals or not record.topic.startswith(ACCEL):
+                topics[record.id] = record.topic
         elif isinstance(record, Message) and record.channel_id in topics:
             try:
                 yield _item(topics[record.channel_id], record)

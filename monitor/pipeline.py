@@ -12,6 +12,7 @@ from monitor.accepted import Wanted
 from monitor.accepting import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last
 from monitor.alarm_words import accepted_said, acknowledged_said, change_said, resumed_said, undone_said
 from monitor.alarms import Alarm, Change, Kind
+from monitor.backlog import SKIPPED, Skip, none
 from monitor.describe import (
     increment_result,
     mass_answer,
@@ -46,11 +47,14 @@ class Pipeline:
     structure : of the site
     settings : of the site
     memory : of the run before, to go on from; it must be of the same watch (see `recall`)
+    skip : says which windows are left out
     """
 
-    def __init__(self, structure: Structure, settings: Settings, memory: Memory | None = None) -> None:
+    def __init__(
+        self, structure: Structure, settings: Settings, memory: Memory | None = None, skip: Skip = none
+    ) -> None:
         analysis = settings.analysis
-        self._settings, self._structure = settings, structure
+        self._settings, self._structure, self._skip = settings, structure, skip
         self._devices = {channel.name: channel.device for channel in settings.channels}
         self._assembler = Assembler(
             settings.channels,
@@ -121,6 +125,9 @@ class Pipeline:
         """Take one window; yield what it lets be said."""
         index = self._n_windows
         self._n_windows += 1
+        if self._skip(index, recording):
+            yield self._bare(index, recording, SKIPPED).model_copy(update={"skipped": True})
+            return
         try:
             found = identify_all(recording, band=self._settings.analysis.band)
         except IdentificationError as error:

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 
-from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_log
+from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_events, read_log
 from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.result_events import event_result
+from monitor.results import TOPIC_WINDOW
 from monitor.settings import parse_settings
 from monitor.site import Site
 from monitor.worker import TOPIC_STOPPED, Kept, Result, Told, Worker
@@ -53,7 +55,9 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     logged: list[Result] = []
     found: list[Result] = []
     kept = ""
-    worker = Worker(*texts, _memory(attached, texts), capacity=_WAITING, keep=True)
+    worker = Worker(
+        *texts, _memory(attached, texts), capacity=_WAITING, keep=True, skipped=frozenset() if site else _skipped(log)
+    )
     with worker, ThreadPoolExecutor(1) as feeder:
         feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
@@ -73,6 +77,16 @@ def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
         fitting(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1])) if text else NOTHING
     )
     return found.text or ""
+
+
+def _skipped(log: AnyLog) -> frozenset[int]:
+    """Return the windows that were left out live, by number; of a damaged log those up to the damage."""
+    found: set[int] = set()
+    with suppress(LogError):
+        for event in read_events(log):
+            if event.topic == TOPIC_WINDOW and event.payload.get("skipped"):
+                found.add(int(event.payload["index"]))
+    return frozenset(found)
 
 
 def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
@@ -107,7 +121,7 @@ def _until_last(worker: Worker) -> Iterator[Told]:
 
 def logged_results(log: AnyLog) -> Iterator[Result]:
     """Yield the results that stand in a log; errors as for `read_log`."""
-    for item in read_log(log):
-        result = event_result(item) if isinstance(item, Event) else None
+    for event in read_events(log):
+        result = event_result(event)
         if result is not None:
             yield result

@@ -168,6 +168,7 @@ class WindowResult(_Result):
     sensors: dict[str, ChannelHealth] = {}  #: from time to time, over the windows since the last time
     rms: dict[str, float] = {}  #: of each channel [m/s2]
     problem: str | None = None  #: why the window gave no modes
+    skipped: bool = False  #: whether it was left out, the analysis having fallen behind; a replay leaves it out too
 
 
 class ReferenceMode(_Result):

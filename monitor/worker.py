@@ -6,11 +6,14 @@ import queue
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.queues import Queue
-from typing import Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
 from monitor.processes import deaf_to_stop_signals, received
 from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
+
+if TYPE_CHECKING:
+    from monitor.pipeline import Pipeline
 
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
 Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
@@ -40,13 +43,25 @@ class Worker:
     memory : text of the memory to go on from; empty for none
     capacity : items that may wait before `feed` blocks; 0 = never blocks
     keep : whether what to go on from after a restart is told too, after each item that lets something be said
+    skipped : windows to leave out, by number, as in a log that is replayed; None: those of a backlog
     """
 
-    def __init__(self, structure: str, site: str, memory: str = "", *, capacity: int = 0, keep: bool = False) -> None:
+    def __init__(
+        self,
+        structure: str,
+        site: str,
+        memory: str = "",
+        *,
+        capacity: int = 0,
+        keep: bool = False,
+        skipped: frozenset[int] | None = None,
+    ) -> None:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = context.Queue(capacity)
         self._outbox: Queue[Told | None] = context.Queue()
-        arguments = (structure, site, memory, keep, self._inbox, self._outbox)
+        self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
+        task = _Task(structure, site, memory, keep, skipped, self._newest)
+        arguments = (task, self._inbox, self._outbox)
         self._process = context.Process(target=_analyse, args=arguments, name="analysis", daemon=True)
 
     def __enter__(self) -> Self:
@@ -82,6 +97,8 @@ class Worker:
         AnalysisError
             If there is no room, and the process that would make some has ended.
         """
+        if isinstance(item, Block):
+            self._newest.value = max(self._newest.value, item.pair_time)
         waiting = isinstance(item, Block) or item.topic.startswith(("/event/", "/measured/"))
         while waiting:
             try:
@@ -111,18 +128,30 @@ class Worker:
             raise AnalysisError(f"the analysis process ended with code {self._process.exitcode}") from None
 
 
-def _analyse(
-    structure: str, site: str, memory: str, keep: bool, inbox: "Queue[Item]", outbox: "Queue[Told | None]"
-) -> None:
+class _Shared(Protocol):
+    """A number that two processes see."""
+
+    value: int
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What the process is to do; fields as the parameters of `Worker`."""
+
+    structure: str
+    site: str
+    memory: str
+    keep: bool
+    skipped: frozenset[int] | None
+    newest: _Shared  #: until when signals have come [ns UTC]
+
+
+def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[Told | None]") -> None:
     """Run the pipeline until the last item."""
     os.nice(5)  # acquisition comes first
-    from monitor.memory import memory_text, parse_memory  # load numpy, in this process, under the limits above
-    from monitor.pipeline import Pipeline
-    from monitor.settings import parse_settings
-    from updater import parse_structure
+    from monitor.memory import memory_text  # loads numpy, in this process, under the limits above
 
-    known = parse_memory(memory) if memory else None
-    pipeline = Pipeline(parse_structure(structure), parse_settings(site), known)
+    pipeline = _pipeline(task)
     for item in received(inbox):
         if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
             outbox.put(None)
@@ -131,6 +160,20 @@ def _analyse(
         for result in pipeline.push(item):
             outbox.put(result)
             said = True
-        if said and keep:
+        if said and task.keep:
             outbox.put(Kept(memory_text(pipeline.memory)))
     outbox.cancel_join_thread()  # the parent was killed: nobody will ever read what is still on its way
+
+
+def _pipeline(task: _Task) -> "Pipeline":
+    from monitor.backlog import Backlog, as_logged
+    from monitor.memory import parse_memory
+    from monitor.pipeline import Pipeline
+    from monitor.settings import parse_settings
+    from updater import parse_structure
+
+    settings = parse_settings(task.site)
+    known = parse_memory(task.memory) if task.memory else None
+    live = Backlog(settings, lambda: int(task.newest.value))
+    skip = live if task.skipped is None else as_logged(task.skipped)
+    return Pipeline(parse_structure(task.structure), settings, known, skip)

@@ -38,6 +38,7 @@ class News:
         self._state = "normal"
         self._raised: int | None = None
         self._causes: tuple[str, ...] = ()
+        self._behind = False  # windows are left out
 
     def of(self, item: Item) -> Notice | None:
         """Return the notice that an item of the log is worth; items in the log's order."""
@@ -50,7 +51,7 @@ class News:
             return None if result.passed else self._notice("trouble", result.time, result.text)
         if isinstance(result, AlarmResult):
             return self._change(result)
-        return self._sharper(result) if isinstance(result, WindowResult) else None
+        return self._of_window(result) if isinstance(result, WindowResult) else None
 
     def _trouble(self, event: Event) -> Notice | None:
         what = event.topic.removeprefix("/event/")
@@ -78,6 +79,12 @@ class News:
             return self._notice("alarm", change.time, change.text)
         over = before == "alarm" and change.state == "normal"
         return self._notice("recovery", change.time, change.text) if over else None
+
+    def _of_window(self, window: WindowResult) -> Notice | None:
+        behind, self._behind = self._behind, window.skipped
+        if window.skipped and not behind:
+            return self._notice("trouble", window.end, "windows are left out: the analysis has fallen behind")
+        return self._sharper(window)
 
     def _sharper(self, window: WindowResult) -> Notice | None:
         found = window.diagnosis

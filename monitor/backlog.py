@@ -1,0 +1,44 @@
+"""Which windows an analysis leaves out that has fallen behind: acquisition never waits for it."""
+
+from collections.abc import Callable, Collection
+
+from daq import Recording
+from monitor.settings import Settings
+
+MOST_WINDOWS = 6  #: that may wait before any is left out
+_LEAST_SECONDS = 60.0  # of wall time that these must be: a start, or a diagnosis, may take that on a busy machine
+SKIPPED = "left out: the analysis had fallen behind"
+
+Skip = Callable[[int, Recording], bool]  #: whether a window of that number is left out
+
+
+class Backlog:
+    """Decides live: once too many windows wait, all but the newest are left out.
+
+    Parameters
+    ----------
+    settings : of the site
+    newest : says until when signals have come [ns UTC]
+    """
+
+    def __init__(self, settings: Settings, newest: Callable[[], int]) -> None:
+        speed = settings.clock.speed if settings.clock else 1.0
+        self._step, self._newest = settings.step_seconds, newest
+        self._most = max(MOST_WINDOWS * self._step, _LEAST_SECONDS * speed)
+        self._behind = False
+
+    def __call__(self, index: int, recording: Recording) -> bool:
+        """Tell whether to leave a window out."""
+        seconds = (self._newest() - recording.end) * 1e-9
+        self._behind = seconds > (self._step if self._behind else self._most)
+        return self._behind
+
+
+def as_logged(indices: Collection[int]) -> Skip:
+    """Return what leaves out the windows that a log says were left out."""
+    return lambda index, _: index in indices
+
+
+def none(_: int, __: Recording) -> bool:
+    """Leave no window out."""
+    return False
