@@ -13,8 +13,9 @@ from updater.comparison import Comparison, residual
 from updater.reanalysis import Changed, Effect, derivative, picked, predict, reanalyse
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
-_ENOUGH = 1e-3  # of chi-square: a step that gains less is an alternative's last
+_ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
+_HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 
 
@@ -120,7 +121,7 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]
     """Fit every alternative by Gauss-Newton, all at once; if asked, those between the best ones afterwards."""
     found = _fit(comparison, hypotheses)
     closer = hypotheses.finer(found.log_density, found.theta) if refine else None
-    return found if closer is None else _fit(comparison, closer)
+    return found if closer is None else _fit(comparison, closer, _HOPELESS)
 
 
 def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
@@ -180,11 +181,14 @@ class _Point:
         return np.asarray((self.residual**2).sum(1))
 
 
-def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
+def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) -> Fit[H]:
     everything = np.arange(len(hypotheses.start))
     point = _evaluate(comparison, hypotheses, hypotheses.start, everything)
-    slope = _slope(comparison, hypotheses, point, everything)
-    moving = np.full(len(everything), bool(len(hypotheses.prior_std)))
+    moving = point.cost < point.cost.min() + reach_at_start
+    moving &= bool(len(hypotheses.prior_std))
+    begun = np.flatnonzero(moving)
+    slope = _of_priors(hypotheses, point)
+    slope[begun] = _slope(comparison, hypotheses, point, begun)
     for reach in _REACH:
         step, promised = _newton(slope, point.residual)
         alive = np.flatnonzero(moving & (point.cost - promised < point.cost.min() + reach))
@@ -207,6 +211,14 @@ def _fit(comparison: Comparison, hypotheses: H) -> Fit[H]:
         log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
         freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
     )
+
+
+def _of_priors(hypotheses: Hypotheses, point: "_Point") -> FloatArray:
+    """Return the derivatives (n_alternatives, n_data + n_parameters, n_parameters) of the priors' residuals alone."""
+    n = len(hypotheses.prior_std)
+    slope = np.zeros((*point.residual.shape, n))
+    slope[:, point.residual.shape[1] - n :] = np.diag(1 / hypotheses.prior_std)
+    return slope
 
 
 def _newton(slope: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
