@@ -29,7 +29,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import psutil
-from soak_faults import Spell, played
+from soak_faults import ANY, Spell, played
 from soak_rig import places
 
 from daq import Block, read_log
@@ -37,9 +37,11 @@ from updater import t_structure_toml
 
 _HERE = Path(__file__).parent
 _RUN = [sys.executable, "-c", "from monitor.cli.main import main; main()", "run"]
+_ROTATE = 5.0  # min: an open log keeps an index of its chunks in memory, until the next file is begun
 _LOOK = 1.0  # s
 _WINDOW, _BASELINE = 20.0, 8  # s; windows
 _SETTLED = 60.0  # s after a start from which memory is to be flat: everything is loaded, and has run once
+_CHANGED = 110.0  # s before the end: when the structure changes
 _END = 0.5  # s before the end: what is on its way then
 
 
@@ -87,24 +89,25 @@ class Soak:
 
     def __init__(self, folder: Path, n: int, seconds: float) -> None:
         self.folder, self._n, self._seconds = folder, n, seconds
-        self.viewer_port, self._web, self._hook_port = free_port(), free_port(), free_port()
+        self.viewer_port, self.web_port, self._hook_port = free_port(), free_port(), free_port()
         self.told: list[str] = []
         self.lives: list[Life] = []
         self._hook: http.server.ThreadingHTTPServer | None = None
-        self._rotate = 60.0
+        self._rotate = _ROTATE
         self.web_codes: dict[int, int] = {}
         (folder / "t_structure.toml").write_text(structure(n), encoding="utf-8")
 
     @contextmanager
     def rig(self) -> Iterator[None]:
         """Run the rig."""
-        mass_at = self._seconds - 110.0
+        mass_at = max(10.0, self._seconds - _CHANGED)
         command = [sys.executable, str(_HERE / "soak_rig.py"), str(self.folder), str(self._n)]
         command += [str(self._seconds), str(mass_at)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as self._rig:
             assert self._rig.stdout is not None
             assert self._rig.stdin is not None
-            self._rig.stdout.readline()
+            if not self._rig.stdout.readline():
+                raise SystemExit("the rig did not start")
             self.rig_process = psutil.Process(self._rig.pid)
             yield
             self._rig.stdin.close()
@@ -130,7 +133,7 @@ class Soak:
         """Write the settings."""
         lines = ['structure = "t_structure.toml"', "[recorder]", "min_free_gb = 0", f"rotate_minutes = {self._rotate}"]
         lines += ["[analysis]", f"window_seconds = {_WINDOW}", f"baseline_windows = {_BASELINE}"]
-        lines += ["[web]", f"port = {self._web}", "[viewer]", f"port = {self.viewer_port}", "[[notify]]"]
+        lines += ["[web]", f"port = {self.web_port}", "[viewer]", f"port = {self.viewer_port}", "[[notify]]"]
         lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "per_hour = 1000"]
         for name, (_, axes) in places(self._n).items():
             mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
@@ -183,14 +186,14 @@ class Soak:
 
     def _ask(self) -> None:
         try:
-            code = httpx.get(f"http://127.0.0.1:{self._web}/healthz", timeout=5.0, trust_env=False).status_code
+            code = httpx.get(f"http://127.0.0.1:{self.web_port}/healthz", timeout=5.0, trust_env=False).status_code
         except httpx.HTTPError:
             code = 0
         self.web_codes[code] = self.web_codes.get(code, 0) + 1
 
     def metrics(self) -> dict[str, float]:
         """Return what the monitor says of itself."""
-        text = httpx.get(f"http://127.0.0.1:{self._web}/metrics", timeout=10.0, trust_env=False).text
+        text = httpx.get(f"http://127.0.0.1:{self.web_port}/metrics", timeout=10.0, trust_env=False).text
         pairs = (line.rsplit(" ", 1) for line in text.splitlines() if line.startswith("modalwatch_"))
         return {name: float(value) for name, value in pairs}
 
@@ -243,9 +246,13 @@ def missing(folder: Path, spells: list[Spell], n: int, end: int) -> tuple[list[s
         odd = int(np.count_nonzero(~excused)) if len(gone) else 0
         twice = int(np.count_nonzero(there > 1)) + int(np.count_nonzero((logged < 0) | (logged >= len(there))))
         well &= odd == 0 and twice == 0
-        rows.append(f"| {name} | {last} | {len(gone)} | {odd} | {twice} |")
+        killed = [s.begun for s in spells if s.fault.device == ANY]
+        early = [(begun - t) / 1e9 for begun in killed for t in when if 0 < begun - t < 10e9]
+        rows.append(f"| {name} | {last} | {len(gone)} | {odd} | {twice} | {max(early, default=0.0):.2f} |")
         for k in np.flatnonzero(~excused)[:3] if len(gone) else ():
-            rows.append(f"| (first odd ones: {gone[k]} at {when[k] / 1e9 - times[0] / 1e9:.2f} s of the rig) | | | | |")
+            rows.append(
+                f"| (first odd ones: {gone[k]} at {when[k] / 1e9 - times[0] / 1e9:.2f} s of the rig) | | | | | |"
+            )
     return rows, well
 
 
@@ -294,6 +301,8 @@ def soaked(folder: Path, n: int, seconds: float) -> bool:
         end = time.time_ns() - int(_END * 1e9)
         code = soak.stop()
     soak.webhook(up=False)
+    looks = [{"seconds": life.times, "rss_mb": life.rss} for life in soak.lives]
+    (folder / "looks.json").write_text(json.dumps(looks), encoding="utf-8")
     return report(soak, spells, said, (code, end, rig_cpu), n, seconds)
 
 
@@ -307,7 +316,8 @@ def report(
     rows, all_named = named(soak.folder, spells)
     print("\n".join(rows))
     print(
-        "\n| device | scans taken | missing | of them without a reason | twice |\n| --- | ---: | ---: | ---: | ---: |"
+        "\n| device | scans taken | missing | of them without a reason | twice | before the kill [s] |\n"
+        "| --- | ---: | ---: | ---: | ---: | ---: |"
     )
     rows, all_there = missing(soak.folder, spells, n, end)
     print("\n".join(rows))

@@ -22,6 +22,7 @@ class Soak(Protocol):
     folder: Path
     monitor: psutil.Process
     viewer_port: int
+    web_port: int
 
     def tell_rig(self, line: str) -> None:
         """Have the rig do something."""
@@ -146,6 +147,13 @@ FAULTS = (
         seconds=1,
         begin=lambda soak: _child(soak, 10, soak.viewer_port).kill(),
         named=("no_viewer", "viewer_back"),
+    ),
+    Fault(
+        what="pages killed",
+        at=330,
+        seconds=1,
+        begin=lambda soak: _child(soak, 10, soak.web_port).kill(),
+        named=("no_web", "web_back"),
     ),
     Fault(
         what="analysis killed", at=400, seconds=1, begin=lambda soak: _child(soak, 5).kill(), named=("analysis_died",)

@@ -11,9 +11,9 @@ from monitor.history import HistoryRecorder
 from monitor.live import LiveView
 from monitor.notices import Courier
 from monitor.site import Site
-from monitor.web import web_process
+from monitor.web import WebServer, web_process
 
-_VIEWER_SECONDS = 60.0  # until a live view that died is served again
+_AGAIN_SECONDS = 60.0  # until what died is served again
 Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
@@ -30,8 +30,9 @@ class Outlets:
         self._site, self._live = site, live
         self._history, self._couriers = _history(site), _couriers(site)
         self._web = ExitStack()
-        self._viewer_said: str | None = None
-        self._viewer_due = 0.0
+        self._server: WebServer | None = None
+        self._web_failed: str | None = None  # why there is no server
+        self._dead: dict[str, float] = {}  # what is not served -> when it is tried again, by time.monotonic [s]
 
     def __enter__(self) -> Self:
         """Start all but the live view.
@@ -62,26 +63,46 @@ class Outlets:
             self._live.show(item)
 
     def said(self) -> Iterator[Said]:
-        """Yield what befell them since the last time; a live view that died is served again after a while."""
+        """Yield what befell them since the last time; what died is served again after a while."""
         yield from self._history.said()
         for courier in self._couriers:
             yield from courier.said()
-        yield from self._tend_viewer()
+        yield from self._tend()
 
-    def _tend_viewer(self) -> Iterator[Said]:
-        """Say once why there is no view; serve it again a minute after it has died."""
-        live, now = self._live, time.monotonic()
-        if live is None:
-            return
-        if live.problem and self._viewer_said is None:
-            self._viewer_said, self._viewer_due = live.problem, now + _VIEWER_SECONDS
-            yield "/event/no_viewer", {"why": live.problem}
-        elif self._viewer_said is not None and now >= self._viewer_due:
-            self._viewer_due = now + _VIEWER_SECONDS
-            live.restart(self._site.settings, self._site.structure_text, self._site.site_text)
-            if live.problem is None:
-                self._viewer_said = None
-                yield "/event/viewer_back", {}
+    def _tend(self) -> Iterator[Said]:
+        """Say once what is not served any more, and why; serve it again a minute later."""
+        now = time.monotonic()
+        for name, problem, again in (
+            ("viewer", self._live.problem if self._live else None, self._show_again),
+            ("web", self._web_problem, self._serve_again),
+        ):
+            if problem and name not in self._dead:
+                self._dead[name] = now + _AGAIN_SECONDS
+                yield f"/event/no_{name}", {"why": problem}
+            elif name in self._dead and now >= self._dead[name]:
+                self._dead[name] = now + _AGAIN_SECONDS
+                if again() is None:
+                    del self._dead[name]
+                    yield f"/event/{name}_back", {}
+
+    def _show_again(self) -> str | None:
+        """Serve the live view again; return why that cannot be."""
+        if self._live:
+            self._live.restart(self._site.settings, self._site.structure_text, self._site.site_text)
+        return self._live.problem if self._live else None
+
+    def _serve_again(self) -> str | None:
+        """Serve the pages again; return why that cannot be."""
+        self._web.close()
+        try:
+            self._serve()
+        except StartError as error:
+            self._web_failed = str(error)
+        return self._web_problem
+
+    @property
+    def _web_problem(self) -> str | None:
+        return self._server.problem if self._server else self._web_failed
 
     @property
     def problems(self) -> dict[str, Any]:
@@ -92,6 +113,7 @@ class Outlets:
             "not_in_history": self._history.dropped,
             "notices": troubled or None,
             "viewer": self._live.problem if self._live else None,
+            "web": self._web_problem,
         }
 
     def renew(self, site: Site, *, analysed_alike: bool) -> Iterator[str]:
@@ -110,7 +132,8 @@ class Outlets:
             self._renew_couriers()
             yield "notify"
         if before.web != now.web:
-            yield self._serve_anew()
+            why = self._serve_again()
+            yield f"no web: {why}" if why else "web"
         if self._live and (before.viewer != now.viewer or not analysed_alike):
             self._live.restart(now, site.structure_text, site.site_text)
             yield "viewer"
@@ -124,17 +147,17 @@ class Outlets:
         _start(new)
 
     def _serve(self) -> None:
-        web = self._site.settings.web
-        if web:
-            self._web.enter_context(web_process(self._site.source, web.bind, web.port, web.token_file))
+        """Serve the pages, if the site has any.
 
-    def _serve_anew(self) -> str:
-        self._web.close()
-        try:
-            self._serve()
-        except StartError as error:
-            return f"no pages: {error}"
-        return "web"
+        Raises
+        ------
+        StartError
+            If they cannot be served.
+        """
+        web, self._server, self._web_failed = self._site.settings.web, None, None
+        if web:
+            server = web_process(self._site.source, web.bind, web.port, web.token_file)
+            self._server = self._web.enter_context(server)
 
 
 Part = HistoryRecorder | Courier

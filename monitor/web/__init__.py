@@ -2,7 +2,7 @@
 
 from monitor.web.app import make_app
 from monitor.web.guard import read_token
-from monitor.web.process import web_process
+from monitor.web.process import WebServer, web_process
 from monitor.web.source import Source
 
-__all__ = ["Source", "make_app", "read_token", "web_process"]
+__all__ = ["Source", "WebServer", "make_app", "read_token", "web_process"]

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from ipaddress import ip_address
 
 import uvicorn
@@ -18,9 +19,22 @@ from monitor.web.guard import read_token
 from monitor.web.source import Source
 
 
+@dataclass(frozen=True, eq=False)
+class WebServer:
+    """A server that runs."""
+
+    url: str
+    process: multiprocessing.process.BaseProcess
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing is served any more."""
+        return None if self.process.is_alive() else f"its process ended with code {self.process.exitcode}"
+
+
 @contextmanager
-def web_process(source: Source, host: str, port: int, token_file: str | None) -> Iterator[str]:
-    """Serve for as long as the context lasts; yield the address.
+def web_process(source: Source, host: str, port: int, token_file: str | None) -> Iterator[WebServer]:
+    """Serve for as long as the context lasts.
 
     Raises
     ------
@@ -39,7 +53,7 @@ def web_process(source: Source, host: str, port: int, token_file: str | None) ->
         with deaf_to_stop_signals():
             process.start()
     try:
-        yield f"http://{f'[{host}]' if ':' in host else host}:{port}"
+        yield WebServer(f"http://{f'[{host}]' if ':' in host else host}:{port}", process)
     finally:
         process.kill()
         process.join()

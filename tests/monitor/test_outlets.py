@@ -1,6 +1,9 @@
 """Who is told of a run goes on being told: a view that dies comes back, a courier knows what another one told."""
 
 import json
+import multiprocessing
+import os
+import socket
 from pathlib import Path
 from typing import cast
 
@@ -63,6 +66,23 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     now += 61.0
     assert list(outlets.said()) == [("/event/viewer_back", {})]
     assert outlets.problems["viewer"] is None
+
+
+@pytest.mark.live
+def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    port = 22_000 + os.getpid() % 20_000
+    site.path.write_text(f"{SITE}[web]\nport = {port}\n", encoding="utf-8")
+    now = 100.0
+    monkeypatch.setattr("monitor.outlets.time.monotonic", lambda: now)
+    with Outlets(load_site(site.path), None) as outlets:
+        [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
+        server.kill()
+        server.join()
+        assert list(outlets.said()) == [("/event/no_web", {"why": "its process ended with code -9"})]
+        now += 61.0
+        assert list(outlets.said()) == [("/event/web_back", {})]
+        assert outlets.problems["web"] is None
+        socket.create_connection(("127.0.0.1", port), 5.0).close()
 
 
 def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> None:

@@ -209,9 +209,10 @@ def test_page_elsewhere_that_gives_us_its_name_is_refused(source: Source) -> Non
 def served(history: Path) -> Iterator[str]:
     """Return the address of a server in a process of its own; it waits until that has come up."""
     source = Source(name="bridge", state=history, url=sqlite_url(history))
-    with web_process(source, "127.0.0.1", PORT, None) as url:
-        assert httpx.get(f"{url}/healthz", timeout=60.0).status_code == 503  # no monitor runs there
-        yield url
+    with web_process(source, "127.0.0.1", PORT, None) as server:
+        assert httpx.get(f"{server.url}/healthz", timeout=60.0).status_code == 503  # no monitor runs there
+        assert server.problem is None
+        yield server.url
 
 
 @pytest.mark.live
