@@ -1,6 +1,9 @@
 """Arrays of numpy's .npz and Matlab's .mat files."""
 
+import struct
+import tokenize
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +15,11 @@ from scipy.io.matlab import MatReadError
 from daq.errors import DataError
 from daq.recording import FloatArray
 
+#: what numpy and scipy raise where a file is none of theirs, or damaged
+_DAMAGED = (
+    *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
+    *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError, MatReadError),
+)
 _DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
 
 
@@ -67,7 +75,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
     except NotImplementedError as error:  # so scipy says that it does not read this version
         raise DataError(path, "is a Matlab 7.3 file: save it with -v7") from error
-    except (ValueError, TypeError, IndexError, AttributeError, EOFError, zipfile.BadZipFile, MatReadError) as error:
+    except _DAMAGED as error:
         raise DataError(path, f"holds no arrays: {error}") from error
 
 

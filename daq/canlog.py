@@ -12,6 +12,7 @@ from pathlib import Path
 
 import can
 import numpy as np
+from can.io.blf import BLFParseError
 
 from daq.can_address import DbcSensor
 from daq.can_bus import frames_of
@@ -35,7 +36,17 @@ _PIECE_SECONDS, _PIECE_FRAMES = 0.1, 4096  # that are decoded at a time
 _BLOCK_SECONDS = 0.25
 _BACK_SECONDS = 1.0  # that time stamps may go back: of two buses in one file, not of a clock
 _RATE_TOLERANCE = 0.05
-_DAMAGED = (ValueError, KeyError, IndexError, EOFError, struct.error, zlib.error, can.CanError)
+_DAMAGED = (
+    ValueError,
+    KeyError,
+    IndexError,
+    EOFError,
+    OverflowError,
+    struct.error,
+    zlib.error,
+    can.CanError,
+    BLFParseError,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import driver_names, read_layout
+from daq import make_driver
 from monitor.errors import SettingsError
 from monitor.history import database_url
 from monitor.settings import Settings, overrides, read_settings
@@ -53,19 +53,17 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
     Raises
     ------
     ArgumentError, SettingsError, StructureError, DbcError
-        Naming file and key; also if a channel is not a sensor of the structure, or there is no such driver.
+        Naming file and key; also if a channel is not a sensor of the structure, or a device has no such driver, place
+        or rate.
     """
     text, settings = read_settings(path, overrides(given))
-    for device in settings.device:
-        if device.dbc is not None:
-            read_layout(device.dbc.sensor)
     structure_path = path.parent / settings.structure
     structure = load_structure(structure_path)
     for device in settings.device:
-        if device.driver not in (drivers := driver_names()):
-            raise SettingsError(
-                path, f"device {device.name!r}: driver: expected one of {', '.join(drivers)}, found {device.driver!r}"
-            )
+        try:
+            make_driver(device.driver, device.place, device.rate)
+        except ValueError as error:
+            raise SettingsError(path, f"device {device.name!r}: {error}") from error
     for channel in settings.channels:
         if channel.name not in structure.channels:
             known = ", ".join(structure.channels)

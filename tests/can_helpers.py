@@ -18,6 +18,17 @@ from process_helpers import script_process
 from daq import EmulatedSlcan, ScaledClock
 
 SCRIPT = Path(__file__).parent / "emulated_can.py"
+IMU = Path(__file__).parents[1] / "examples" / "imu.dbc"
+#: of one sensor that IMU describes, on the bus PORT
+DBC_SITE = """structure = "t_structure.toml"
+[[device]]
+name = "beam_left"
+driver = "can-dbc"
+can = {interface = "slcan", channel = "PORT"}
+dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
+rate = 1000
+channels = {y = "beam_left_y", z = "beam_left_z"}
+"""
 
 
 @contextmanager

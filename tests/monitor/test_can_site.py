@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from can_helpers import can_process, wait_for
+from can_helpers import DBC_SITE, IMU, can_process, wait_for
 from cli_helpers import Commands, assert_refused
 
 from daq import Block, Event, LogError, read_log
@@ -17,7 +17,6 @@ from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
 
-IMU = Path(__file__).parents[2] / "examples" / "imu.dbc"
 SITE = """structure = "t_structure.toml"
 [analysis]
 window_seconds = 60
@@ -60,18 +59,18 @@ WRONG_SETTINGS = {
         'node = 1}\nport = "PORT"',
         "`port`, `can` and `log`, found port and can",
     ),
-}
-CANNOT_START = {
-    "no such port": ("node = 1", "node = 1", "slcan:PORT node 1: the bus cannot be opened: PORT: "),
-    "no such bit rate": ("node = ", "bitrate = 123, node = ", "bitrate of PORT: expected one of [10000, "),
-    "no such network": ('"slcan"', '"socketcan"', "socketcan:PORT node 1: the bus cannot be opened: "),
-    "no vendor's library": ('"slcan"', '"kvaser"', "kvaser:PORT node 1: the bus cannot be opened: "),
     "a serial driver": ('"epson-can"', '"epson-uart"', "driver epson-uart: expected `port`, found `can`: slcan:PORT"),
     "no such rate": (
         "rate = 500",
         "rate = 300",
         "rate of slcan:PORT node 1: expected one of [50, 100, 200, 500, 1000] Hz",
     ),
+}
+CANNOT_START = {
+    "no such port": ("node = 1", "node = 1", "slcan:PORT node 1: the bus cannot be opened: PORT: "),
+    "no such bit rate": ("node = ", "bitrate = 123, node = ", "bitrate of PORT: expected one of [10000, "),
+    "no such network": ('"slcan"', '"socketcan"', "socketcan:PORT node 1: the bus cannot be opened: "),
+    "no vendor's library": ('"slcan"', '"kvaser"', "kvaser:PORT node 1: the bus cannot be opened: "),
 }
 
 
@@ -155,17 +154,6 @@ def blocks_of(log: Path) -> list[Block]:
         return [item for item in read_log(log) if isinstance(item, Block)]
     except LogError:
         return []
-
-
-DBC_SITE = """structure = "t_structure.toml"
-[[device]]
-name = "beam_left"
-driver = "can-dbc"
-can = {interface = "slcan", channel = "PORT"}
-dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
-rate = 1000
-channels = {y = "beam_left_y", z = "beam_left_z"}
-"""
 
 
 @pytest.fixture

@@ -140,10 +140,11 @@ def test_check_of_a_log_that_is_played(modalwatch: Commands, site: Path) -> None
 def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     found = probe(Sending(clock), seconds=1.0, now=clock)
-    monkeypatch.setattr("monitor.cli.check.probe_devices", lambda _: {"beam_left": replace(found, rate=500.0)})
+    monkeypatch.setattr("monitor.cli.check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)})
     said = "device beam_left is of low grade: scans have no number"
     for driver, is_low in (("witmotion", True), ("epson-uart", False)):
-        site.write_text(SITE.format(driver=driver, port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y ="))
+        text = SITE.format(driver=driver, port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y =")
+        site.write_text(text.replace("rate = 500", "rate = 200"))
         assert (said in modalwatch("check", site).out) == is_low
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from can_helpers import DBC_SITE, IMU
 from cli_helpers import Commands, assert_refused
 
 from daq import Recording, load_recordings, read_attachments
@@ -149,15 +150,7 @@ def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
         list(load_recordings(tmp_path / "bad.mcap"))
 
 
-CAN_SITE = """structure = "t_structure.toml"
-[[device]]
-name = "imu"
-driver = "can-dbc"
-can = {interface = "slcan", channel = "/dev/none"}
-dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
-rate = 100
-channels = {y = "beam_left_y", z = "beam_left_z"}
-"""
+CAN_SITE = DBC_SITE.replace("PORT", "/dev/none").replace("rate = 1000", "rate = 100").replace('"beam_left"', '"imu"')
 
 
 @pytest.fixture
@@ -170,7 +163,7 @@ def traffic(tmp_path: Path) -> Path:
         for late, frame in ((0, f"006#{k:04X}"), (1e-4, f"034#{k:04X}0100{256 - k % 256:04X}"))
     ]
     (tmp_path / "bus.log").write_text("\n".join(lines) + "\n")
-    (tmp_path / "imu.dbc").write_text((Path(__file__).parents[2] / "examples" / "imu.dbc").read_text())
+    (tmp_path / "imu.dbc").write_text(IMU.read_text())
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (tmp_path / "site.toml").write_text(CAN_SITE)
     return tmp_path / "bus.log"
