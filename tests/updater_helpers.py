@@ -1,9 +1,11 @@
 """True structures that differ in kind from the reference model, and what would be measured of them."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from oma import ModalEstimate
-from updater import Body, Joint, Model, Structure, Support, build_model, parse_structure, t_structure_toml
+from updater import Body, Joint, Model, Modes, Structure, Support, build_model, parse_structure, t_structure_toml
 
 
 def t_frame() -> Structure:
@@ -36,6 +38,11 @@ def true_model(random: np.random.Generator, body: Body | None = None) -> Model:
     return build_model(changed.with_mesh(0.01), shear_flexible=True, mass="consistent")
 
 
+@lru_cache(maxsize=2)  # the windows of a state have their modes in common
+def _modes(model: Model, n_modes: int) -> Modes:
+    return model.modes(n_modes)
+
+
 def measure(
     model: Model,
     random: np.random.Generator,
@@ -49,7 +56,7 @@ def measure(
 
     Damping and the shapes' imaginary parts, which are noise alone, have draws of their own.
     """
-    modes = model.modes(n_modes)
+    modes = _modes(model, n_modes)
     shape = (model.sensor_rows @ modes.shape).T * gain
     shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
     std = noise * np.sqrt(10 / modes.frequency)
