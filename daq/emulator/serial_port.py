@@ -4,6 +4,7 @@ import math
 import os
 import termios
 import tty
+import weakref
 from abc import ABC, abstractmethod
 
 from daq.emulator.line_faults import FaultyLine, LineFaults
@@ -35,6 +36,7 @@ class SerialEmulator(ABC):
         self._source, self._clock = source, clock
         self._frame_size, self._clock_error = frame_size, clock_error
         self._master, self._slave = os.openpty()
+        weakref.finalize(self, os.close, self._slave)  # keeps its number from the next pty, which a host may look for
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
@@ -66,7 +68,6 @@ class SerialEmulator(ABC):
         """Unplug: the host's side reads an error from now on; once is enough."""
         if not self._unplugged:
             self._unplugged = True
-            os.close(self._slave)
             os.close(self._master)
 
     def serve(self) -> None:

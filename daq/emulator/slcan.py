@@ -4,6 +4,7 @@ import os
 import select
 import threading
 import tty
+import weakref
 from collections.abc import Sequence
 
 from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame
@@ -35,6 +36,7 @@ class EmulatedSlcan:
     def __init__(self, nodes: Sequence[EmulatedBusNode]) -> None:
         self.nodes = nodes
         self._master, self._slave = os.openpty()
+        weakref.finalize(self, os.close, self._slave)  # keeps its number from the next pty, which a host may look for
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
@@ -51,7 +53,6 @@ class EmulatedSlcan:
                 self._unplugged = True
                 self._changed.notify()
             self._pump.join()
-            os.close(self._slave)
             os.close(self._master)
 
     def serve(self) -> None:

@@ -17,6 +17,7 @@ from daq import (
     DeviceReader,
     DriverError,
     EmulatedEpson,
+    EmulatedSlcan,
     Event,
     IntArray,
     Item,
@@ -115,6 +116,18 @@ def test_unplugged_device_is_silent_and_may_be_unplugged_again() -> None:
     device.close()
     device.serve()
     assert (device.sent, device.dropped) == (0, 0)
+
+
+def test_who_looks_for_an_unplugged_device_finds_no_other() -> None:
+    """The kernel gives the lowest number that is free to the next pty."""
+    device = EmulatedEpson(Steps(), SystemClock(), serial_number="A")
+    adapter = EmulatedSlcan([])
+    for unplugged in (device, adapter):
+        unplugged.close()
+        assert not Path(unplugged.port).exists()
+    another = EmulatedEpson(Steps(), SystemClock(), serial_number="B")
+    assert another.port not in (device.port, adapter.port)
+    another.close()
 
 
 def test_port_that_goes_amid_the_handshake_is_a_driver_error(monkeypatch: pytest.MonkeyPatch) -> None:
