@@ -41,6 +41,7 @@ _ROTATE = 5.0  # min: an open log keeps an index of its chunks in memory, until 
 _LOOK = 1.0  # s
 _WINDOW, _BASELINE = 20.0, 8  # s; windows
 _SETTLED = 60.0  # s after a start from which memory is to be flat: everything is loaded, and has run once
+_START = 180.0  # s that the monitor may take to start, on a machine that has other work
 _CHANGED = 110.0  # s before the end: when the structure changes
 _END = 0.5  # s before the end: what is on its way then
 
@@ -147,13 +148,16 @@ class Soak:
         Path(path).unlink(missing_ok=True)
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
             heard.bind(path)
-            heard.settimeout(60.0)
+            heard.settimeout(_START)
             out = (self.folder / "said.jsonl").open("a", encoding="utf-8")
             environment = os.environ | {"NOTIFY_SOCKET": path}
             command = [*_RUN, str(self.folder / "site.toml"), "--json-log"]
             self._process = subprocess.Popen(command, stdout=out, stderr=out, env=environment)
-            while heard.recv(4096) != b"READY=1":
-                pass
+            try:
+                while heard.recv(4096) != b"READY=1":
+                    pass
+            except TimeoutError:
+                raise SystemExit((self.folder / "said.jsonl").read_text(encoding="utf-8")) from None
         Path(path).unlink()
         self.monitor = psutil.Process(self._process.pid)
         self.lives.append(Life())

@@ -21,6 +21,9 @@ from monitor.settings import RecorderSettings
 from monitor.site import Site
 from monitor.worker import Worker
 
+_BLOCK_SECONDS = 0.2  # of data in a block of a device
+_MOST_WINDOWS, _MOST_SECONDS = 10.0, 600.0  # that may wait: windows, but seconds of wall time at least
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Analysis:
@@ -73,6 +76,18 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
 def logs_of(site: Site) -> Path:
     """Return the folder of a site's logs."""
     return site.folder / site.settings.recorder.folder
+
+
+def blocks_a_second(site: Site) -> float:
+    """Return how many blocks come from all devices, a second of data."""
+    return len(site.settings.device) / _BLOCK_SECONDS
+
+
+def most_waiting(site: Site) -> float:
+    """Return how many items may wait for the analysis before it will never catch up: so many windows, but minutes."""
+    clock = site.settings.clock
+    least = _MOST_SECONDS * (clock.speed if clock else 1.0)
+    return blocks_a_second(site) * max(_MOST_WINDOWS * site.settings.step_seconds, least)
 
 
 def analysed_alike(one: Site, other: Site) -> bool:

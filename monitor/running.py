@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from daq import Event, Item, LogError, LogThread
-from monitor.analysing import Analysis, analysed_alike, logs_of, new_analysis
+from monitor.analysing import Analysis, analysed_alike, blocks_a_second, logs_of, most_waiting, new_analysis
 from monitor.devices import Devices, Drivers, site_clock, site_drivers
 from monitor.errors import SettingsError
 from monitor.inbox import taken
@@ -100,6 +100,7 @@ class Running:
             self._log.put(reading)
         if self._revive_at and time.monotonic() >= self._revive_at:
             self._renew_analysis("the analysis had died")
+        self._keep_up()
         return self.vitals.write(self._state())
 
     def finish(self) -> None:
@@ -169,6 +170,16 @@ class Running:
         if not alike:
             self._renew_analysis("other settings")
         self._devices.resume(drivers, stopped if alike else {})
+
+    def _keep_up(self) -> None:
+        """Leave out what the analysis will never catch up with: it goes on from now, with a log of its own."""
+        waiting = self._worker.waiting if self._worker else 0
+        if waiting <= most_waiting(self._site):
+            return
+        self._say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self._site), 1)})
+        self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped, "why": "the analysis was behind"}))
+        self._worker = None
+        self._renew_analysis("the analysis was behind")
 
     def _renew_analysis(self, why: str) -> None:
         """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.

@@ -56,7 +56,7 @@ def _say_around(site: Site) -> bool:
     """Say how all is that a run needs beside devices; tell whether it is well."""
     well = True
     for found in look_around(site):
-        said = f"{found.what + ':':<10} {found.said}"
+        said = f"{found.what + ':':<13}{found.said}"
         console.print(escape(said) if found.well else f"[yellow]{escape(said)}[/]", soft_wrap=True)
         well &= found.well
     return well

@@ -136,7 +136,7 @@ def blocks(paths: tuple[Path, ...], device: str) -> list[Block]:
 def test_what_is_not_changed_loses_no_scan(watched: Watched, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A device moves to another port, gets another rate; a bad file is refused; the other one streams on.
 
-    The service manager hears of it; the analysis that dies at the end is started again, with a log of its own.
+    The service manager hears of it; the analysis that dies, and the one that falls behind, give way to others.
     """
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
     monkeypatch.setenv("WATCHDOG_USEC", "400000")
@@ -155,12 +155,14 @@ def test_what_is_not_changed_loses_no_scan(watched: Watched, tmp_path: Path, mon
                 watched.flows("beam_right")
             QuietWorker.made[-1].died = True
             watched.until(lambda: len(QuietWorker.made) == 3)
+            QuietWorker.made[-1].waiting = 60_001  # ten windows of ten minutes of two devices
+            watched.until(lambda: len(QuietWorker.made) == 4)
             watched.flows("beam_right")
             watched.stop()
             report = ended.result()
         assert heard.heard("STOPPING=1", 5.0)
     _assert_told(watched)
-    assert len(report.logs) == 3  # another rate takes another log, and so does another analysis
+    assert len(report.logs) == 4  # another rate takes another log, and so does another analysis
     steady = blocks(report.logs, "beam_left")
     assert [b.first_index for b in steady] == [0, *(b.end_index for b in steady[:-1])]  # every scan, once, in order
     assert not any(block.flags & Flag.RESTARTED for block in steady)
@@ -183,6 +185,7 @@ def _assert_told(watched: Watched) -> None:
     [refused] = watched.events("reload_refused")
     assert "site.toml: device.1.rate: Input should be greater than 0" in refused.payload["why"]
     assert [event.payload["device"] for event in watched.events("gap")] == ["beam_right"]
+    assert [event.payload["left_out_s"] for event in watched.events("analysis_behind")] == [6000.1]
     assert [event.payload["again_in_s"] for event in watched.events("analysis_died")] == [1.0]
 
 
