@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms soak clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms soak clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -58,6 +58,10 @@ many-devices: $(VENV)/.done
 # How exact the times of scans are over an hour behind USB adapters: the table in docs/daq.md, a minute.
 jitter: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/jitter.py
+
+# How exactly phases of modes tell offsets between devices: the table in docs/updater.md, ten minutes.
+device-offsets: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/device_offsets.py
 
 # What kills and power cuts cost a log, its size, how quickly it is mended: the tables in docs/daq.md, six minutes.
 log-crash: $(VENV)/.done
