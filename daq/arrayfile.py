@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from daq.errors import DataError
+from daq.matfile import read_mat
 from daq.recording import FloatArray
 
 #: what numpy and scipy raise where a file is none of theirs, or damaged
 _DAMAGED = (
     *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
-    *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError, MatReadError),
+    *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError),
 )
 _DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
 
@@ -70,7 +69,7 @@ def _load(path: Path) -> dict[str, Any]:
         if path.suffix.lower() == ".npz":
             with path.open("rb") as opened, np.load(opened) as file:
                 return dict(file)
-        return {name: array for name, array in loadmat(path).items() if not name.startswith("__")}
+        return read_mat(path)
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
     except NotImplementedError as error:  # so scipy says that it does not read this version

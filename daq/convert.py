@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from scipy.io import savemat
 
 from daq.arrayfile import read_arrays
 from daq.channelmap import CHANNELS, ChannelMap
@@ -16,6 +15,7 @@ from daq.csvfile import read_csv
 from daq.derivative import differentiated
 from daq.errors import DataError
 from daq.log import LogWriter
+from daq.matfile import write_mat
 from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
 from daq.universalfile import read_universal, write_universal
@@ -223,8 +223,7 @@ def export_recording(path: Path, recording: Recording) -> None:
             if path.suffix.lower() == ".npz":
                 np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
             elif path.suffix.lower() == ".mat":
-                # the stubs know no open files
-                savemat(file, arrays | {"channels": np.array(names, object)}, do_compression=True)  # type: ignore[arg-type]
+                write_mat(file, arrays | {"channels": np.array(names, object)})
             elif path.suffix.lower() in _UNIVERSAL:
                 write_universal(path, recording)
             else:
