@@ -1,4 +1,4 @@
-"""Serial devices: how fast their frames are decoded, and how soon a pulled plug and a new one are seen.
+"""Serial devices: how fast their frames are decoded, and how soon a pulled plug, a new one and silence are seen.
 
 Devices are emulated in a process of their own, behind a link that points to their port as udev's do. Usage:
 
@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,10 @@ def decode_speed(stream: bytes, feed: Callable[[bytes], object], size: int) -> f
 
 
 def serve(kind: str, link: Path) -> None:
-    """Serve a device, plugged in and out by lines on standard input; each is answered with the time it was done."""
+    """Serve a device, plugged in and out, or left alone, by lines on standard input.
+
+    Each is answered with the time it was done.
+    """
 
     def plugged() -> EmulatedPort:
         device: EmulatedPort = (
@@ -87,10 +91,11 @@ def serve(kind: str, link: Path) -> None:
         link.symlink_to(device.port)
         return device
 
-    device = plugged()
+    device, served = plugged(), True
     say()
     while True:
-        device.serve()
+        if served:
+            device.serve()
         if select.select([sys.stdin], [], [], 1e-3)[0]:
             word = sys.stdin.readline().strip()
             if word == "unplug":
@@ -98,6 +103,8 @@ def serve(kind: str, link: Path) -> None:
                 link.unlink()
             elif word == "plug":
                 device = plugged()
+            elif word in ("hang", "go on"):
+                served = word == "go on"
             else:
                 return
             say()
@@ -153,6 +160,11 @@ def is_lost(item: Item) -> bool:
     return isinstance(item, Event) and item.topic == "/event/device_lost"
 
 
+def is_back(item: Item) -> bool:
+    """Tell whether a device was taken back."""
+    return isinstance(item, Event) and item.topic == "/event/device_back"
+
+
 def is_data(item: Item) -> bool:
     """Tell whether scans have come."""
     return isinstance(item, Block)
@@ -170,31 +182,50 @@ def start_up(kind: str, link: Path) -> float:
     return 1e3 * took
 
 
-def plug_delays(kind: str, cycles: int) -> tuple[list[float], list[float], float]:
-    """Return delays until the loss is seen and until data are back [ms], and the device's own start-up [ms]."""
-    seen, back = [], []
+@dataclass
+class Delays:
+    """What was measured of a kind of device [ms]."""
+
+    unplugged: list[float] = field(default_factory=list)  #: until the loss is seen
+    plugged: list[float] = field(default_factory=list)  #: until data are back
+    silent: list[float] = field(default_factory=list)  #: until it is seen that a device that is there says nothing
+    start_up: float = 0.0  #: of the device itself
+
+    def row(self) -> str:
+        """Return the cells of a table: median and worst."""
+        text = [f"{np.median(v):.0f} ms ({max(v):.0f})" for v in (self.unplugged, self.silent, self.plugged)]
+        return " | ".join([*text, f"{self.start_up:.0f} ms"])
+
+
+def delays_of(kind: str, cycles: int) -> Delays:
+    """Pull the plug and put it in again, and let the device hang, so many times each."""
+    found = Delays()
     with tempfile.TemporaryDirectory() as folder:
         link = Path(folder) / "port"
         with emulated(kind, link) as tell:
-            own = start_up(kind, link)
+            found.start_up = start_up(kind, link)
             arrivals = Arrivals()
-            reader = DeviceReader(
-                "d", make_driver(kind, str(link), RATE), RATE, SystemClock(), arrivals, block_seconds=BLOCK_SECONDS
-            )
+            driver = make_driver(kind, str(link), RATE)
+            reader = DeviceReader("d", driver, RATE, SystemClock(), arrivals, block_seconds=BLOCK_SECONDS)
             reader.connect()
             reader.start()
             arrivals.wait(0, is_data)
             for cycle in range(cycles):
                 time.sleep(0.2)
                 out = tell("unplug")
-                seen.append((arrivals.wait(out - 50_000_000, is_lost) - out) / 1e6)
+                found.unplugged.append((arrivals.wait(out - 50_000_000, is_lost) - out) / 1e6)
                 arrivals.items.clear()
                 time.sleep(0.3 + 0.013 * cycle)  # at another moment between two tries each time
                 in_again = tell("plug")
-                back.append((arrivals.wait(in_again, is_data) - in_again) / 1e6)
+                found.plugged.append((arrivals.wait(in_again, is_data) - in_again) / 1e6)
+            for cycle in range(cycles):
+                time.sleep(0.3 + 0.013 * cycle)
+                hung = tell("hang")
+                found.silent.append((arrivals.wait(hung, is_lost) - hung) / 1e6)
+                arrivals.wait(tell("go on"), is_back)
             reader.stop()
             reader.join(5.0)
-    return seen, back, own
+    return found
 
 
 def main() -> None:
@@ -204,12 +235,10 @@ def main() -> None:
         speeds = [max(decode_speed(stream, make(), size) for _ in range(3)) for size in SIZES]
         print(f"| `{name}` | {len(stream) // (MEGABYTES * 40_000)} | {speeds[0]:.0f} | {speeds[1]:.0f} |")
     cycles = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    print(f"\n| driver, {cycles} times | unplug seen after, median (worst) | data after replug | own start-up |")
-    print("| --- | ---: | ---: | ---: |")
+    head = ["unplug seen after, median (worst)", "silence seen", "data after replug", "own start-up"]
+    print(f"\n| driver, {cycles} times | {' | '.join(head)} |\n| --- | ---: | ---: | ---: | ---: |")
     for kind in ("epson-uart", "modalwatch-node"):
-        seen, back, own = plug_delays(kind, cycles)
-        text = [f"{np.median(values):.0f} ms ({max(values):.0f})" for values in (seen, back)]
-        print(f"| `{kind}` | {text[0]} | {text[1]} | {own:.0f} ms |")
+        print(f"| `{kind}` | {delays_of(kind, cycles).row()} |")
 
 
 if __name__ == "__main__":

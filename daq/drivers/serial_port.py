@@ -1,5 +1,6 @@
 """What drivers on serial lines do alike."""
 
+import errno
 import sys
 import time
 
@@ -36,7 +37,12 @@ class SerialPort:
 
     def __init__(self, path: str, baud: int, answer_seconds: float = READ_SECONDS) -> None:
         self._path = path
-        self._line = serial.Serial(path, baud, timeout=answer_seconds, write_timeout=1.0, exclusive=True)
+        try:
+            self._line = serial.Serial(path, baud, timeout=answer_seconds, write_timeout=1.0, exclusive=True)
+        except serial.SerialException as error:
+            if error.errno in (errno.EAGAIN, errno.EBUSY):  # locked, or opened exclusively
+                raise serial.SerialException("the port is in use by another program") from error
+            raise
         self._bites = Bites(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
 
     def read(self) -> bytes:
