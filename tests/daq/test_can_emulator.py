@@ -37,6 +37,7 @@ def test_canopen_alone_reads_identity_and_makes_it_operational() -> None:
         try:
             empty = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
             node = network.add_node(canopen.RemoteNode(3, empty))
+            node.sdo.RESPONSE_TIMEOUT = 2.0  # s: its 0.3 are short on a busy machine
             frames: queue.Queue[tuple[int, bytes]] = queue.Queue()
             for kind in (epson_can.TPDO1, epson_can.TPDO2):
                 network.subscribe(kind + 3, lambda number, data, _: frames.put((number, bytes(data))))
