@@ -1,5 +1,6 @@
 """A law moved to where the structure is now: a change that is accepted is no scatter, and teaches none."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,21 +12,21 @@ from monitor.detection.law import Law
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shift:
-    """By how much the law was moved."""
+    """By how much a law was moved; leading dimensions are sites."""
 
-    log_frequency: FloatArray  #: (n_tracks,) relative change of each frequency [-]
-    std: FloatArray  #: (n_tracks,) [-]
+    log_frequency: FloatArray  #: (..., n_tracks) relative change of each frequency [-]
+    std: FloatArray  #: (..., n_tracks) [-]
 
 
-def shift_of(watched: Watched, judged: list[Judged]) -> Shift:
+def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
     """Return how far windows of the changed structure lie from what the law predicts.
 
     Their own errors are averaged down; what moves slowly was there in all of them alike, and is not.
 
     Parameters
     ----------
-    watched : one site
-    judged : windows since the change, one each
+    watched : law and averages of before
+    judged : the windows since the change, in one or several pieces
 
     Raises
     ------
@@ -33,15 +34,15 @@ def shift_of(watched: Watched, judged: list[Judged]) -> Shift:
         If a mode is in none of them.
     """
     law = watched.law
-    terms = np.concatenate([j.terms for j in judged])
-    residual = law.residual(terms, np.concatenate([j.whitened for j in judged]))
-    seen = np.isfinite(residual).sum(0)
+    terms = np.concatenate([j.terms for j in judged], axis=-3)
+    residual = law.residual(terms, np.concatenate([j.whitened for j in judged], axis=-2))
+    seen = np.isfinite(residual).sum(-2)
     if not seen.all():
-        missing = ", ".join(str(mode) for mode in np.flatnonzero(seen == 0) + 1)
+        missing = ", ".join(str(mode) for mode in np.unique(np.nonzero(seen == 0)[-1]) + 1)
         raise ValueError(f"mode {missing} is not seen since the change")
-    variance = law.fast / seen + np.diag(law.slow + law.feared)
-    mean = np.where(np.isfinite(residual), residual, 0.0).sum(0) / seen
-    return Shift(log_frequency=mean * law.scale, std=np.sqrt(variance) * law.scale)
+    lasting = np.diagonal(law.slow + law.feared, axis1=-2, axis2=-1)
+    mean = np.where(np.isfinite(residual), residual, 0.0).sum(-2) / seen
+    return Shift(log_frequency=mean * law.scale, std=np.sqrt(law.fast[..., None] / seen + lasting) * law.scale)
 
 
 def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
@@ -52,7 +53,7 @@ def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
 
     Parameters
     ----------
-    watched : one site
+    watched : law and averages of before
     shift : from `shift_of`
     back : take it back; what the law has learnt since stays
     """
@@ -64,13 +65,13 @@ def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
 
 
 def _less_sure(law: Law, variance: FloatArray) -> Law:
-    """Return a law of the same coefficients, whose constant has that much more variance (n_tracks,), whitened."""
+    """Return a law of the same coefficients, whose constant has that much more variance (..., n_tracks), whitened."""
     common = law.common
-    along = float(common**2 @ variance)
-    across = float((variance.sum() - along) / max(len(variance) - 1, 1))
+    along = (common**2 * variance).sum(-1)
     unknown = law.unknown.copy()
-    unknown[:, 0, 0] += (along, across)
+    unknown[..., 0, 0, 0] += along
+    unknown[..., 1, 0, 0] += (variance.sum(-1) - along) / max(variance.shape[-1] - 1, 1)
     information = np.asarray(np.linalg.inv(unknown), dtype=np.float64)
-    alike = np.outer(law.coefficient @ common, common)
-    moment = information[0] @ alike + information[1] @ (law.coefficient - alike)
+    alike = (law.coefficient @ common[..., :, None]) * common[..., None, :]
+    moment = information[..., 0, :, :] @ alike + information[..., 1, :, :] @ (law.coefficient - alike)
     return replace(law, unknown=unknown, sums=replace(law.sums, information=information, moment=moment))
