@@ -76,12 +76,13 @@ class EmulatedDbc:
         self._due += n
         self.sent += len(counts)
         self.dropped += n - len(counts) if self.sent else 0
-        return self._disturbed(encode_scans(self._layout, counts, first))
+        return encode_scans(self._layout, counts, first)
 
-    def _disturbed(self, frames: CanFrames) -> CanFrames:
-        """Return frames as a bad bus would bring them."""
+    def disturbed(self, frames: CanFrames) -> CanFrames:
+        """Return what arrives of the frames of a bus: of its own not all, and some twice."""
         if not (self._lost or self._repeated) or not len(frames):
             return frames
         chance = self._random.random(len(frames))
         times = np.where(chance < self._lost, 0, np.where(chance > 1 - self._repeated, 2, 1))
+        times[~np.isin(frames.ids, list(self._layout.all_identifiers))] = 1
         return frames[np.repeat(np.arange(len(frames)), times)]

@@ -6,6 +6,7 @@ import time
 import numpy as np
 
 from daq.emulator.canopen_server import Entry, Place, SdoServer
+from daq.emulator.line_faults import NO_FAULTS, FaultyLine, LineFaults
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
 from daq.emulator.sync import SyncProducer
 from daq.hostclock import HostClock
@@ -30,6 +31,7 @@ class EmulatedEpsonCan:
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     product : its name; more than four letters take several frames
     apply_seconds : of wall time during which it does not answer after it was told to apply; hardware takes about 1 s
+    faults : spells in which its frames are lost, come twice, come by halves or it is dead; and where its counter begins
     """
 
     bytes_a_scan = 40  #: of SLCAN lines: one of 8 bytes, one of 6
@@ -44,8 +46,9 @@ class EmulatedEpsonCan:
         clock_error: float = 0.0,
         product: str = "A552",
         apply_seconds: float = 0.05,
+        faults: LineFaults = NO_FAULTS,
     ) -> None:
-        self.node = node
+        self.node, self.line = node, FaultyLine(faults)
         self._source, self._clock, self._clock_error = source, clock, clock_error
         self._apply_seconds, self._deaf_until = apply_seconds, 0.0
         self._reset_objects = _objects(node, serial_number, product)
@@ -54,6 +57,8 @@ class EmulatedEpsonCan:
         self._hung = False
         self._unsaid: list[Frame] = []  # that it sends by itself, next time
         self._started: int | None = None
+        self._first_started: int | None = None
+        self._sampled = 0  # scans that the last `scans` has returned
         self._producer = SyncProducer(clock, clock_error)
         self._train, self._train_first = 0, 0  # SYNC that it samples on: since when, and the first that was heard
         self._due = 0
@@ -79,7 +84,7 @@ class EmulatedEpsonCan:
 
     def hear(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
-        if self._hung:
+        if self._hung or self._dead:
             return []
         if can_id == _NMT and len(data) == 2 and data[1] in (0, self.node):
             return self._command(data[0])
@@ -132,6 +137,8 @@ class EmulatedEpsonCan:
 
     def beats(self) -> list[Frame]:
         """Return what it says by itself: the heartbeat if it is due, emergencies."""
+        if self._dead:
+            return []
         said, self._unsaid = self._unsaid, []
         now = self._clock.now()
         if self._next_beat is None or now < self._next_beat:
@@ -151,9 +158,33 @@ class EmulatedEpsonCan:
         self._due += n
         self.dropped += n - len(counts)
         self.sent += len(counts)
-        frames = epson.encode_scans(self.node, counts, first)
+        self._sampled = len(counts)
+        self._first_started = self._first_started or self._started
+        frames = epson.encode_scans(self.node, counts, self.line.counter + first)
         on = [not self._objects[place] & epson.COB_OFF for place in (epson.TPDO1_COB, epson.TPDO2_COB)]
         return frames if all(on) else frames[np.tile(on, len(counts))]
+
+    def disturbed(self, frames: CanFrames) -> CanFrames:
+        """Return what of the frames of a bus arrives: of its own, those that `scans` has just returned, not all may."""
+        own = np.flatnonzero(np.isin(frames.ids, (epson.TPDO1 + self.node, epson.TPDO2 + self.node)))
+        if not self._sampled or len(own) != 2 * self._sampled:
+            return frames
+        times, pairs = np.ones(len(frames), np.intp), own.reshape(-1, 2)
+        first = self._scans_until(self._started) + self._due - self._sampled
+        for start, stop, what in self.line.runs(first, self._sampled, self._rate):
+            if what is not None:
+                times[pairs[start:stop]] = {"repeated": (2, 2), "cut": (1, 0)}.get(what, (0, 0))
+        return frames[np.repeat(np.arange(len(frames)), times)]
+
+    def _scans_until(self, time: int | None) -> int:
+        """Return how many scans there could have been since it first sampled."""
+        if self._first_started is None or time is None:
+            return 0
+        return round(1e-9 * (time - self._first_started) * self._rate)
+
+    @property
+    def _dead(self) -> bool:
+        return self.line.happening(self._scans_until(self._clock.now()), self._rate) == "silent"
 
     def _n_due(self) -> int:
         """Return how many scans its own timer has made due."""

@@ -73,6 +73,10 @@ class EmulatedBusNode(Protocol):
         """
         ...
 
+    def disturbed(self, frames: CanFrames) -> CanFrames:
+        """Return what arrives of the frames of a bus where this node has faults: of its own perhaps not all."""
+        ...
+
 
 class EmulatedPort(Protocol):
     """Emulated hardware behind one port."""

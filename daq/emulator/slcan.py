@@ -112,7 +112,10 @@ class EmulatedSlcan:
         if syncs.n and room:
             frames.append(synced_frames(syncs.n, [part for node, part in parts.items() if node.synced]))
         if any(map(len, frames)):
-            self._pending += slcan.encode(concatenate(frames))
+            arriving = concatenate(frames)
+            for node in self.nodes:
+                arriving = node.disturbed(arriving)
+            self._pending += slcan.encode(arriving)
 
     def _drain(self) -> None:
         if self._pending:

@@ -52,7 +52,8 @@ class ScanDecoder:
 
     Only TPDO2 is numbered. A TPDO1 right before it is of the same scan for certain only if, since the last TPDO2, as
     many TPDO1 have come as the counter has gone on: then none is missing, and the last one is this scan's. So one
-    lost frame costs its own scan; a scan lost whole costs the one after it too; halves of two scans never meet.
+    lost frame costs its own scan; a scan lost whole costs the one after it too; halves of two scans never meet. A frame
+    that comes twice, as one does whose sender heard an error in its last bit (ISO 11898-1), is one.
 
     Parameters
     ----------
@@ -77,6 +78,8 @@ class ScanDecoder:
         second = (frames.ids == self._ids[1]) & (frames.dlc == TPDO2_SIZE)
         joined = concatenate([self._rest, frames[first | second]])
         syncs = np.concatenate([self._rest_syncs, syncs[first | second]])
+        once = _once(joined)
+        joined, syncs = joined[once], syncs[once]
         ends = np.flatnonzero(joined.ids == self._ids[1])
         keep = max(0, len(joined) - _KEPT) if not len(ends) else int(ends[-1])
         self._rest, self._rest_syncs = joined[keep:], syncs[keep:]
@@ -87,6 +90,12 @@ class ScanDecoder:
         whole = np.flatnonzero((halves > 0) & (halves == np.diff(counter) % MODULUS)) + 1
         self.bad_frames += int(ends[-1] - ends[0]) - 2 * len(whole)
         return _counts(joined.data, ends[whole]), counter[whole], syncs[ends[whole] - 1]
+
+
+def _once(frames: CanFrames) -> npt.NDArray[np.bool_]:
+    """Return which frames (n,) are not the same as the one before."""
+    same = (frames.ids[1:] == frames.ids[:-1]) & (frames.data[1:] == frames.data[:-1]).all(1)
+    return np.append(np.ones(min(1, len(frames)), bool), ~same)
 
 
 def _counts(data: npt.NDArray[np.uint8], ends: npt.NDArray[np.intp]) -> IntArray:

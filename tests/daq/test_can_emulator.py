@@ -41,8 +41,10 @@ def test_canopen_alone_reads_identity_and_makes_it_operational() -> None:
             frames: queue.Queue[tuple[int, bytes]] = queue.Queue()
             for kind in (epson_can.TPDO1, epson_can.TPDO2):
                 network.subscribe(kind + 3, lambda number, data, _: frames.put((number, bytes(data))))
+            states: queue.Queue[int] = queue.Queue()
+            node.nmt.add_heartbeat_callback(states.put)
             node.nmt.send_command(129)  # reset
-            node.nmt.wait_for_bootup(2.0)
+            assert states.get(timeout=2.0) == 0  # boot-up
             assert node.sdo.upload(0x1008, 0) == NAME.encode()
             assert node.sdo.upload(0x1018, 4) == (43).to_bytes(4, "little")
             with pytest.raises(SdoAbortedError, match="0x06020000"):

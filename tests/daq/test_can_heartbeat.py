@@ -6,11 +6,27 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import canopen
+import numpy as np
 import pytest
 from can_helpers import served, wait_for
+from daq_helpers import START
 from emulated_ports import Ramp
 
-from daq import CanAddress, DeviceReader, EmulatedEpsonCan, EmulatedSlcan, Event, Item, SystemClock, make_driver
+from daq import (
+    Block,
+    CanAddress,
+    DeviceReader,
+    EmulatedEpsonCan,
+    EmulatedSlcan,
+    Event,
+    HostClock,
+    Item,
+    LineFaults,
+    LineSpell,
+    ScaledClock,
+    SystemClock,
+    make_driver,
+)
 from daq.drivers import heartbeat
 from daq.drivers.heartbeat import HeartbeatConsumer
 
@@ -91,11 +107,11 @@ def test_missing_heartbeat_is_told_once_each_time(heard: Heard) -> None:
 
 
 @contextmanager
-def reading(node: EmulatedEpsonCan, items: list[Item]) -> Iterator[None]:
+def reading(node: EmulatedEpsonCan, items: list[Item], clock: HostClock | None = None) -> Iterator[None]:
     """Let a reader read one node."""
     with served(EmulatedSlcan([node])) as adapter:
         driver = make_driver("epson-can", CanAddress(interface="slcan", channel=adapter.port, node=node.node), 1000.0)
-        reader = DeviceReader("d", driver, 1000.0, SystemClock(), items.append)
+        reader = DeviceReader("d", driver, 1000.0, clock or SystemClock(), items.append)
         reader.connect()
         reader.start()
         try:
@@ -118,6 +134,27 @@ def seconds_until(items: list[Item], what: str, does: Callable[[], None]) -> tup
 
     wait_for(came)
     return time.monotonic() - begun, found[0].payload.get("why", found[0].payload.get("what", ""))
+
+
+@pytest.mark.live
+def test_what_a_node_loses_is_counted_to_the_scan_and_what_comes_twice_is_one() -> None:
+    clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
+    spells = (
+        LineSpell(what="lost", at=0.68, seconds=0.04),  # the counter wraps meanwhile
+        LineSpell(what="repeated", at=0.9, seconds=0.02),
+        LineSpell(what="cut", at=1.1, seconds=0.005),
+    )
+    faults = LineFaults(spells=spells, counter=2**16 - 700)
+    items: list[Item] = []
+    with reading(EmulatedEpsonCan(Ramp(), clock, node=3, serial_number=7, faults=faults), items, clock):
+        wait_for(lambda: any(isinstance(item, Block) and item.end_index > 1400 for item in items))
+    blocks = [item for item in items if isinstance(item, Block)]
+    gaps = [item.payload for item in items if isinstance(item, Event) and item.topic == "/event/gap"]
+    # The first scan is not taken, nor the one after a scan that is lost whole: nothing tells their halves apart.
+    found = [(1 + gap["first_index"], gap["missing"], gap["exact"]) for gap in gaps]
+    assert found == [(680, 41, True), (1100, 5, True)]
+    k = np.concatenate([block.counts[:, 0] for block in blocks])
+    np.testing.assert_array_equal(k, 1 + np.concatenate([np.arange(b.first_index, b.end_index) for b in blocks]))
 
 
 @pytest.mark.live

@@ -61,6 +61,15 @@ def test_a_scan_lost_whole_costs_the_next_one_too_for_nothing_tells_its_halves_a
     assert whole.tolist() == halves.tolist() == [k for k in range(1, N) if k not in (10, 11)]
 
 
+@given(st.sets(st.integers(0, 2 * N - 1)), st.lists(st.integers(1, 50), max_size=20))
+def test_frames_that_come_twice_are_one(twice: set[int], sizes: list[int]) -> None:
+    kept = [k for k in range(2 * N) for _ in range(1 + (k in twice))]
+    counts, counter, decoder = decoded(0, kept, sizes)
+    np.testing.assert_array_equal(counter, np.arange(1, N))
+    np.testing.assert_array_equal(counts, scans(0)[1:])
+    assert decoder.bad_frames == 0
+
+
 def test_frames_of_others_and_of_wrong_length_are_not_taken() -> None:
     own, other = encode_scans(5, scans(0), 0), encode_scans(6, scans(9), 9)
     noise = can_frames([(0x185, b"\1\2"), (0x285, bytes(8)), (0x705, b"\5"), (0x8000_0185, bytes(8))])
