@@ -59,7 +59,7 @@ many-devices: $(VENV)/.done
 jitter: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/jitter.py
 
-# How exactly phases of modes tell offsets between devices: the table in docs/updater.md, ten minutes.
+# How exactly phases of modes tell offsets between devices: the table in docs/daq.md, ten minutes.
 device-offsets: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/device_offsets.py
 
