@@ -133,14 +133,17 @@ def lost_seconds(folder: Path, killed: int) -> float:
     assert summary.statistics.message_count == n_messages
     last = dict.fromkeys((f"d{k}" for k in range(N_DEVICES)), 0)
     ends: dict[str, int] = {}
+    late = 0.0  # by the devices' filter: times are those of the motion
     for item in read_log(log):
-        if isinstance(item, Block):
+        if isinstance(item, Event):
+            late = item.payload.get("filter_delay", late)
+        else:
             assert item.first_index == ends.get(item.device, item.first_index), "a scan is missing amid"
             k = item.counts[0, 0] + np.arange(item.n_scans)
             assert (item.counts == np.stack([k, -k, 3 * k], 1)).all(), "a scan is not what was sent"
             ends[item.device] = item.end_index
             last[item.device] = item.pair_time + round((item.end_index - item.pair_index) / RATE * 1e9)
-    return (killed - min(last.values())) * 1e-9
+    return (killed - min(last.values())) * 1e-9 - late
 
 
 def converts(folder: Path) -> bool:
