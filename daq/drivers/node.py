@@ -166,7 +166,9 @@ class Believer:
     def consider(self, scans: node.NodeScans) -> tuple[node.NodeScans, int]:
         """Take the next scans; return those to believe, and how many were refused."""
         known = len(self._last.counter)
-        joined = node.joined(node.joined(self._last, self._waiting), scans)
+        joined = node.joined(
+            node.joined(self._last, self._waiting) if len(self._waiting.counter) else self._last, scans
+        )
         if len(joined.counter) < 2:
             self._waiting = joined[known:]
             return node.NO_SCANS, 0
@@ -174,7 +176,7 @@ class Believer:
         good = np.append(agrees, False) | np.append(False, agrees)
         good[:known] = True
         self._waiting = joined[-1:] if not good[-1] else node.NO_SCANS
-        new = joined[good]
+        new = joined if good.all() else joined[good]
         self.restarted = bool(_went_back(new).any())
         self._last = new[-1:]
         return new[known:], int(np.count_nonzero(~good)) - len(self._waiting.counter)
