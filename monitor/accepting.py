@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from monitor.accepted import Accepted, Wanted
+from monitor.answering import in_time_of
 from monitor.explaining import explain_windows, seen_in
-from monitor.lateness import InTime
 from monitor.learning import Watch, learn_watch
 from monitor.settings import Settings
 from monitor.window import Window
@@ -80,7 +80,7 @@ def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], se
 
 def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
     """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
-    late = InTime(tuple(w.in_time for w in pure), devices, tuple(w.removed for w in pure))
+    late = in_time_of(pure, devices)
     tracks = [watch.tracker.assign(window.in_time) for window in pure]
     try:
         found, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)

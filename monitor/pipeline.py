@@ -1,9 +1,7 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -12,30 +10,22 @@ from monitor.accepted import Wanted
 from monitor.accepting import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last
 from monitor.alarm_words import accepted_said, acknowledged_said, change_said, resumed_said, undone_said
 from monitor.alarms import Alarm, Change, Kind
+from monitor.answering import answer, sensors
 from monitor.backlog import SKIPPED, Skip, none
-from monitor.describe import (
-    increment_result,
-    mass_answer,
-    mode_results,
-    reference_result,
-    spectrum_result,
-)
-from monitor.explaining import explain_windows, seen_in, sensors_seen
+from monitor.describe import mode_results, reference_result, spectrum_result
 from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
-from monitor.lateness import InTime
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory, matters
 from monitor.novelty import MOST_OUT
-from monitor.results import AlarmResult, MassIncrements, Phase, ReferenceResult, SelfTestResult, WindowResult
-from monitor.self_test import WITHIN, self_test
+from monitor.results import AlarmResult, Phase, ReferenceResult, SelfTestResult, WindowResult
+from monitor.self_test import NEVER_TESTED, SelfTests
 from monitor.settings import Settings
 from monitor.weather import Weather
 from monitor.window import Window, window_of
-from monitor.words import is_one_mass, utc
+from monitor.words import utc
 from oma import IdentificationError, identify_all
-from updater import NO_DELAYS, ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
+from updater import NO_DELAYS, PairingError, Structure
 
-_DAY = 86400e9  # ns
 Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
 
 
@@ -69,9 +59,7 @@ class Pipeline:
         self._out: list[Window] = []  # windows over the limit, without a break
         self._calm: list[Window] = []  # windows under it since the sensors were last looked at
         self._wanted: Wanted | None = None
-        self._recent: deque[Window] = deque(maxlen=max(WITHIN, settings.alarm.hold_windows))  # calm, without a break
-        self._tested: int | None = None  # when the last self-test was [ns UTC] ...
-        self._passed: int | None = None  # ... and the last that passed
+        self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
         self._weather = Weather(settings.temperature.stale_minutes) if settings.temperature else None
         self._resumed = False  # from a memory, which has not been said yet
         if memory is not None:
@@ -81,7 +69,6 @@ class Pipeline:
         self._n_windows, self._resumed = memory.n_windows, True
         self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
         self._out, self._calm, self._wanted = list(memory.out), list(memory.calm), memory.wanted
-        self._tested, self._passed = memory.tested, memory.passed
         if memory.detector is None:
             self._baseline = list(memory.baseline)
         else:
@@ -101,8 +88,7 @@ class Pipeline:
             alarm=self._alarm,
             accepted=watch.accepted if watch else (),
             wanted=self._wanted,
-            tested=self._tested,
-            passed=self._passed,
+            tests=self._tests.state,
             out=tuple(self._out),
             calm=tuple(self._calm),
         )
@@ -187,19 +173,17 @@ class Pipeline:
         watch.detector.settle(calm=self._alarm.state == "normal")
         self._out = [*self._out, window][-MOST_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
-        self._recent = deque(() if over else (*self._recent, window), self._recent.maxlen)
         result = result.model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
-            result = result.model_copy(update=self._explain(watch))
+            result = result.model_copy(update=answer(watch, self._pure(), self._devices, self._structure))
         if len(self._calm) >= self._settings.analysis.baseline_windows:
             calm, self._calm = self._calm, []
-            tracks = [self._track(w) for w in calm]
-            result = result.model_copy(update={"sensors": sensors_seen(watch.reference, self._in_time(calm), tracks)})
+            result = result.model_copy(update={"sensors": sensors(watch, calm, self._devices)})
         yield result
         nodes = watch.reference.calibration.model.nodes
         yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
         yield from self._accept(window.end, watch)
-        yield from self._test(window.end, watch)
+        yield from self._tests.after(watch, self._alarm, window, over=over)
 
     def _heard(self, event: Event) -> Iterator[Result]:
         """Obey a person."""
@@ -259,6 +243,7 @@ class Pipeline:
             return
         self._watch = undo_last(self._structure, watch, self._devices, self._settings)
         self._out, self._calm = [], []
+        self._tests.forget()
         yield reference_result(self._watch.reference, event.time, self._watch.accepted)
         yield self._notice(event.time, "undone", undone_said(watch.accepted[-1], event.payload))
 
@@ -266,16 +251,6 @@ class Pipeline:
         """Return what is said without a change of the alarm."""
         last = max(0, self._n_windows - 1)
         return AlarmResult(time=time, state=self._alarm.state, text=text, window=last, kind=kind, quiet=True)
-
-    def _test(self, time: int, watch: Watch) -> Iterator[Result]:
-        """Test now and then, while all is calm, whether an alarm would come."""
-        alarm = self._settings.alarm
-        since = watch.learnt if self._tested is None else self._tested
-        due = alarm.self_test_days > 0 and time - since >= alarm.self_test_days * _DAY
-        if due and self._alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
-            result = self_test(watch, self._alarm, tuple(self._recent), self._settings, time, self._passed)
-            self._tested, self._passed = time, result.last_passed
-            yield result
 
     def _changed(self, time: int, change: Change, text: str) -> AlarmResult:
         return AlarmResult(
@@ -288,34 +263,9 @@ class Pipeline:
             quiet=change.quiet,
         )
 
-    def _in_time(self, windows: Sequence[Window]) -> InTime:
-        return InTime(tuple(w.in_time for w in windows), self._devices, tuple(w.removed for w in windows))
-
     def _pure(self) -> list[Window]:
         """Return the windows over the limit that begin after the first of them, which may hold both states."""
         return [w for w in self._out if w.start >= self._out[0].end]
-
-    def _explain(self, watch: Watch) -> dict[str, Any]:
-        """Explain by the windows that begin after the first one over the limit: that one may hold both states.
-
-        A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them.
-        """
-        pure = self._pure()
-        if not pure:
-            return {}
-        tracks = [self._track(w) for w in pure]
-        event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
-        found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
-        now, lateness = seen_in(pure), self._in_time(pure)
-        try:
-            explained, beside = explain_windows(watch.reference, watch.before, now, lateness, tracks)
-        except ValueError:
-            return found  # fewer than three modes left to compare: there is an alarm, but no cause
-        found |= {"diagnosis": explained.diagnosis, "discrepancy": beside}
-        if is_one_mass(explained.diagnosis):
-            change, outlook = locate_and_sharpen(watch.reference, event)
-            found["answer"] = mass_answer(self._structure, change, len(pure), outlook.said)
-        return found
 
     def _said(self, window: Window, text: str) -> AlarmResult:
         return AlarmResult(time=window.end, state=self._alarm.state, text=text, window=window.index)
@@ -331,13 +281,6 @@ class Pipeline:
             text = f"learning goes on: {len(self._baseline)} of {self._settings.analysis.baseline_windows} windows"
         last = max(0, self._n_windows - 1)
         yield AlarmResult(time=time, state=alarm.state, text=text, window=last, kind="resumed", quiet=True, since=since)
-
-
-def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
-    try:
-        return increment_result(watch.updater.update(event), n_windows)
-    except (PairingError, ValueError):
-        return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments
 
 
 def _rms(recording: Recording) -> dict[str, float]:

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray
+from monitor.answering import in_time_of
 from monitor.errors import MonitorError
 from monitor.explaining import explain_windows, seen_in
-from monitor.lateness import InTime
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory
 from monitor.self_test import with_mass
@@ -123,7 +123,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     watch, pure = _watch(memory, structure, settings, devices)
     tracks = [watch.tracker.assign(window.in_time) for window in pure]
     event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
-    late = InTime(tuple(w.in_time for w in pure), devices, tuple(w.removed for w in pure))
+    late = in_time_of(pure, devices)
     try:
         explained, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
         found, _ = locate_and_sharpen(watch.reference, event)

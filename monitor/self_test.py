@@ -3,8 +3,9 @@
 Nothing of it reaches the watch itself: the test judges by copies of the detectors and of the alarm.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +21,51 @@ from updater import Reference
 
 DRAWS = 24  #: places that a mass is tried at
 WITHIN = 6  #: windows that it has to be noticed in: beside a jump, the quick average of small changes tells
+_DAY = 86400e9  # ns
 _PASSED = 0.5  # of them must raise the alarm: at a support no mass is heard
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tested:
+    """What is remembered of self-tests."""
+
+    last: int | None  #: when one was [ns UTC]
+    passed: int | None  #: when one has passed [ns UTC]
+
+
+NEVER_TESTED = Tested(last=None, passed=None)
+
+
+class SelfTests:
+    """Tests a watch now and then, while all is calm.
+
+    Parameters
+    ----------
+    settings : of the site
+    state : of tests before
+    """
+
+    def __init__(self, settings: Settings, state: Tested) -> None:
+        self._settings, self.state = settings, state
+        self._recent: deque[Window] = deque(maxlen=max(WITHIN, settings.alarm.hold_windows))
+
+    def after(self, watch: Watch, alarm: Alarm, window: Window, *, over: bool) -> Iterator[SelfTestResult]:
+        """Take one more window, over the limit or calm; yield a test if one is due."""
+        if over:
+            self.forget()
+            return
+        self._recent.append(window)
+        days = self._settings.alarm.self_test_days
+        since = watch.learnt if self.state.last is None else self.state.last
+        due = days > 0 and window.end - since >= days * _DAY
+        if due and alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
+            result = self_test(watch, alarm, tuple(self._recent), self._settings, window.end, self.state.passed)
+            self.state = Tested(last=window.end, passed=result.last_passed)
+            yield result
+
+    def forget(self) -> None:
+        """Wait for calm windows without a break: of another reference, or after one over the limit."""
+        self._recent.clear()
 
 
 def self_test(

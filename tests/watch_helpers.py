@@ -123,4 +123,5 @@ def without_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     def none(*_: object) -> None:
         raise ValueError("fewer than three modes")
 
-    monkeypatch.setattr("monitor.pipeline.explain_windows", none)
+    for module in ("answering", "accepting"):
+        monkeypatch.setattr(f"monitor.{module}.explain_windows", none)

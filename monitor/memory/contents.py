@@ -9,12 +9,13 @@ from monitor.accepted import Accepted, Wanted
 from monitor.alarms import Alarm
 from monitor.memory.codec import CodecError, decode, encode
 from monitor.novelty import DetectorState
+from monitor.self_test import Tested
 from monitor.settings import Settings
 from monitor.window import Window
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 3  # of what is written here: another one is not read
+VERSION = 4  # of what is written here: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,8 +29,7 @@ class Memory:
     alarm: Alarm
     accepted: tuple[Accepted, ...]  #: changes of the structure since the baseline
     wanted: Wanted | None  #: an acceptance that waits for windows
-    tested: int | None  #: when the last self-test was [ns UTC]
-    passed: int | None  #: when the last one that passed was [ns UTC]
+    tests: Tested
     out: tuple[Window, ...]  #: over the limit, without a break
     calm: tuple[Window, ...]  #: under it since the sensors were last looked at
 
