@@ -203,8 +203,11 @@ class HandClock:
         return self.time
 
     def jump(self, seconds: float) -> None:
-        """Set the time, once the rig has heard all commands: a serving asks less than 30 times."""
-        end = self.asked + 60
+        """Set the time, once the rig has heard all commands, which a busy kernel hands on some servings late.
+
+        A serving asks less than 30 times.
+        """
+        end = self.asked + 600
         while self.asked < end:
             time.sleep(0.005)
         self.time += round(seconds * 1e9)
