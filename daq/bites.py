@@ -33,7 +33,7 @@ class Bites:
         self._gone.register(descriptor, 0)  # a hang-up is told to who asks for nothing, too
         self._here.register(descriptor, select.POLLIN)
         self._laps, self._lap = 0, 0.0  # of gathering: number, length [s]
-        self.arrived = time.perf_counter_ns()  #: when the last read's bytes were here
+        self.arrived = self._taken = time.perf_counter_ns()  #: when the last read's bytes were here
 
     def read(self, seconds: float | None, *, patient: bool = True) -> bytes:
         """Return what has come; nothing if nothing comes within some seconds, after what gathered.
@@ -67,6 +67,8 @@ class Bites:
         while len(part) >= _FULL and len(data) < _MOST:
             part = self._part()
             data += part
+        if data:
+            self._taken = time.perf_counter_ns()
         return data
 
     def _part(self) -> bytes:
@@ -77,7 +79,7 @@ class Bites:
 
     def _adapt(self, n: int) -> None:
         """Let bytes gather for as long as they need to be enough, without filling the port."""
-        now = time.perf_counter_ns()
+        now = self._taken if n else time.perf_counter_ns()
         rate = 1e9 * n / max(1, now - self.arrived)
         longest = min(self._most_seconds, 2 * self._laps * self._lap + _FIRST)  # a port just opened is not made to wait
         seconds = min(longest, _ENOUGH / rate) if rate > self._least_rate else 0.0

@@ -70,3 +70,16 @@ def test_slow_bytes_are_read_when_they_come(pty: tuple[int, int]) -> None:
     reads = read_all(Bites(slave, most_seconds=GATHERED, least_rate=500.0))
     thread.join()
     assert len([data for data in reads if data]) > 7  # of ten; a busy host may find two at once
+
+
+def test_what_came_last_is_not_later_for_being_waited_upon(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    bites = Bites(slave, most_seconds=GATHERED, least_rate=500.0)
+    os.write(master, bytes(240))
+    bites.read(1.0)
+    time.sleep(0.01)
+    os.write(master, bytes(240))
+    sent = time.perf_counter_ns()
+    bites.read(0.5)  # what gathers, and then nothing
+    os.close(master)
+    assert bites.arrived - sent < 0.25e9
