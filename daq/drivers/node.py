@@ -15,6 +15,7 @@ from daq.protocol import node
 
 BAUD = 460800  #: nodes that are USB devices themselves do not care
 _HELLO_SECONDS = 1.5  # a node that does not listen says who it is once a second
+_AGAIN_SECONDS = 0.4
 _SCANS_SECONDS = 1.0
 _RATE_TOLERANCE = 1e-3  # of the rate that a node says it has
 _CLOCK_TOLERANCE = 0.05  # of time passed: oscillators inside accelerometers are some percent off
@@ -84,10 +85,16 @@ class ModalwatchNode:
             raise DriverError(self._path, f"no node answers: {error}") from error
 
     def _wait_for_hello(self, port: SerialPort) -> node.Hello:
-        end = time.monotonic() + _HELLO_SECONDS
+        """Wait for who was asked; ask again, as what is said at power-on may have spoiled the first answer."""
+        asked = time.monotonic()
+        end = asked + _HELLO_SECONDS
         while self._decoder.hello is None:
-            if time.monotonic() > end:
+            now = time.monotonic()
+            if now > end:
                 raise ValueError(f"no hello within {_HELLO_SECONDS:g} s")
+            if now > asked + _AGAIN_SECONDS:
+                asked = now
+                port.write(b"\0" + node.encode_command(node.WHO))
             self._decoder.feed(port.read())
         return self._decoder.hello
 

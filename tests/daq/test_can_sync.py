@@ -93,7 +93,7 @@ def events(items: list[Item], what: str) -> list[Event]:
 
 @pytest.mark.live
 def test_nodes_on_one_sync_sample_at_the_same_instants_and_still_do_after_one_was_reset() -> None:
-    clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
+    clock = ScaledClock(speed=8.0, origin_wall=time.time_ns(), origin=START)
     nodes = [
         EmulatedEpsonCan(Motion(), clock, node=k, serial_number=k, clock_error=error)
         for k, error in ((1, 60e-6), (2, -60e-6))
@@ -132,6 +132,8 @@ def check_assembled(items: list[Item]) -> None:
 @pytest.mark.live
 def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("daq.drivers.epson_can._SYNC_SECONDS", 0.3)
+    monkeypatch.setattr("daq.drivers.heartbeat.PATIENCE", 0.5)  # two beats, not four
+    monkeypatch.setattr("daq.drivers.can_hub._REPLY_SECONDS", 0.2)
     clock = ScaledClock(speed=1.0, origin_wall=time.time_ns(), origin=START)
     nodes = [EmulatedEpsonCan(Motion(), clock, node=k, serial_number=k) for k in (1, 2)]
     items: list[Item] = []

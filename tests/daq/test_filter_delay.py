@@ -96,7 +96,7 @@ def lateness(signal: FloatArray, t: FloatArray) -> float:
 
 @pytest.mark.live
 def test_what_a_filter_delays_is_told_when_it_was() -> None:
-    clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
+    clock = ScaledClock(speed=6.0, origin_wall=time.time_ns(), origin=START)
     low_pass = np.asarray(firwin(512, 460.0, window=("kaiser", 5.65), fs=4000.0))  # 60 dB
     filtering = Undelayed(Sensed(low_pass), clock, serial_number="E")
     plain = EmulatedNode(Sensed(np.ones(1)), clock, serial_number="N")
@@ -107,7 +107,7 @@ def test_what_a_filter_delays_is_told_when_it_was() -> None:
         "late": (late, make_driver("epson-uart", late.port, RATE)),
     }
     with reading(devices, clock) as items:
-        wait_for(lambda: sum(isinstance(item, Block) for item in items) > 65)
+        wait_for(lambda: sum(isinstance(item, Block) for item in items) > 57)
     opened = {e.payload["device"]: e.payload.get("filter_delay") for e in items if isinstance(e, Event)}
     assert opened == {"filtering": 0.063875, "plain": None, "late": 0.063875}
     channels = tuple(Channel(name=name, device=name, axis=0) for name in devices)
@@ -115,8 +115,8 @@ def test_what_a_filter_delays_is_told_when_it_was() -> None:
     recording = next(itertools.chain.from_iterable(assembler.push(i) for i in items if isinstance(i, Block)))
     t = (recording.start - START) * 1e-9 + np.arange(len(recording.data)) / RATE
     found = dict(zip(devices, (lateness(column, t) for column in recording.data.T), strict=True))
-    # Each is as late as its way to a busy host at four times real time; a filter's 64 ms that were left would show.
-    assert all(-1e-3 < seconds < 0.02 for seconds in found.values()), found
+    # Each is as late as its way to a busy host at six times real time; a filter's 64 ms that were left would show.
+    assert all(-1e-3 < seconds < 0.03 for seconds in found.values()), found
 
 
 def test_lateness_is_measured_in_seconds() -> None:

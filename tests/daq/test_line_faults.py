@@ -1,5 +1,7 @@
 """Serial devices on poor lines: babble, wrong and lost bytes, an adapter that hands on every 16 ms."""
 
+import os
+import select
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,6 +32,7 @@ from daq import (
 )
 from daq.emulator.line_faults import FaultyLine
 from daq.emulator.serial_port import SerialEmulator
+from daq.protocol import epson
 
 RATE = 1000.0
 POOR = LineFaults(flipped=2e-3, lost=1e-3, babble=500, latency=0.016, seed=3)
@@ -75,17 +78,13 @@ def test_as_many_bytes_are_harmed_as_are_said() -> None:
     assert line.harmed == pytest.approx(2980, abs=5 * 55)
 
 
-def reader_of(name: str, device: SerialEmulator, clock: HostClock, items: list[Item], silent: float) -> DeviceReader:
-    driver = make_driver(name, device.port, RATE)
-    return DeviceReader("d", driver, RATE, clock, items.append, block_seconds=0.02, silent_seconds=silent)
-
-
 @contextmanager
-def reading(name: str, device: SerialEmulator, clock: HostClock, silent: float = 1.7) -> Iterator[list[Item]]:
+def reading(name: str, device: SerialEmulator, clock: HostClock) -> Iterator[list[Item]]:
     """Let a reader read a device that is served."""
     items: list[Item] = []
     with serving(device.serve):
-        reader = reader_of(name, device, clock, items, silent)
+        driver = make_driver(name, device.port, RATE)
+        reader = DeviceReader("d", driver, RATE, clock, items.append, block_seconds=0.02)
         reader.connect()
         reader.start()
         yield items
@@ -136,17 +135,49 @@ def test_what_is_lost_is_counted_to_the_scan_and_told_and_what_comes_twice_is_on
     assert any(600 < first <= 1106 for first in damaged)  # the block that was being read
 
 
+class Spoilt(EmulatedNode):
+    """A node whose first hello is lost in what is said at power-on."""
+
+    def say(self, data: bytes) -> None:
+        self.said = getattr(self, "said", 0) + 1
+        super().say(data if self.said > 1 else b"\x55" + data[1:])
+
+
 @pytest.mark.live
-def test_a_device_that_is_dead_for_a_while_is_lost_and_taken_back() -> None:
-    clock = SystemClock()
-    faults = LineFaults(spells=(LineSpell(what="silent", at=0.2, seconds=0.6),))
-    with reading("epson-uart", KINDS["epson-uart"](clock, faults), clock, silent=0.2) as items:
-        wait_for(lambda: bool(payloads(items, "device_back")) and bool(blocks_of(items[-1:])))
-    lost = next(item for item in items if isinstance(item, Event) and item.topic == "/event/device_lost")
-    assert str(lost.payload["why"]).endswith("silent for 0.2 s")
-    (gap,) = payloads(items, "gap")
-    assert not gap["exact"]
-    assert gap["missing"] == pytest.approx(800, abs=400)  # ms: what it was dead, start-up, and a busy host
+def test_a_node_whose_hello_is_spoilt_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("daq.drivers.node._AGAIN_SECONDS", 0.05)
+    device = Spoilt(Ramp(), SystemClock(), serial_number="E")
+    with serving(device.serve):
+        driver = make_driver("modalwatch-node", device.port, RATE)
+        assert driver.open()["serial"] == "E"
+        driver.close()
+    device.close()
+
+
+@pytest.mark.live
+def test_a_device_that_is_dead_says_nothing_and_hears_nothing() -> None:
+    device = KINDS["epson-uart"](SystemClock(), LineFaults(spells=(LineSpell(what="silent", at=0.0, seconds=100.0),)))
+    line = os.open(device.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    os.write(line, epson.read_register(epson.ID))
+    assert answered(device, line)  # it is dead from its first scan on
+    os.write(line, epson.write_register(epson.MODE_CTRL, epson.MODE_SAMPLING))
+    while device.sampling_since is None:
+        device.serve()
+    os.write(line, epson.write_register(epson.MODE_CTRL, epson.MODE_CONFIG) + epson.read_register(epson.ID))
+    assert not answered(device, line)
+    assert device.sampling_since is not None
+    assert device.line.missing > 0
+    os.close(line)
+    device.close()
+
+
+def answered(device: SerialEmulator, line: int) -> bool:
+    """Serve for a while, and tell whether anything came."""
+    for _ in range(50):
+        device.serve()
+        if select.select([line], [], [], 2e-3)[0]:
+            return bool(os.read(line, 64))
+    return False
 
 
 @pytest.mark.live
