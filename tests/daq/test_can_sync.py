@@ -3,20 +3,24 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from can_helpers import served, wait_for
-from daq_helpers import START
+from daq_helpers import START, make_block
 from hypothesis import given
 from hypothesis import strategies as st
 
 from daq import (
+    CHANNELS,
     EPSON_SCALE,
     Assembler,
     Block,
     CanAddress,
     Channel,
+    ChannelMap,
     DeviceReader,
     DriverError,
     EmulatedEpsonCan,
@@ -26,9 +30,12 @@ from daq import (
     FloatArray,
     IntArray,
     Item,
+    LogWriter,
     Recording,
     ScaledClock,
+    load_recordings,
     make_driver,
+    read_log,
 )
 from daq.can_bus import Chunk
 from daq.drivers.sync_count import SyncCount, SyncedCounter
@@ -156,6 +163,23 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
     common = sorted(one.keys() & other.keys())
     assert common
     assert_same([one[k] for k in common], [other[k] for k in common])
+
+
+@pytest.mark.parametrize(("clock", "apart"), [("SYNC of a bus 1", False), ("", True)])
+def test_a_log_keeps_which_devices_share_a_clock(tmp_path: Path, clock: str, apart: bool) -> None:
+    channels = tuple(Channel(name=name, device=name, axis=0) for name in ("d1", "d2"))
+    attached = {CHANNELS: ChannelMap(channels=channels, on_grid=False).to_json()}
+    writer = LogWriter(tmp_path / "log.mcap", attached)
+    for first in range(7000, 12000, 200):
+        counts = np.rint(1e6 * np.sin(0.3 * np.arange(first, first + 200)))[:, None].astype(np.int32)
+        for late, name in enumerate(("d1", "d2")):  # the second one's frames arrive 0.4 ms after the first one's
+            block = make_block(name, first, n=200, late=late * 400_000)
+            writer.write(replace(block, counts=counts, clock=clock))
+    writer.close()
+    assert {item.clock for item in read_log(tmp_path / "log.mcap") if isinstance(item, Block)} == {clock}
+    (recording,) = load_recordings(tmp_path / "log.mcap")
+    inside = recording.data[100:-100]
+    assert (np.abs(inside[:, 0] - inside[:, 1]).max() / np.abs(inside).max() > 0.01) == apart
 
 
 def chunk(n: int, arrived: float, between: int = 0) -> Chunk:
