@@ -173,7 +173,7 @@ def _events(events: list[EventRow]) -> Table:
     for name in ("time", "what", "device", ""):
         table.add_column(name, no_wrap=bool(name))
     for event in events[-_MOST:]:
-        said = ", ".join(f"{k} {v}" for k, v in json.loads(event.json).items() if k != "device" and v != "")
+        said = ", ".join(f"{k} {v}" for k, v in json.loads(event.json).items() if k != "device" and v not in ("", None))
         topic = event.topic.rpartition("/")[2].replace("_", " ")
         table.add_row(utc(event.time), escape(topic), escape(event.device), escape(said))
     return table

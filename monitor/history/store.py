@@ -24,7 +24,6 @@ from monitor.words import change_text
 from monitor.worker import Result
 
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
-_OF_TESTS = ("passed", "mass", "places", "detected")  # what is kept of a self-test
 _DRIVERS = {"postgresql": "postgresql+psycopg"}
 
 
@@ -130,7 +129,7 @@ def _write(connection: Connection, item: Event) -> int | None:
     """Put one item in; return the day whose figures it changes."""
     result = _result(item)
     if result is None or isinstance(result, SelfTestResult):
-        payload = {name: value for name, value in item.payload.items() if result is None or name in _OF_TESTS}
+        payload = item.payload if result is None else _test_row(result)
         row = {"time": item.time, "topic": item.topic[:64], "device": str(payload.get("device", ""))[:64]}
         _put(connection, schema.events, [row | {"json": json.dumps(payload)}])
     elif isinstance(result, ReferenceResult):
@@ -180,6 +179,11 @@ def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:
         {"mode": mode.id, "end": window.end} | {name: _finite(getattr(mode, name)) for name in names}
         for mode in window.modes
     ]
+
+
+def _test_row(test: SelfTestResult) -> dict[str, Any]:
+    """Return what is kept of a self-test; the log has the rest."""
+    return {"passed": test.passed, "mass": round(test.mass, 4), "places": test.places, "detected": test.detected}
 
 
 def _write_change(connection: Connection, change: AlarmResult) -> None:

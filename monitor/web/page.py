@@ -111,5 +111,5 @@ def _age(heard: float | None, now: float) -> str:
 
 def _event(event: EventRow) -> dict[str, str]:
     payload = json.loads(event.json)
-    said = ", ".join(f"{name} {value}" for name, value in payload.items() if value != "")
+    said = ", ".join(f"{name} {value}" for name, value in payload.items() if value not in ("", None))
     return {"time": utc(event.time), "what": event.topic.rpartition("/")[2].replace("_", " "), "said": said}
