@@ -75,9 +75,9 @@ def test_slow_bytes_are_read_when_they_come(pty: tuple[int, int]) -> None:
 def test_what_came_last_is_not_later_for_being_waited_upon(pty: tuple[int, int]) -> None:
     master, slave = pty
     bites = Bites(slave, most_seconds=GATHERED, least_rate=500.0)
+    time.sleep(0.02)
     os.write(master, bytes(240))
-    bites.read(1.0)
-    time.sleep(0.01)
+    bites.read(1.0)  # 12 kB/s: the next ones gather
     os.write(master, bytes(240))
     sent = time.perf_counter_ns()
     bites.read(0.5)  # what gathers, and then nothing
