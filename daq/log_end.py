@@ -12,7 +12,7 @@ MCAP file format specification, https://mcap.dev/spec
 import mmap
 import struct
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from io import BytesIO
 from typing import IO
 
@@ -38,7 +38,7 @@ from daq.log import MAGIC
 
 _FRAME = struct.Struct("<BQ")  # of a record: opcode, length
 _CHUNK = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the compression's name
-_MESSAGE = struct.Struct("<HIQ")  # channel, sequence, time
+_MESSAGE = struct.Struct("<BQHIQ")  # opcode, length, channel, sequence, time
 _INDEX = struct.Struct("<BQHI")  # of an index: opcode, length, channel, length of its entries
 _ENTRY = struct.Struct("<QQ")  # time, place in the chunk
 
@@ -153,16 +153,15 @@ class PlainLog:
 
     def _index(self, raw: bytes, start: int) -> tuple[bytes, dict[int, int]]:
         """Return the index that a chunk's records ask for, and where in the file that of each channel begins."""
-        entries: dict[int, bytearray] = {}
-        at = 0
+        entries: defaultdict[int, bytearray] = defaultdict(bytearray)
+        at, message, head = 0, int(Opcode.MESSAGE), _FRAME.size
         while at < len(raw):
-            opcode, length = _FRAME.unpack_from(raw, at)
-            if opcode == Opcode.MESSAGE:
-                channel, _, time = _MESSAGE.unpack_from(raw, at + _FRAME.size)
-                entries.setdefault(channel, bytearray()).extend(_ENTRY.pack(time, at))
+            opcode, length, channel, _, time = _MESSAGE.unpack_from(raw, at)  # no record is shorter than that
+            if opcode == message:
+                entries[channel] += _ENTRY.pack(time, at)
             else:
-                self._define(opcode, raw[at + _FRAME.size : at + _FRAME.size + length])
-            at += _FRAME.size + length
+                self._define(opcode, raw[at + head : at + head + length])
+            at += head + length
         index, offsets = bytearray(), {}
         for channel, listed in entries.items():
             offsets[channel] = start + len(index)
