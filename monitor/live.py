@@ -71,6 +71,7 @@ class LiveView:
         if not isinstance(item, Block) and not self._process.is_alive():
             self.problem = f"its process ended with code {self._process.exitcode}"
             self._process = None
+            self._inbox.cancel_join_thread()  # nobody reads any more: the end of this process must not wait for that
             return
         try:
             self._inbox.put_nowait(item)

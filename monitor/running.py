@@ -25,6 +25,7 @@ from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Result, Told, Wor
 from updater import parse_structure
 
 _POLL = 0.2  # s
+_LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
 _REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
 
 
@@ -104,11 +105,15 @@ class Running:
         return self.vitals.write(self._state())
 
     def finish(self) -> None:
-        """Let what has arrived be logged and analysed."""
+        """Let what has arrived be logged, and analysed as far as that goes in a while: service managers do not wait."""
         self._devices.stop()
         self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped}))
+        end = time.monotonic() + _LAST_SECONDS
         while self._report():
-            pass
+            if time.monotonic() > end:
+                waiting = self._analysis.worker.waiting
+                self._say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self._site), 1)})
+                return
 
     @property
     def signs(self) -> SignsOfLife:
