@@ -1,12 +1,24 @@
 """Blocks and readings that tests of daq share."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from daq import EPSON_SCALE, Block, Event, Flag, Item
 
 START = 1_767_225_600_000_000_000  #: ns UTC
+
+
+@dataclass
+class HandClock:
+    """A clock that is set by hand."""
+
+    time: int = START
+    speed: float = 1000.0  # so that time-outs of wall time are short
+
+    def now(self) -> int:
+        return self.time
 
 
 def make_block(device: str, first: int, *, n: int = 250, seed: int = 0, late: int = 0) -> Block:

@@ -5,24 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from daq_helpers import START
+from daq_helpers import START, HandClock
 
 from daq import Block, DeviceLost, DeviceReader, DriverError, Event, Flag, Item, Scans
 
 pytestmark = pytest.mark.live
 
 RATE = 1000.0
-
-
-@dataclass
-class HandClock:
-    """A clock that is set by hand."""
-
-    time: int = START
-    speed: float = 1000.0  # so that time-outs of wall time are short
-
-    def now(self) -> int:
-        return self.time
 
 
 Step = tuple[float, range | None]  #: (s of data that pass, counters that arrive; None: the device goes)
