@@ -353,9 +353,13 @@ def _dominant(covariance: FloatArray, n: FloatArray, noise: FloatArray) -> Float
 def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float) -> Law:
     """Return the law with what the residuals tell of their tails: the likelihood of Student's distributions.
 
-    What is wild counts as if it were just that: one wrong mode in a short baseline tells of no tail.
+    What is wild counts as if it were just that: one wrong mode in a short baseline tells of no tail. Nor does what is
+    feared and has not come: windows nearer to the law than that allows are not the narrow middle of a heavy tail.
     """
-    squared = np.minimum(residual**2 / _variance(law, terms, age), _WILD**2)[..., None]
+    seen = np.diagonal(law.sums.product / np.maximum(law.sums.n_product, 1), axis1=-2, axis2=-1)
+    least = np.maximum(seen, law.fast[..., None])[..., None, :]
+    variance = np.minimum(_variance(law, terms, age), least)
+    squared = np.minimum(residual**2 / variance, _WILD**2)[..., None]
     half = (_TAILS + 1) / 2
     constant = gammaln(half) - gammaln(_TAILS / 2) - 0.5 * np.log(np.pi * (_TAILS - 2))
     gained = np.nansum(constant - half * np.log1p(squared / (_TAILS - 2)), axis=(-3, -2))

@@ -142,3 +142,18 @@ def test_windows_one_by_one_are_judged_as_many_at_once() -> None:
     for k in range(12):
         one, watched = judge(watched, y[k : k + 1], temperature[k : k + 1], seconds(1))
         np.testing.assert_allclose(one.value[:, 0], whole.value[:, k], rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_modes_known_far_better_than_the_weather_have_no_tails_for_that(seed: int) -> None:
+    """Gaussian windows of 1e-4, a third of what weather not yet seen is feared to do: 1 % is over the limit at once."""
+    random = np.random.default_rng(seed)
+    for n_baseline in (12, 60):
+        y = 1e-4 * random.standard_normal((n_baseline + 2, P))
+        y[n_baseline:, ::2] -= 0.01
+        temperature = np.full(n_baseline + 2, 20.0)
+        known = y[:n_baseline]
+        watched = start(known, np.full(known.shape, 1e-4), temperature[:n_baseline], seconds(n_baseline), YEARLY)
+        judged, _ = judge(watched, y[n_baseline:], temperature[n_baseline:], seconds(2))
+        assert watched.law.tail > 12
+        assert np.all(judged.value[0] > 5 * judged.limit[0])
