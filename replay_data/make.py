@@ -7,6 +7,7 @@ bus, 500 scans a second on real ptys, logged by the daemon. Nothing in it is edi
 """
 
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -34,6 +35,7 @@ scans_dropped = {dropped}
 def main() -> int:
     """Record, and keep the log only if nothing was lost."""
     seed = int(sys.argv[1]) if len(sys.argv) > 1 else 2026
+    os.environ["MODALWATCH_RECORDER__VIEW_RATE"] = "0"  # half the size; `log expand` makes a view of it
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         demo_command(out, seed, speed=5.0, plan=PLAN)
