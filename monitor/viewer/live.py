@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import rerun as rr
 
@@ -67,7 +67,8 @@ def _server(identity: str, port: int, megabytes: int) -> Iterator[rr.RecordingSt
     try:
         yield recording
     finally:
-        recording.flush(timeout_sec=2.0)
+        with suppress(RuntimeError):  # a server whose port was taken meanwhile has said so, and has nothing to send
+            recording.flush(timeout_sec=2.0)
         recording.disconnect()
 
 
