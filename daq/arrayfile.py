@@ -72,8 +72,6 @@ def _load(path: Path) -> dict[str, Any]:
         return read_mat(path)
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
-    except NotImplementedError as error:  # so scipy says that it does not read this version
-        raise DataError(path, "is a Matlab 7.3 file: save it with -v7") from error
     except _DAMAGED as error:
         raise DataError(path, f"holds no arrays: {error}") from error
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from daq.can_address import DbcSensor
 from daq.dbc import read_layout
-from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
+from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, SilentNode, Syncs
 from daq.hostclock import HostClock
 from daq.protocol.can_scan import encode_scans
 from daq.protocol.frames import CanFrames
@@ -12,7 +12,7 @@ from daq.protocol.frames import CanFrames
 _BYTES_A_FRAME = 27  # of the longest line
 
 
-class EmulatedDbc:
+class EmulatedDbc(SilentNode):
     """One sensor, which samples from the time it is made on.
 
     Parameters
@@ -43,7 +43,6 @@ class EmulatedDbc:
         repeated: float = 0.0,
         seed: int = 0,
     ) -> None:
-        self.synced = False
         self._layout = read_layout(sensor)
         self.scale = self._layout.scale  #: m/s2 a count of the source
         self.bytes_a_scan = _BYTES_A_FRAME * len(self._layout.messages)
@@ -57,14 +56,6 @@ class EmulatedDbc:
     def hear(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; answer nothing."""
         return []
-
-    def beats(self) -> list[Frame]:
-        """Return nothing: it has no heartbeat."""
-        return []
-
-    def syncs(self) -> Syncs:
-        """Return none."""
-        return NO_SYNCS
 
     def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the frames that are due, of as many scans as there is room for; the others are dropped."""

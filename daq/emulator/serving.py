@@ -110,3 +110,17 @@ def serve_all(ports: Sequence[EmulatedPort], turn: int) -> None:
     first = turn % len(ports)
     for port in (*ports[first:], *ports[:first]):
         port.serve()
+
+
+class SilentNode:
+    """What a node on a CAN bus has that sends scans by a timer of its own, and nothing else."""
+
+    synced = False
+
+    def beats(self) -> list[Frame]:
+        """Return nothing: it has no heartbeat."""
+        return []
+
+    def syncs(self) -> Syncs:
+        """Return none."""
+        return NO_SYNCS

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
+from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, SilentNode, Syncs
 from daq.emulator.wit_settings import WitSettings
 from daq.hostclock import HostClock
 from daq.protocol import witmotion as wit
@@ -13,7 +13,7 @@ from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
 _BYTES_A_FRAME = 22  # of SLCAN lines
 
 
-class EmulatedWitmotionCan:
+class EmulatedWitmotionCan(SilentNode):
     """One device: it sends from its start on, and takes settings once it is unlocked.
 
     Parameters
@@ -24,7 +24,6 @@ class EmulatedWitmotionCan:
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     """
 
-    synced = False
     bytes_a_scan = _BYTES_A_FRAME * wit.N_TYPES  #: of SLCAN lines, at most
 
     def __init__(
@@ -46,14 +45,6 @@ class EmulatedWitmotionCan:
         if can_id == self._node and len(data) == wit.COMMAND_SIZE and self._settings.obey(data):
             self._start()
         return []
-
-    def beats(self) -> list[Frame]:
-        """Return nothing: it has no heartbeat."""
-        return []
-
-    def syncs(self) -> Syncs:
-        """Return none."""
-        return NO_SYNCS
 
     def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the frames that are due, of as many scans as there is room for; the others are dropped."""

@@ -7,9 +7,14 @@ from typing import Annotated
 
 import typer
 
+from monitor.cli.log_table import log_app
+
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
+
+
+app.add_typer(log_app, name="log")
 
 
 @app.callback()
@@ -354,43 +359,6 @@ def repair(log: Annotated[Path, typer.Argument(metavar="LOG.mcap")]) -> None:
     from monitor.cli.logs import repair_command
 
     raise typer.Exit(repair_command(log))
-
-
-log_app = typer.Typer(no_args_is_help=True, help="Look into logs.")
-app.add_typer(log_app, name="log")
-
-
-@log_app.command("info")
-def log_info(
-    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
-) -> None:
-    """Say what is in a log: devices, scans, gaps, events, attachments, cut or whole."""
-    from monitor.cli.logs import info_command
-
-    raise typer.Exit(info_command(log, json))
-
-
-@log_app.command("export")
-def log_export(
-    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz, .mat or .uff.")],
-) -> None:
-    """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""
-    from monitor.cli.logs import export_command
-
-    raise typer.Exit(export_command(log, out))
-
-
-@log_app.command("expand")
-def log_expand(
-    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="New MCAP file of ROS 2 messages.")],
-) -> None:
-    """Write the signals of a log, a message a scan, to a file that stock rerun and Foxglove plot."""
-    from monitor.cli.logs import expand_command
-
-    raise typer.Exit(expand_command(log, out))
 
 
 @app.command()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from can_helpers import can_process, pty, serving, wait_for
 from emulated_ports import Ramp
+from reader_helpers import running
 
 from daq import (
     Block,
@@ -39,17 +40,8 @@ def reading(addresses: list[CanAddress], clock: HostClock, items: list[Item]) ->
         DeviceReader(f"d{k}", make_driver("epson-can", address, RATE), RATE, clock, items.append)
         for k, address in enumerate(addresses)
     ]
-    try:
-        for reader in readers:
-            reader.connect()
-            reader.start()
+    with running(readers):
         yield
-    finally:
-        for reader in readers:
-            reader.stop()
-        for reader in readers:
-            if reader.is_alive():
-                reader.join(10.0)
 
 
 def on(channel: str, n: int) -> list[CanAddress]:

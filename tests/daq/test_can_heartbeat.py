@@ -11,6 +11,7 @@ import pytest
 from can_helpers import served, wait_for
 from daq_helpers import START
 from emulated_ports import Ramp
+from reader_helpers import running
 
 from daq import (
     Block,
@@ -112,14 +113,9 @@ def reading(node: EmulatedEpsonCan, items: list[Item], clock: HostClock | None =
     with served(EmulatedSlcan([node])) as adapter:
         driver = make_driver("epson-can", CanAddress(interface="slcan", channel=adapter.port, node=node.node), 1000.0)
         reader = DeviceReader("d", driver, 1000.0, clock or SystemClock(), items.append)
-        reader.connect()
-        reader.start()
-        try:
+        with running([reader]):
             wait_for(lambda: len(items) > 1)
             yield
-        finally:
-            reader.stop()
-            reader.join(10.0)
 
 
 def seconds_until(items: list[Item], what: str, does: Callable[[], None]) -> tuple[float, str]:

@@ -12,6 +12,7 @@ from can_helpers import served, wait_for
 from daq_helpers import START, make_block
 from hypothesis import given
 from hypothesis import strategies as st
+from reader_helpers import running
 
 from daq import (
     CHANNELS,
@@ -74,16 +75,8 @@ def reading(adapter: EmulatedSlcan, clock: ScaledClock, items: list[Item]) -> It
         place = CanAddress(interface="slcan", channel=adapter.port, node=node, sync="consumer" if k else "producer")
         driver = make_driver("epson-can", place, RATE)
         readers.append(DeviceReader(f"d{node}", driver, RATE, clock, items.append))
-    try:
-        for reader in readers:
-            reader.connect()
-            reader.start()
+    with running(readers):
         yield
-    finally:
-        for reader in readers:
-            reader.stop()
-        for reader in readers:
-            reader.join(10.0)
 
 
 def by_index(items: list[Item], device: str) -> dict[int, int]:

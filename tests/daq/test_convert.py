@@ -284,6 +284,13 @@ def test_arrays_that_are_wrong(tmp_path: Path, arrays: dict[str, object], says: 
         read_data(path)
 
 
+def test_a_matlab_file_of_hdf5_says_how_to_save_it(tmp_path: Path) -> None:
+    path = tmp_path / "data.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(DataError, match=r"data\.mat: is a Matlab 7.3 file: save it with -v7"):
+        read_data(path)
+
+
 @pytest.mark.parametrize("name", ["data.npz", "data.mat"])
 @pytest.mark.parametrize("content", [b"", b"no arrays at all, only text", b"PK\x03\x04 cut"])
 def test_a_file_that_holds_no_arrays(tmp_path: Path, name: str, content: bytes) -> None:

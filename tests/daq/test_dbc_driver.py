@@ -1,7 +1,7 @@
 """The driver of DBC sensors, and the emulated one in another process behind a pty."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import pytest
 from can_helpers import can_process, pty, served, wait_for
 from emulated_can import imu
 from emulated_ports import Ramp
+from reader_helpers import running
 
 from daq import (
     Block,
@@ -39,13 +40,11 @@ RATE = 1000.0
 @contextmanager
 def reading(places: dict[str, CanPlace], clock: HostClock, items: list[Item]) -> Iterator[None]:
     """Connect and run a reader for each driver name and place."""
-    with ExitStack() as stack:
-        for driver, place in places.items():
-            reader = DeviceReader(driver, make_driver(driver, place, RATE), RATE, clock, items.append)
-            reader.connect()
-            reader.start()
-            stack.callback(reader.join, 10.0)
-            stack.callback(reader.stop)
+    readers = [
+        DeviceReader(driver, make_driver(driver, place, RATE), RATE, clock, items.append)
+        for driver, place in places.items()
+    ]
+    with running(readers):
         yield
 
 

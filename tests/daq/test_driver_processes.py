@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from port_helpers import Emulators, emulators
+from reader_helpers import running
 
 from daq import Block, DeviceReader, DriverError, Event, Flag, Item, make_driver
 
@@ -27,17 +28,8 @@ def reading(found: Emulators, items: list[Item]) -> Iterator[list[DeviceReader]]
         DeviceReader(f"d{k}", make_driver("epson-uart", port, RATE), RATE, found.clock, items.append)
         for k, port in enumerate(found.ports)
     ]
-    try:
-        for reader in readers:
-            reader.connect()
-            reader.start()  # at once: a device streams from its connection on
+    with running(readers):
         yield readers
-    finally:
-        for reader in readers:
-            reader.stop()
-        for reader in readers:
-            if reader.is_alive():
-                reader.join(10.0)
 
 
 def blocks_of(items: list[Item], device: str) -> list[Block]:

@@ -12,6 +12,7 @@ import pytest
 from can_helpers import serving, wait_for
 from daq_helpers import START
 from emulated_ports import Ramp
+from reader_helpers import running
 
 from daq import (
     Block,
@@ -85,11 +86,8 @@ def reading(name: str, device: SerialEmulator, clock: HostClock) -> Iterator[lis
     with serving(device.serve):
         driver = make_driver(name, device.port, RATE)
         reader = DeviceReader("d", driver, RATE, clock, items.append, block_seconds=0.02)
-        reader.connect()
-        reader.start()
-        yield items
-        reader.stop()
-        reader.join(10.0)
+        with running([reader]):
+            yield items
     device.close()
 
 

@@ -6,7 +6,8 @@ import sys
 import pytest
 from cli_helpers import Commands
 
-from monitor.cli.main import app, log_app
+from monitor.cli.log_table import log_app
+from monitor.cli.main import app
 
 COMMANDS: list[tuple[str, ...]] = [
     (c.name or str(c.callback and c.callback.__name__),) for c in app.registered_commands

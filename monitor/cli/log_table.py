@@ -1,0 +1,43 @@
+"""`modalwatch log`: its table of commands."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+log_app = typer.Typer(no_args_is_help=True, help="Look into logs.")
+
+_Logs = Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")]
+
+
+@log_app.command("info")
+def log_info(
+    log: _Logs,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
+) -> None:
+    """Say what is in a log: devices, scans, gaps, events, attachments, cut or whole."""
+    from monitor.cli.logs import info_command
+
+    raise typer.Exit(info_command(log, json))
+
+
+@log_app.command("export")
+def log_export(
+    log: _Logs,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz, .mat or .uff.")],
+) -> None:
+    """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""
+    from monitor.cli.logs import export_command
+
+    raise typer.Exit(export_command(log, out))
+
+
+@log_app.command("expand")
+def log_expand(
+    log: _Logs,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="New MCAP file of ROS 2 messages.")],
+) -> None:
+    """Write the signals of a log, a message a scan, to a file that stock rerun and Foxglove plot."""
+    from monitor.cli.logs import expand_command
+
+    raise typer.Exit(expand_command(log, out))
