@@ -20,12 +20,12 @@ from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
-from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 from zstandard import ZstdError
 
 from daq.accel_block_pb2 import AccelBlock
 from daq.block_message import decode_block, encode_block
+from daq.chunk_index import LeanWriter
 from daq.errors import LogError
 from daq.filelock import lock
 from daq.parts import PART, AnyLog, Part, files_of
@@ -78,7 +78,7 @@ class LogWriter:
             raise LogError(path, f"cannot be written: {error.strerror}") from error
         self._path = path
         lock(self._file)  # for as long as it is open: see `repair_log`
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._writer = LeanWriter(self._file)
         self._safe = 0  # length after the last flush
         try:
             self._begin(attachments, part)

@@ -48,6 +48,11 @@ class LogKeeper:
         self.lost: Counter[str] = Counter()  #: device -> scans (events: their number) that no file has
 
     @property
+    def paths(self) -> tuple[Path, ...]:
+        """Return the files so far, in the order of writing."""
+        return tuple(self._recorder.paths)
+
+    @property
     def problem(self) -> str | None:
         """What is not in the log, and why nothing is written; None if all is well."""
         lost = ", ".join(f"{count} of {name}" for name, count in (self.lost + self._lost_now).items())
@@ -164,6 +169,7 @@ class LogKeeper:
         if self._stopped:
             for item in self._pending:
                 self._lost_now[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+            self._pending.clear()
             return
         try:
             self._recorder.close()

@@ -29,7 +29,6 @@ _MOST_WINDOWS, _MOST_SECONDS = 10.0, 600.0  # that may wait: windows, but second
 class Analysis:
     """Both, not started yet: what is fed waits until the worker is."""
 
-    recorder: LogRecorder
     keeper: LogKeeper
     worker: Worker
 
@@ -67,7 +66,6 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
         view_rate=recorder_settings.view_rate,
     )
     return Analysis(
-        recorder=recorder,
         keeper=LogKeeper(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),
         worker=Worker(site.structure_text, site.site_text, memory, keep=True),
     )

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.queues import Queue
 
 from daq import Block, Item
-from monitor.processes import deaf_to_stop_signals, received
+from monitor.processes import deaf_to_stop_signals, handed_over, queue_to_child, received
 from monitor.settings import Settings
 
 _HOST = "127.0.0.1"
@@ -52,10 +52,11 @@ class LiveView:
             self.problem = f"port {taken[0]} of {_HOST} is in use"
             return
         context = multiprocessing.get_context("spawn")
-        self._inbox: Queue[Item | None] = context.Queue(_WAITING)
+        self._inbox: Queue[Item | None] = queue_to_child(_WAITING)
         self._process = context.Process(target=_serve, args=(*self._arguments, self._inbox), name="viewer", daemon=True)
         with deaf_to_stop_signals():
             self._process.start()
+        handed_over(self._inbox)
         self.served = True
 
     def restart(self, settings: Settings, structure: str, site: str) -> None:

@@ -5,10 +5,12 @@ import queue
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from multiprocessing.queues import Queue
 from typing import TypeVar
 
 T = TypeVar("T")
+_READER, _ENDS_WITH_ITS_READER = "_reader", "_ignore_epipe"  # of a queue; concurrent.futures uses them likewise
 _LOOK_SECONDS = 2.0  # between looks at whether the parent lives
 
 
@@ -23,6 +25,23 @@ def deaf_to_stop_signals() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def queue_to_child(capacity: int = 0) -> "Queue[T]":
+    """Return a queue that one child alone is to read: see `handed_over`."""
+    queue: Queue[T] = multiprocessing.get_context("spawn").Queue(capacity)
+    setattr(queue, _ENDS_WITH_ITS_READER, True)
+    return queue
+
+
+def handed_over(outgoing: "Queue[T]") -> None:
+    """Leave the reading end of a queue to the child that has been started with it.
+
+    Once the child dies, the thread that feeds the queue ends. As long as the end was open here too, it would wait for
+    room in a pipe that nobody reads, for good, and so would all that waits behind it.
+    """
+    reader: Connection = getattr(outgoing, _READER)
+    reader.close()
 
 
 def received(inbox: "Queue[T]") -> Iterator[T]:

@@ -60,7 +60,7 @@ class Running:
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, self._clock, self._take, self._kept)
         self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
-        self._analyses = [self._analysis]
+        self._keepers = [self._analysis.keeper]  # of all logs so far
         self._outlets = Outlets(site, live)
         self._thermometer = ExitStack()
         self._reads: Thermometer | None = None
@@ -124,7 +124,7 @@ class Running:
     @property
     def logs(self) -> tuple[Path, ...]:
         """The files, in the order of writing."""
-        return tuple(path for analysis in self._analyses for path in analysis.recorder.paths)
+        return tuple(path for keeper in self._keepers for path in keeper.paths)
 
     @property
     def dropped(self) -> int:
@@ -134,7 +134,7 @@ class Running:
     @property
     def disk_failure(self) -> str | None:
         """What is not in the log, and why."""
-        return "; ".join(filter(None, (analysis.keeper.problem for analysis in self._analyses))) or None
+        return "; ".join(filter(None, (keeper.problem for keeper in self._keepers))) or None
 
     def reload(self, site: Site) -> None:
         """Go on with other settings: only what they change starts anew.
@@ -202,7 +202,7 @@ class Running:
             self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
             return
         self._analysis, self._revive_at = new, 0.0
-        self._analyses.append(new)
+        self._keepers.append(new.keeper)
         self._log.switch(new.keeper, partial(self._feed_to, new))
         new.worker.__enter__()
         old.worker.__exit__()

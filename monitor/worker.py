@@ -9,7 +9,7 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
-from monitor.processes import deaf_to_stop_signals, received
+from monitor.processes import deaf_to_stop_signals, handed_over, queue_to_child, received
 from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Worker:
         skipped: frozenset[int] | None = None,
     ) -> None:
         context = multiprocessing.get_context("spawn")
-        self._inbox: Queue[Item | None] = context.Queue(capacity)
+        self._inbox: Queue[Item | None] = queue_to_child(capacity)
         self._outbox: Queue[Told | None] = context.Queue()
         self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
         task = _Task(structure, site, memory, keep, skipped, self._newest)
@@ -70,6 +70,7 @@ class Worker:
         try:
             with deaf_to_stop_signals():
                 self._process.start()
+            handed_over(self._inbox)
         finally:
             for name, value in before.items():
                 if value is None:

@@ -1,6 +1,7 @@
 """Results and signals as they come, served to any viewer that asks."""
 
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -30,6 +31,7 @@ _HOST = "127.0.0.1"
 _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
 _BASELINES, _LEAST_WINDOWS = 2.0, 12  # that a live view's trends reach back
 _KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
+_KEPT_ALARMS = 50
 
 
 def serve(structure: str, site: str, items: Iterable[Item]) -> None:
@@ -85,13 +87,15 @@ class LiveResults:
     def __init__(self, recording: rr.RecordingStream, name: str, settings: Settings) -> None:
         self._recording, self._name = recording, name
         analysis = settings.analysis
-        shown = _BASELINES * max(analysis.baseline_windows, _LEAST_WINDOWS) * analysis.window_seconds
+        self._most = int(_BASELINES * max(analysis.baseline_windows, _LEAST_WINDOWS))  # windows that are kept
+        shown = self._most * analysis.window_seconds
         channels = tuple(channel.name for channel in settings.channels)
         self._live = Live(seconds=shown, channels=channels)
         self._reference: ReferenceResult | None = None
-        self._windows: list[WindowResult] = []
-        self._alarms: list[AlarmResult] = []
-        self._told: set[tuple[object, ...]] = set()
+        self._windows: list[WindowResult] = []  # the first one, and the newest
+        self._alarms: deque[AlarmResult] = deque(maxlen=_KEPT_ALARMS)
+        self._states: dict[str, tuple[int, str]] = {}  # lane -> time [ns UTC] and state of its last change
+        self._told: set[tuple[int, str, str]] = set()  # events of what is kept
         self._shown: set[str] = set()
         name_states(recording)
 
@@ -118,6 +122,7 @@ class LiveResults:
         self._windows = [*self._windows, window]
         older = self._windows[:-_KEPT_WINDOWS]
         self._windows[: len(older)] = [_light(w) for w in older]
+        del self._windows[1 : max(1, len(self._windows) - self._most)]
         story = self._story([window])
         if self._reference:
             draw_place(self._recording, Geometry(self._reference), window, story.mass_unit, answered=answered)
@@ -130,14 +135,16 @@ class LiveResults:
     def _tell(self) -> None:
         """Log the changes of state and the events that were not logged yet."""
         story = self._story(self._windows)
-        for change in state_changes(story):
-            if change not in self._told:
-                self._told.add(change)
-                log_state(self._recording, *change)
-        for event in events(story):
+        for lane, time, state in state_changes(story):
+            last = self._states.get(lane)
+            if last is None or (time > last[0] and state != last[1]):
+                self._states[lane] = time, state
+                log_state(self._recording, lane, time, state)
+        happened = list(events(story))
+        for event in happened:
             if event not in self._told:
-                self._told.add(event)
                 write_event(self._recording, *event)
+        self._told = set(happened)
 
     def _lay_out(self) -> None:
         """Send the layout again when there is something new to show; what a user has moved is kept until then."""

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -61,6 +62,26 @@ def test_nobody_waits_for_room_at_an_analysis_that_was_killed() -> None:
         running.feed(STOPPED)
         with pytest.raises(AnalysisError, match="ended with code -9"):
             running.feed(STOPPED)
+
+
+def test_what_waits_for_an_analysis_that_was_killed_is_let_go() -> None:
+    """More than a pipe holds: the thread that hands it on would wait for good, with all of it."""
+    before = feeders()
+    with worker() as running:
+        os.kill(pid(), signal.SIGKILL)
+        with pytest.raises(AnalysisError, match="ended with code -9"):
+            results(running)
+        for _ in range(20):
+            running.feed(Event(topic="/event/long", time=START, payload={"text": "x" * 100_000}))
+        end = time.monotonic() + 20
+        while feeders() > before and time.monotonic() < end:
+            time.sleep(0.05)
+        assert feeders() == before
+
+
+def feeders() -> int:
+    """Return how many threads hand items on to other processes."""
+    return sum(thread.name == "QueueFeederThread" for thread in threading.enumerate())
 
 
 ORPHAN = """
