@@ -24,12 +24,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 import httpx
 import numpy as np
 import psutil
 from soak_faults import ANY, Spell, played
+from soak_memory import MOST, Process, judged
 from soak_rig import places
 
 from daq import Block, read_log
@@ -40,8 +42,8 @@ _RUN = [sys.executable, "-c", "from monitor.cli.main import main; main()", "run"
 _ROTATE = 5.0  # min: an open log keeps an index of its chunks in memory, until the next file is begun
 _LOOK = 1.0  # s
 _WINDOW, _BASELINE = 20.0, 8  # s; windows
-_SETTLED = 60.0  # s after a start from which memory is to be flat: everything is loaded, and has run once
 _START = 180.0  # s that the monitor may take to start, on a machine that has other work
+_VIEWER_MB = 16  # the least: what is kept for viewers that come late is full soon, and then flat
 _CHANGED = 110.0  # s before the end: when the structure changes
 _END = 0.5  # s before the end: what is on its way then
 
@@ -79,10 +81,14 @@ class Life:
     """One process of the monitor, as it was looked at."""
 
     def __init__(self) -> None:
-        self.times: list[float] = []  # s since its start
-        self.rss: list[float] = []  # MB, of it alone
+        self.processes: dict[int, Process] = {}  # by their numbers
         self.cpu = {"monitor": 0.0, "analysis": 0.0, "others": 0.0}  # s
         self.seconds = 0.0
+
+    @property
+    def own(self) -> Process:
+        """The monitor's own process, which is looked at first."""
+        return next(iter(self.processes.values()))
 
 
 class Soak:
@@ -134,7 +140,8 @@ class Soak:
         """Write the settings."""
         lines = ['structure = "t_structure.toml"', "[recorder]", "min_free_gb = 0", f"rotate_minutes = {self._rotate}"]
         lines += ["[analysis]", f"window_seconds = {_WINDOW}", f"baseline_windows = {_BASELINE}"]
-        lines += ["[web]", f"port = {self.web_port}", "[viewer]", f"port = {self.viewer_port}", "[[notify]]"]
+        lines += ["[web]", f"port = {self.web_port}", "[viewer]", f"port = {self.viewer_port}"]
+        lines += [f"memory_mb = {_VIEWER_MB}", "[[notify]]"]
         lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "per_hour = 1000"]
         for name, (_, axes) in places(self._n).items():
             mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
@@ -173,20 +180,38 @@ class Soak:
         """Look at the monitor's processes, and at its page."""
         time.sleep(_LOOK)
         life = self.lives[-1]
+        used = dict.fromkeys(life.cpu, 0.0)
         try:
-            children = self.monitor.children()
-            used = {"monitor": _cpu(self.monitor)}
-            analysis = [child for child in children if child.nice() == self.monitor.nice() + 5]
-            used["analysis"] = sum(map(_cpu, analysis))
-            used["others"] = sum(_cpu(child) for child in children if child not in analysis)
-            life.rss.append(self.monitor.memory_info().rss / 1e6)
+            for process in (self.monitor, *self.monitor.children()):
+                looked = life.processes.get(process.pid) or Process(self._role(process))
+                used[looked.role if looked.role in used else "others"] += _cpu(process)
+                if not looked.role:
+                    continue  # it is not known yet by the port that it will serve
+                looked.rss.append(process.memory_info().rss / 1e6)
+                looked.times.append(time.monotonic() - self._started)
+                life.processes[process.pid] = looked
         except psutil.NoSuchProcess:
             return  # it was just killed
-        life.times.append(time.monotonic() - self._started)
-        life.seconds = life.times[-1]
+        life.seconds = time.monotonic() - self._started
         life.cpu = {name: max(seconds, life.cpu[name]) for name, seconds in used.items()}
-        if len(life.times) % 10 == 0:
+        if len(life.own.times) % 10 == 0:
             self._ask()
+
+    def _role(self, process: psutil.Process) -> str:
+        """Return what a process is of the monitor's; nothing if that is not known yet."""
+        roles = {None: "analysis", self.viewer_port: "view", self.web_port: "pages"}
+        if process == self.monitor:
+            return "monitor"
+        if process.nice() == self.monitor.nice() + 5:
+            return roles[None]
+        return next((roles[port] for port in _ports(process) if port in roles), "")
+
+    def child(self, nice: int, port: int | None = None) -> psutil.Process:
+        """Return a process of the monitor's by its priority, and the port that it serves."""
+        for child in self.monitor.children():
+            if child.nice() == self.monitor.nice() + nice and (port is None or port in _ports(child)):
+                return child
+        raise LookupError(f"the monitor has no process of priority +{nice}")
 
     def _ask(self) -> None:
         try:
@@ -205,6 +230,10 @@ class Soak:
         """End the monitor; return its exit code."""
         self._process.terminate()
         return self._process.wait(120)
+
+
+def _ports(process: psutil.Process) -> set[int]:
+    return {c.laddr.port for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN}
 
 
 def _cpu(process: psutil.Process) -> float:
@@ -282,16 +311,6 @@ def named(folder: Path, spells: list[Spell]) -> tuple[list[str], bool]:
     return rows, well
 
 
-def growth(life: Life) -> tuple[float, float]:
-    """Return the memory of a life once it has settled: the median [MB], and its slope [MB/h]."""
-    times, rss = np.array(life.times), np.array(life.rss)
-    settled = times > _SETTLED
-    if settled.sum() < 10:
-        return float(np.median(rss)), 0.0
-    slope = float(np.polyfit(times[settled] / 3600, rss[settled], 1)[0])
-    return float(np.median(rss[settled])), slope
-
-
 def soaked(folder: Path, n: int, seconds: float) -> bool:
     """Go through it, print the tables; tell whether all is as it should be."""
     soak = Soak(folder, n, seconds)
@@ -305,7 +324,7 @@ def soaked(folder: Path, n: int, seconds: float) -> bool:
         end = time.time_ns() - int(_END * 1e9)
         code = soak.stop()
     soak.webhook(up=False)
-    looks = [{"seconds": life.times, "rss_mb": life.rss} for life in soak.lives]
+    looks = [[asdict(process) for process in life.processes.values()] for life in soak.lives]
     (folder / "looks.json").write_text(json.dumps(looks), encoding="utf-8")
     return report(soak, spells, said, (code, end, rig_cpu), n, seconds)
 
@@ -325,12 +344,18 @@ def report(
     )
     rows, all_there = missing(soak.folder, spells, n, end)
     print("\n".join(rows))
-    print("\n| life | seconds | monitor | analysis | view and pages | RSS of the monitor [MB] | slope [MB/h] |")
+    print("\n| life | seconds | monitor | analysis | view and pages | RSS of the monitor after a minute [MB] | last |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     for number, life in enumerate(soak.lives, 1):
-        median, slope = growth(life)
         shares = " | ".join(f"{100 * used / life.seconds:.1f} %" for used in life.cpu.values())
-        print(f"| {number} | {life.seconds:.0f} | {shares} | {median:.0f} | {slope:+.1f} |")
+        rss = life.own.rss
+        print(f"| {number} | {life.seconds:.0f} | {shares} | {rss[min(60, len(rss) - 1)]:.0f} | {rss[-1]:.0f} |")
+    rows, flat = judged(list(soak.lives[-1].processes.values()))
+    if rows:
+        print(
+            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | slope [MB/h] |\n| --- | --- | ---: |"
+        )
+        print("\n".join(rows))
     for name in ("window", "alarm"):
         late = said.get(f"modalwatch_{name}_latency_seconds")
         print(f"\nlast sample to {name}: {'-' if late is None else f'{late:.2f} s'}", end="")
@@ -338,6 +363,8 @@ def report(
     print(f"the rig itself: {100 * rig_cpu / seconds:.0f} % of a core")
     checks = {"nothing missing without a reason": all_there, "every fault named": all_named, "ended with 0": code == 0}
     checks["the mass at the end raised an alarm"] = said.get('modalwatch_state{state="alarm"}') == 1.0
+    if flat is not None:
+        checks[f"memory flat: no process grew by more than {MOST} MB/h in the last hour"] = flat
     for what, well in checks.items():
         print(f"{'ok  ' if well else 'FAIL'} {what}")
     return all(checks.values())

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 import psutil
+from soak_memory import HOUR
 from soak_rig import CUT, CYCLE, LEAST, SILENCE
 
 ANY = "*"  # device: all of them
@@ -40,6 +41,10 @@ class Soak(Protocol):
         """Change a setting and have it read."""
         ...
 
+    def child(self, nice: int, port: int | None = None) -> psutil.Process:
+        """Return a process of the monitor's by its priority, and the port that it serves."""
+        ...
+
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
@@ -55,15 +60,7 @@ class Fault:
     before: float = 0.3  #: s from which on scans may be missing; more where the rig counts from its own beginning
     after: float = 1.0  #: s after it until which they may: until the device streams again
     once: bool = False  #: in the first cycle only
-
-
-def _child(soak: Soak, nice: int, port: int | None = None) -> psutil.Process:
-    """Return a process of the monitor's by its priority, and the port that it serves."""
-    for child in soak.monitor.children():
-        ports = {c.laddr.port for c in child.net_connections("tcp") if c.status == psutil.CONN_LISTEN}
-        if child.nice() == soak.monitor.nice() + nice and (port is None or port in ports):
-            return child
-    raise LookupError(f"the monitor has no process of priority +{nice}")
+    ends: bool = False  #: ends a process: not in the last hour of a long soak, in which their memory is looked at
 
 
 def _limit(soak: Soak, size: int) -> None:
@@ -145,20 +142,29 @@ FAULTS = (
         what="viewer killed",
         at=320,
         seconds=1,
-        begin=lambda soak: _child(soak, 10, soak.viewer_port).kill(),
+        begin=lambda soak: soak.child(10, soak.viewer_port).kill(),
         named=("no_viewer", "viewer_back"),
+        ends=True,
     ),
     Fault(
         what="pages killed",
         at=330,
         seconds=1,
-        begin=lambda soak: _child(soak, 10, soak.web_port).kill(),
+        begin=lambda soak: soak.child(10, soak.web_port).kill(),
         named=("no_web", "web_back"),
+        ends=True,
     ),
     Fault(
-        what="analysis killed", at=400, seconds=1, begin=lambda soak: _child(soak, 5).kill(), named=("analysis_died",)
+        what="analysis killed",
+        at=400,
+        seconds=1,
+        begin=lambda soak: soak.child(5).kill(),
+        named=("analysis_died",),
+        ends=True,
     ),
-    Fault(what="settings reloaded", at=440, seconds=1, begin=lambda soak: soak.reload(), named=("reloaded",)),
+    Fault(
+        what="settings reloaded", at=440, seconds=1, begin=lambda soak: soak.reload(), named=("reloaded",), ends=True
+    ),
     Fault(
         what="kill -9, restart",
         at=470,
@@ -189,16 +195,19 @@ class Spell:
         return first <= time_ns <= last
 
 
+def _left_out(fault: Fault, at: float, seconds: float) -> bool:
+    long = seconds >= 2 * HOUR - CYCLE
+    return (fault.once and at >= CYCLE) or (fault.ends and long and at > seconds - HOUR - 1.5 * CYCLE)
+
+
 def played(soak: Soak, seconds: float, look: Callable[[], None]) -> list[Spell]:
     """Have all faults happen, cycle after cycle; `look` is called all the while."""
     begun = time.monotonic()
     steps = []
     for cycle in range(int(seconds // CYCLE) + 1):
         for fault in FAULTS:
-            if cycle and fault.once:
-                continue
             at = CYCLE * cycle + fault.at
-            if at + fault.seconds + LEAST < seconds:
+            if at + fault.seconds + LEAST < seconds and not _left_out(fault, at, seconds):
                 steps += [(at, 0, fault), (at + fault.seconds, 1, fault)]
     spells: list[Spell] = []
     started: dict[str, int] = {}
