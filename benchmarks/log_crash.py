@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 from daq import (
     EPSON_SCALE,
@@ -36,7 +36,6 @@ from daq import (
     LogKeeper,
     LogRecorder,
     LogThread,
-    LogWriter,
     Retention,
     SystemClock,
     as_logs,
@@ -53,6 +52,7 @@ N_DEVICES, RATE = 4, 1000.0
 RUNNING = 1.5, 4.0  # s from the first scan to the kill, drawn between
 NOTE = struct.Struct("<Qd")  # length of the newest file at its last sync [bytes], longest sync so far [s]
 NOISE = 72.0  # counts rms: 0.2 ug/sqrt(Hz) of an M-A352 up to 460 Hz, at 0.06 ug a count
+START = 1_767_225_600_000_000_000  # ns UTC
 CHUNK = RecorderSettings().chunk_seconds
 
 
@@ -182,7 +182,7 @@ def noise(n: int, rms: float, seed: int) -> IntArray:
     return np.rint(np.random.default_rng(seed).normal(0, np.hypot(NOISE, rms), (n, 3))).astype(np.int32)
 
 
-def block(device: str, first: int, counts: IntArray) -> Block:
+def block(device: str, first: int, counts: IntArray, arrived: int) -> Block:
     """Return a block as a driver makes it."""
     return Block(
         device=device,
@@ -191,70 +191,97 @@ def block(device: str, first: int, counts: IntArray) -> Block:
         counts=counts,
         scale=EPSON_SCALE,
         pair_index=first + len(counts) - 1,
-        pair_time=1_767_225_600_000_000_000 + (first + len(counts)) * 1_000_000,
+        pair_time=START + arrived,
         temperature=21.5,
     )
 
 
-def write(path: Path, n_devices: int, seconds: int, rms: float) -> None:
-    """Write what devices record, with a chunk as often as live."""
+def write(folder: Path, n_devices: int, seconds: int, rms: float, view_rate: float = 0.0) -> Path:
+    """Write what devices record, with a chunk as often as live: reads are evenly apart, which makes it shortest."""
+    random = np.random.default_rng(1)
     scans = [noise(60_000, rms, k) for k in range(n_devices)]
-    writer = LogWriter(path, {})
-    n = round(0.2 * RATE)
+    writer, waits = LogRecorder(folder, {}, START, view_rate=view_rate), 0
+    n, chunk = round(0.2 * RATE), round(1e9 * CHUNK)
     for first in range(0, round(seconds * RATE), n):
         for k, known in enumerate(scans):
-            writer.write(block(f"d{k}", first, known[first % 60_000 :][:n]))
-        writer.flush()
+            now = round(1e9 * (first / n + 1 + k / n_devices) * n / RATE) + int(random.integers(1_000_000))
+            if waits and now > waits + chunk:
+                writer.flush()
+                waits = 0
+            waits = waits or now
+            writer.write(block(f"d{k}", first, known[first % 60_000 :][:n], now))
+    writer.flush()
     writer.close()
+    return writer.paths[0]
 
 
 def sizes(folder: Path) -> None:
     """Print bytes a 3-axis scan on the disk: the least, ours, and a message a scan, bare (twelve bytes) or ROS 2.
 
-    The entropy of normal white noise of s counts rms is log2(s sqrt(2 pi e)) bits a sample.
+    The entropy of normal white noise of s counts rms is log2(s sqrt(2 pi e)) bits a sample. Where messages are not
+    compressed they stand in chunks as well, which is what stock writers do if they are told not to.
     """
-    print("\n| motion [mg rms] | entropy | ours | bare messages | times ours | Imu messages | times ours |")
-    print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
-    for milli_g in (0.0, 0.1, 1.0, 10.0):
-        log, view, plain = (folder / f"{milli_g}{end}.mcap" for end in ("", "_view", "_plain"))
+    print("\n| devices | motion [mg rms] | entropy | ours | bare | bare, packed | Imu | Imu, packed | times ours |")
+    print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for n_devices, milli_g in ((1, 0.0), (4, 0.0), (8, 0.0), (32, 0.0), (4, 0.1), (4, 1.0), (4, 10.0)):
+        view = folder / "view.mcap"
         rms = milli_g * 1e-3 * 9.80665 / EPSON_SCALE
         least = 3 / 8 * np.log2(np.hypot(NOISE, rms) * np.sqrt(2 * np.pi * np.e))
-        write(log, N_DEVICES, 60, rms)
+        log = write(folder, n_devices, 20 if n_devices > 8 else 60, rms)
         n = sum(expand_log(log, view).values())
-        _plain(log, plain)
-        ours, bare, imu = (path.stat().st_size / n for path in (log, plain, view))
-        row = f"| {milli_g:g} | {least:.2f} | {ours:.2f} | {bare:.1f} | {bare / ours:.1f} |"
-        print(f"{row} {imu:.1f} | {imu / ours:.1f} |")
+        sizes = [log.stat().st_size / n]
+        for source in (_bare(log), _views(view)):
+            for compression in (CompressionType.NONE, CompressionType.ZSTD):
+                sizes.append(_plain(source, folder / "plain.mcap", compression) / n)
+        ours, bare, bare_packed, imu, packed = sizes
+        row = f"| {n_devices} | {milli_g:g} | {least:.2f} | {ours:.2f} | {bare:.0f} | {bare_packed:.1f} "
+        print(f"{row}| {imu:.0f} | {packed:.1f} | {packed / ours:.1f} to {imu / ours:.0f} |")
+        log.unlink()
+        view.unlink()
 
 
-def _plain(log: Path, path: Path) -> None:
-    """Write a log a message a scan, as small as such messages get: three int32, compressed as ours."""
+def _bare(log: Path) -> list[tuple[str, int, bytes]]:
+    """Return topic, time and content of a message a scan as small as such messages get: three int32."""
+    blocks = (item for item in read_log(log) if isinstance(item, Block))
+    return [
+        (item.device, item.pair_time + (k - item.n_scans) * 1_000_000, scan.tobytes())
+        for item in blocks
+        for k, scan in enumerate(item.counts)
+    ]
+
+
+def _views(view: Path) -> list[tuple[str, int, bytes]]:
+    """Return topic, time and content of a message a scan as `log expand` writes them."""
+    with view.open("rb") as file:
+        messages = make_reader(file).iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.data) for _, channel, message in messages]
+
+
+def _plain(messages: list[tuple[str, int, bytes]], path: Path, compression: CompressionType) -> int:
+    """Write messages as the stock writer does; return how long the file is."""
     with path.open("wb") as file:
-        writer = Writer(file)
+        writer = Writer(file, compression=compression)
         writer.start()
         channels: dict[str, int] = {}
-        for item in read_log(log):
-            if isinstance(item, Event):
-                continue
-            if item.device not in channels:
-                channels[item.device] = writer.register_channel(item.device, "raw", 0)
-            for k, scan in enumerate(item.counts):
-                when = item.pair_time + k * 1_000_000
-                writer.add_message(channels[item.device], when, scan.tobytes(), when)
+        for topic, time, data in messages:
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "raw", 0)
+            writer.add_message(channels[topic], time, data, time)
         writer.finish()  # type: ignore[no-untyped-call]
+    return path.stat().st_size
 
 
-def mending(folder: Path) -> None:
+def mending(folder: Path, view_rate: float) -> None:
     """Print how long an hour of eight devices takes to be mended after a cut."""
-    path = folder / "hour.mcap"
-    write(path, 8, 3600, 0.0)
-    os.truncate(path, path.stat().st_size - 3_000_000)
+    path = write(folder, 8, 3600, 0.0, view_rate)
+    os.truncate(path, path.stat().st_size - 4_000_000)
     begun, used = time.monotonic(), time.process_time()
     state = repair_log(path)
     seconds, used = time.monotonic() - begun, time.process_time() - used
-    size = f"{path.stat().st_size / 1e6:.0f} MB"
+    size = f"{path.stat().st_size / 1e6:.0f} MB, view {view_rate:g} Hz"
     print(f"\nan hour of 8 devices, {size}, {state}: mended in {seconds:.2f} s ({used:.2f} s of a core)")
     assert log_info(as_logs([path])[0]).state.whole
+    path.unlink()
 
 
 def main() -> None:
@@ -262,7 +289,8 @@ def main() -> None:
     n, seed = (int(word) for word in (*sys.argv[1:3], *("50", "1")[len(sys.argv[1:3]) :]))
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
         sizes(Path(name))
-        mending(Path(name))
+        for view_rate in (0.0, RecorderSettings().view_rate):
+            mending(Path(name), view_rate)
     kills(n, seed)
 
 

@@ -2,32 +2,39 @@
 
 import numpy as np
 
-from daq.accel_block_pb2 import AccelBlock, PackedAxis
-from daq.protocol.rice import PackedColumn, pack, unpack
+from daq.accel_block_pb2 import AccelBlock
+from daq.protocol.rice import Packed, PackedColumn, pack, unpack, unpack_columns
 from daq.recording import Block, Flag, IntArray
+
+_CODE = 64  # times the order of the differences
 
 
 def encode_block(block: Block) -> bytes:
     """Return a block as protobuf; every int32 is kept exactly."""
-    nominal = block.pair_time - round((block.pair_index - block.first_index) / block.rate * 1e9)
-    return AccelBlock(
-        time=nominal,
+    offset = block.pair_index - block.first_index
+    message = AccelBlock(
+        time=block.pair_time - _after(offset, block.rate),
         rate=block.rate,
         first_index=block.first_index,
         n_axes=block.counts.shape[1],
         n_scans=block.n_scans,
-        packed=[_axis(column) for column in pack(block.counts)] if block.n_scans else [],
         scale=block.scale,
         temperature=block.temperature,
         flags=int(block.flags),
-        pair_index=block.pair_index,
-        pair_time=block.pair_time,
         clock=block.clock,
-    ).SerializeToString()
+        pair_offset=offset,
+    )
+    if block.n_scans:
+        packed = pack(block.counts)
+        message.coding.extend(_CODE * order + n_low for order, n_low in zip(packed.order, packed.n_low, strict=True))
+        message.start.extend(packed.start)
+        message.bits = packed.bits
+    return message.SerializeToString()
 
 
-def _axis(column: PackedColumn) -> PackedAxis:
-    return PackedAxis(order=column.order, start=column.start, n_low=column.n_low, low=column.low, high=column.high)
+def _after(n_scans: int, rate: float) -> int:
+    """Return how long scans take at their nominal rate [ns]."""
+    return round(n_scans / rate * 1e9)
 
 
 def decode_block(device: str, data: bytes) -> Block:
@@ -39,14 +46,15 @@ def decode_block(device: str, data: bytes) -> Block:
         If its counts are not as many as it says.
     """
     message = AccelBlock.FromString(data)
+    old = message.pair_time != 0
     return Block(
         device=device,
         rate=message.rate,
         first_index=message.first_index,
         counts=_counts(message),
         scale=message.scale,
-        pair_index=message.pair_index,
-        pair_time=message.pair_time,
+        pair_index=message.pair_index if old else message.first_index + message.pair_offset,
+        pair_time=message.pair_time if old else message.time + _after(message.pair_offset, message.rate),
         temperature=message.temperature,
         flags=Flag(message.flags),
         clock=message.clock,
@@ -54,9 +62,12 @@ def decode_block(device: str, data: bytes) -> Block:
 
 
 def _counts(message: AccelBlock) -> IntArray:
-    """Return counts (n_scans, n_axes); old logs keep first differences as they are."""
+    """Return counts (n_scans, n_axes); old logs keep axes apart, or first differences as they are."""
+    if message.coding:
+        order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True)
+        return unpack(Packed(order, tuple(message.start), n_low, message.bits), message.n_scans)
     if message.packed:
         columns = [PackedColumn(a.order, tuple(a.start), a.n_low, a.low, a.high) for a in message.packed]
-        return unpack(columns, message.n_scans)
+        return unpack_columns(columns, message.n_scans)
     difference = np.array(message.difference, np.int32).reshape(message.n_axes, -1)
     return np.cumsum(difference.view(np.uint32), axis=1, dtype=np.uint32).view(np.int32).T

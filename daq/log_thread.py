@@ -43,7 +43,7 @@ class LogThread:
     ----------
     writer : the log; closed at the end
     on_written : called in the writer's thread with every item once it is in the log, in the log's order
-    chunk_seconds : of wall time between flushes
+    chunk_seconds : of wall time from the first item of a chunk to its flush
     capacity : items the queue holds; what comes when it is full is dropped and counted
     """
 
@@ -52,13 +52,14 @@ class LogThread:
         writer: ItemWriter,
         on_written: Callable[[Item], None],
         *,
-        chunk_seconds: float = 0.2,
+        chunk_seconds: float = 0.25,
         capacity: int = 20_000,
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
         self._queue: queue.Queue[Item | _Switch] = queue.Queue(capacity)
         self._ending = threading.Event()
-        self._due = time.monotonic() + chunk_seconds  # of the next flush
+        self._waits: float | None = None  # since when an item waits for a flush [s, monotonic]
+        self._flushed = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="log")
         self.dropped = 0  #: items that found the queue full
         self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
@@ -70,6 +71,8 @@ class LogThread:
             self._queue.put_nowait(item)
         except queue.Full:
             self.dropped += 1
+        if self._waits is None:  # asked behind the put: `_flush_if_due` looks the other way round
+            self._waits = time.monotonic()
 
     def switch(self, writer: ItemWriter, then: Callable[[], None]) -> None:
         """Have all that is put from now on written to another log; what was put before goes to the old one.
@@ -102,6 +105,12 @@ class LogThread:
         self._write_queued()
         self._guarded(self._writer.close)
 
+    @property
+    def _due(self) -> float:
+        """When the next flush is [s, monotonic]; where nothing comes, twice as late."""
+        waits = self._waits
+        return self._flushed + 2 * self._chunk_seconds if waits is None else waits + self._chunk_seconds
+
     def _write_queued(self) -> None:
         for _ in range(self._queue.qsize()):
             item = self._queue.get_nowait()
@@ -110,13 +119,16 @@ class LogThread:
                 continue
             self._guarded(self._writer.write, item)
             self._on_written(item)
-            self._flush_if_due()
+            self._flush_if_due(self._chunk_seconds)  # of very many
 
-    def _flush_if_due(self) -> None:
-        if time.monotonic() >= self._due:
+    def _flush_if_due(self, late: float = 0.0) -> None:
+        """Flush if that is due for some seconds."""
+        if time.monotonic() >= self._due + late:
+            self._waits = None
+            if not self._queue.empty():
+                self._waits = time.monotonic()
             self._guarded(self._writer.flush)
-            self.turned = time.monotonic()
-            self._due = time.monotonic() + self._chunk_seconds
+            self.turned = self._flushed = time.monotonic()
 
     def _turn_to(self, switch: _Switch) -> None:
         """Finish the log and go on with another."""

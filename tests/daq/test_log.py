@@ -16,7 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from daq import Block, Flag, IntArray, Item, LogError, LogWriter, read_attachments, read_log
 from daq.accel_block_pb2 import AccelBlock
 from daq.block_message import decode_block, encode_block
-from daq.protocol.rice import PackedColumn, unpack
+from daq.protocol.rice import Packed, unpack
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
 INT32 = np.iinfo(np.int32)
@@ -73,6 +73,19 @@ def test_a_block_of_plain_differences_comes_back(counts: IntArray) -> None:
     np.testing.assert_array_equal(decode_block("beam", message.SerializeToString()).counts, counts)
 
 
+def test_a_block_whose_axes_are_packed_apart_comes_back() -> None:
+    """Bytes that were written before axes shared their bits."""
+    i = np.arange(8)
+    old = (
+        "09952d80f451728618110000000000407f4018f0a204200331000000000000d03f3d0000ac4148f7a2045115cd55f5517286185808620a080212"
+        "0300d00f2a01fc62110801120100180322038e36d82a034c6140620d08031206c09a0c64c8012a01f88201056275732031"
+    )
+    found = decode_block("a", bytes.fromhex(old))
+    np.testing.assert_array_equal(found.counts, np.stack([1000 * i, -i * i + 7 * (i % 2), 100_000 + 50 * i * i], 1))
+    assert (found.first_index, found.pair_index, found.pair_time) == (70_000, 70_007, 1_767_225_600_123_456_789)
+    assert (found.rate, found.scale, found.temperature, found.clock) == (500.0, 0.25, 21.5, "bus 1")
+
+
 def test_items_come_back_in_the_order_of_writing(whole: Path) -> None:
     assert contents(read_log(whole)) == contents(some_items())
 
@@ -124,8 +137,9 @@ def test_stock_reader_reads_a_finished_log(whole: Path) -> None:
     assert summary.statistics is not None
     assert summary.statistics.message_count == len(some_items())
     assert [m.first_index for m in decoded] == [b.first_index for b in blocks]
-    columns = [PackedColumn(a.order, tuple(a.start), a.n_low, a.low, a.high) for a in decoded[0].packed]
-    np.testing.assert_array_equal(unpack(columns, decoded[0].n_scans), blocks[0].counts)
+    order, n_low = zip(*(divmod(code, 64) for code in decoded[0].coding), strict=True)
+    packed = Packed(order, tuple(decoded[0].start), n_low, decoded[0].bits)
+    np.testing.assert_array_equal(unpack(packed, decoded[0].n_scans), blocks[0].counts)
     assert [m.time for m in decoded[::2]] == [START + b.first_index * 1_000_000 for b in blocks[::2]]
 
 

@@ -2,6 +2,7 @@
 
 import errno
 import resource
+import threading
 import time
 from pathlib import Path
 
@@ -69,3 +70,40 @@ def test_thread_hands_on_when_the_file_cannot_grow(tmp_path: Path) -> None:
     found = contents(read_log(path))
     assert 0 < len(found) < len(told)
     assert found == contents(told)[: len(found)]
+
+
+class _Counted:
+    """A writer that knows how many items it was given, and how many of them it has flushed."""
+
+    def __init__(self) -> None:
+        self.written = self.flushed = 0
+
+    def write(self, item: Item) -> None:
+        self.written += 1
+
+    def flush(self) -> None:
+        self.flushed = self.written
+
+    def close(self) -> None:
+        """Leave the count as it is: only flushes in time are asked for."""
+
+    abandon = close
+
+
+def test_all_that_several_threads_put_is_flushed_while_nothing_more_comes() -> None:
+    writer, items = _Counted(), some_items()
+
+    def put() -> None:
+        for item in items:
+            thread.put(item)
+
+    with LogThread(writer, lambda item: None, chunk_seconds=0.02) as thread:
+        readers = [threading.Thread(target=put) for _ in range(4)]
+        for reader in readers:
+            reader.start()
+        for reader in readers:
+            reader.join()
+        end = time.monotonic() + 10
+        while writer.flushed < 4 * len(items) and time.monotonic() < end:
+            time.sleep(0.01)
+        assert writer.flushed == 4 * len(items)
