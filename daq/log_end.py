@@ -1,7 +1,7 @@
 """What stands in a log that a kill left without an end, and the end that it lacks.
 
-Every chunk is decompressed and checked against its checksum, its records are stepped through, and the index behind it
-must be the one that they ask for. Where anything else is found than whole chunks and an unfinished rest, `daq.repair`
+Every chunk is decompressed and checked against its checksum, and the index behind it must be the one that its messages
+ask for. Where anything else is found than whole chunks and an unfinished rest, `daq.repair`
 copies what is sound instead.
 
 References
@@ -12,7 +12,7 @@ MCAP file format specification, https://mcap.dev/spec
 import mmap
 import struct
 import zlib
-from collections import Counter, defaultdict
+from collections.abc import Iterable
 from io import BytesIO
 from typing import IO
 
@@ -35,12 +35,11 @@ from mcap.records import (
 from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 
 from daq.log import MAGIC
+from daq.log_index import IndexedChunks
 
 _FRAME = struct.Struct("<BQ")  # of a record: opcode, length
 _CHUNK = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the compression's name
-_MESSAGE = struct.Struct("<BQHIQ")  # opcode, length, channel, sequence, time
 _INDEX = struct.Struct("<BQHI")  # of an index: opcode, length, channel, length of its entries
-_ENTRY = struct.Struct("<QQ")  # time, place in the chunk
 
 
 class NotPlainError(Exception):
@@ -66,20 +65,21 @@ class PlainLog:
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._counts: Counter[int] = Counter()  # channel -> messages
+        self._indexed = IndexedChunks()
         self.good = len(MAGIC)  #: bytes up to the end of the last whole chunk
         self._zstd = ZstdDecompressor()
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             try:
                 while self._take(data):
                     pass
+                self._define_all(self._indexed.look())
             except (ZstdError, struct.error, ValueError) as error:
                 raise NotPlainError(str(error)) from error
 
     @property
     def n_messages(self) -> int:
         """Number of messages in whole chunks."""
-        return self._counts.total()
+        return self._indexed.counts.total()
 
     def _take(self, data: mmap.mmap) -> bool:
         """Take the next record, a chunk with its index; False if there is no whole one."""
@@ -133,9 +133,8 @@ class PlainLog:
         raw = self._zstd.decompress(compressed)
         if zlib.crc32(raw) != checksum:
             raise NotPlainError(f"checksum of the chunk at byte {start}")
-        index, offsets = self._index(raw, end)
-        if data[end : end + len(index)] != index:
-            raise NotPlainError(f"index of the chunk at byte {start}")
+        entries, offsets, behind = _index(data, end)
+        self._define_all(self._indexed.add(raw, entries))
         self._chunks.append(
             ChunkIndex(
                 message_start_time=first,
@@ -143,31 +142,24 @@ class PlainLog:
                 chunk_start_offset=start,
                 chunk_length=end - start,
                 message_index_offsets=offsets,
-                message_index_length=len(index),
+                message_index_length=behind - end,
                 compression="zstd",
                 compressed_size=len(compressed),
                 uncompressed_size=size,
             )
         )
-        return end + len(index)
+        return behind
 
-    def _index(self, raw: bytes, start: int) -> tuple[bytes, dict[int, int]]:
-        """Return the index that a chunk's records ask for, and where in the file that of each channel begins."""
-        entries: defaultdict[int, bytearray] = defaultdict(bytearray)
-        at, message, head = 0, int(Opcode.MESSAGE), _FRAME.size
-        while at < len(raw):
-            opcode, length, channel, _, time = _MESSAGE.unpack_from(raw, at)  # no record is shorter than that
-            if opcode == message:
-                entries[channel] += _ENTRY.pack(time, at)
-            else:
-                self._define(opcode, raw[at + head : at + head + length])
-            at += head + length
-        index, offsets = bytearray(), {}
-        for channel, listed in entries.items():
-            offsets[channel] = start + len(index)
-            index += _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(listed), channel, len(listed)) + listed
-            self._counts[channel] += len(listed) // _ENTRY.size
-        return bytes(index), offsets
+    def _define_all(self, between: Iterable[bytes]) -> None:
+        """Note schemas and channels that stand between messages."""
+        for content in between:
+            at = 0
+            while at < len(content):
+                opcode, length = _FRAME.unpack_from(content, at)
+                at += _FRAME.size + length
+                if at > len(content):
+                    raise NotPlainError("a definition is longer than its chunk")
+                self._define(opcode, content[at - length : at])
 
     def _define(self, opcode: int, content: bytes) -> None:
         stream = ReadDataStream(BytesIO(content))
@@ -178,7 +170,7 @@ class PlainLog:
             channel = Channel.read(stream)
             self._channels[channel.id] = channel
         else:
-            raise NotPlainError(f"record {opcode} in a chunk")
+            raise NotPlainError(f"record {opcode} in a chunk is in no index")
 
     def end(self) -> bytes:
         """Return what stands behind the last chunk of a finished log, as the stock writer writes it."""
@@ -209,7 +201,7 @@ class PlainLog:
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
-            channel_message_counts=dict(self._counts),
+            channel_message_counts=dict(self._indexed.counts),
             chunk_count=len(self._chunks),
             message_count=self.n_messages,
             message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
@@ -217,6 +209,19 @@ class PlainLog:
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
+
+
+def _index(data: mmap.mmap, at: int) -> tuple[dict[int, bytes], dict[int, int], int]:
+    """Return the index of a chunk that ends at `at`: channel -> entries, channel -> place, and where it ends."""
+    entries, offsets = {}, {}
+    while at < len(data) and data[at] == Opcode.MESSAGE_INDEX:
+        _, length, channel, size = _INDEX.unpack_from(data, at)
+        begin = at + _INDEX.size
+        if channel in entries or size != length - 6 or size % 16 or begin + size > len(data):
+            raise NotPlainError(f"index at byte {at}")
+        entries[channel], offsets[channel] = data[begin : begin + size], at
+        at = begin + size
+    return entries, offsets, at
 
 
 def _with_footer(summary: bytes, start: int, offset_start: int) -> bytes:
