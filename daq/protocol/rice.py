@@ -59,21 +59,24 @@ def pack(counts: IntArray) -> Packed:
     orders = np.argmin([np.abs(d.view(np.int32), dtype=np.float32).sum(1) for d in tried], axis=0).tolist()
     first = np.stack([samples[:, 0], *(d[:, 0] for d in tried[1:])]).view(np.int32)
     start: list[int] = []
+    n_low: list[int] = []
+    low: list[npt.NDArray[np.uint8]] = []
+    high: list[_Unsigned] = []
     for axis, order in enumerate(orders):
         start += (first[:order, axis] if order else middle[axis : axis + 1].view(np.int32)).tolist()
-    n_low, low, high = zip(*(_split(tried[order][axis]) for axis, order in enumerate(orders)), strict=True)
+        u = _positive(tried[order][axis])
+        n_low.append(_n_low(u))
+        low.append(np.unpackbits(u.astype(">u4").view(np.uint8).reshape(-1, 4), axis=1)[:, _BITS - n_low[-1] :].ravel())
+        high.append(u >> np.uint32(n_low[-1]))
     ends = np.cumsum(np.concatenate(high) + np.uint32(1), dtype=np.intp) - 1
     unary = np.zeros(int(ends[-1]) + 1 if len(ends) else 0, np.uint8)
     unary[ends] = 1
-    return Packed(tuple(orders), tuple(start), n_low, np.packbits(np.concatenate([*low, unary])).tobytes())
+    return Packed(tuple(orders), tuple(start), tuple(n_low), np.packbits(np.concatenate([*low, unary])).tobytes())
 
 
-def _split(residual: _Unsigned) -> tuple[int, npt.NDArray[np.uint8], _Unsigned]:
-    """Return how many lower bits of each residual stand apart, these bits, and the rest of each."""
-    u = (residual << np.uint32(1)) ^ (residual.view(np.int32) >> 31).view(np.uint32)
-    n_low = _n_low(u)
-    bits = np.unpackbits(u.astype(">u4").view(np.uint8).reshape(-1, 4), axis=1)[:, _BITS - n_low :]
-    return n_low, bits.ravel(), u >> np.uint32(n_low)
+def _positive(residual: _Unsigned) -> _Unsigned:
+    """Return 2 r of residuals r, or -2 r - 1 of negative ones."""
+    return np.asarray((residual << np.uint32(1)) ^ (residual.view(np.int32) >> 31).view(np.uint32))
 
 
 def _n_low(u: _Unsigned) -> int:
