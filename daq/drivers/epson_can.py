@@ -12,6 +12,7 @@ from daq.can_address import CanAddress
 from daq.drivers.base import Scans
 from daq.drivers.can_hub import GATHER_SECONDS, Member, Share, SyncPart, join_bus, leave_bus
 from daq.drivers.epson_can_setup import configure, end_sync, identify, produce_sync
+from daq.drivers.epson_can_temperature import Thermometer
 from daq.drivers.heartbeat import HeartbeatConsumer
 from daq.drivers.rates import known_rate
 from daq.drivers.sync_count import SyncedCounter
@@ -53,6 +54,7 @@ class EpsonCan:
         self.delay = group_delay(FILTERS[self._rate])  #: of its filter [s]
         self._member: Member | None = None
         self._heartbeat: HeartbeatConsumer | None = None
+        self._thermometer: Thermometer | None = None
         self._decoder = epson.ScanDecoder(address.node)
         self._synced, self._clock = SyncedCounter(), ""
         self._held: list[Share] = []  # of another start of SYNC than those before
@@ -77,6 +79,7 @@ class EpsonCan:
         self._wait_until_quiet(member)
         identity = identify(node)
         configure(node, self._address, self._rate)
+        self._thermometer = Thermometer(node)
         self._decoder = epson.ScanDecoder(self._address.node)
         self._synced, self._clock, self._held = SyncedCounter(), "", []
         if self._address.sync == "consumer" and self._was_open:
@@ -107,8 +110,9 @@ class EpsonCan:
 
     def read(self) -> Scans:
         """Return the scans that have arrived; none if nothing came within 0.1 s."""
-        if self._member is None or self._heartbeat is None:
+        if self._member is None or self._heartbeat is None or self._thermometer is None:
             raise DeviceLost(str(self._address), "is not open")
+        self._ask(self._thermometer)
         self._member.gather(GATHER_SECONDS)
         chunks = self._chunks(self._member)
         if chunks:
@@ -123,12 +127,18 @@ class EpsonCan:
         return Scans(
             counts=counts,
             counter=counter,
-            temperature=float("nan"),  # its process data carry none
+            temperature=self._thermometer.celsius,
             bad_bytes=8 * (self._decoder.bad_frames - before),
             age=time.perf_counter_ns() - chunks[-1].arrived,
             clock=self._clock,
             warning=warning,
         )
+
+    def _ask(self, thermometer: Thermometer) -> None:
+        try:
+            thermometer.ask_if_due()
+        except _ERRORS as error:
+            raise DeviceLost(str(self._address), f"cannot be asked for its temperature: {error}") from error
 
     def _chunks(self, member: Member) -> list[Share]:
         """Wait for frames and return those that are numbered by one start of SYNC."""
@@ -158,6 +168,9 @@ class EpsonCan:
     def close(self) -> None:
         """Stop the device if it still listens, and leave the bus."""
         member, self._member, self._heartbeat = self._member, None, None
+        if self._thermometer is not None:
+            self._thermometer.close()
+            self._thermometer = None
         if member is None:
             return
         try:

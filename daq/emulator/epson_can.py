@@ -11,6 +11,7 @@ from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
 from daq.emulator.sync import SyncProducer
 from daq.hostclock import HostClock
 from daq.protocol import epson_can as epson
+from daq.protocol.epson import temperature_raw
 from daq.protocol.epson_filters import TAPS, group_delay
 from daq.protocol.frames import CanFrames
 
@@ -30,6 +31,7 @@ class EmulatedEpsonCan:
     serial_number : 32 bits
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     product : its name; more than four letters take several frames
+    temperature : [degC]; None: it says no such thing
     apply_seconds : of wall time during which it does not answer after it was told to apply; hardware takes about 1 s
     faults : spells in which its frames are lost, come twice, come by halves or it is dead; and where its counter begins
     """
@@ -45,6 +47,7 @@ class EmulatedEpsonCan:
         serial_number: int,
         clock_error: float = 0.0,
         product: str = "A552",
+        temperature: float | None = 21.0,
         apply_seconds: float = 0.05,
         faults: LineFaults = NO_FAULTS,
     ) -> None:
@@ -52,6 +55,8 @@ class EmulatedEpsonCan:
         self._source, self._clock, self._clock_error = source, clock, clock_error
         self._apply_seconds, self._deaf_until = apply_seconds, 0.0
         self._reset_objects = _objects(node, serial_number, product)
+        if temperature is not None:
+            self._reset_objects[epson.TEMPERATURE] = _temperature(temperature)
         self._objects = SdoServer(dict(self._reset_objects), self._written)
         self._state = _PRE_OPERATIONAL
         self._hung = False
@@ -103,6 +108,11 @@ class EmulatedEpsonCan:
             self._state = _STOPPED if command == _STOP else _PRE_OPERATIONAL
             self._started = None
         return [(_HEARTBEAT + self.node, bytes([_INITIALISING]))] if command in _RESET else []
+
+    def warm_to(self, temperature: float) -> None:
+        """Have another temperature from now on [degC]."""
+        self._reset_objects[epson.TEMPERATURE] = _temperature(temperature)
+        self._objects.set(epson.TEMPERATURE, temperature_raw(temperature) % 2**32)
 
     def power_cycle(self) -> None:
         """Lose power for a moment: it boots, and says so, without what it was told."""
@@ -202,6 +212,10 @@ class EmulatedEpsonCan:
             self._started = syncs.since + round((syncs.first / syncs.rate - self._delay) * 1e9)
             self._source.start(self._started, syncs.rate)
         return syncs.n
+
+
+def _temperature(celsius: float) -> Entry:
+    return Entry(temperature_raw(celsius).to_bytes(4, "little", signed=True))
 
 
 def _objects(node: int, serial_number: int, product: str) -> dict[Place, Entry]:

@@ -29,6 +29,7 @@ PERIOD = 0x2001, 0  #: ms
 APPLY = 0x2005, 0
 APPLY_NOW, APPLIED = 0x11, 0x10
 FILTER = 0x61A1, 1
+TEMPERATURE = 0x9130, 4  #: counts as the M-A352's; three subindices before it are the accelerations
 RATES = {1000: 1, 500: 2, 200: 5, 100: 10, 50: 20}  #: scans a second -> ms
 _KEPT = 4096  # frames remembered while no TPDO2 comes
 

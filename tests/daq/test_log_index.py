@@ -27,9 +27,10 @@ def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def places_of_indexes(content: bytes) -> list[int]:
+def places_of_indexes(content: bytes | bytearray) -> list[int]:
     """Return where the bytes of all message indexes are."""
-    found, at = [], 8
+    found: list[int] = []
+    at = 8
     while at < len(content):
         end = at + 9 + int.from_bytes(content[at + 1 : at + 9], "little")
         if content[at] == Opcode.MESSAGE_INDEX:
