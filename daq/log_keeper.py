@@ -1,6 +1,7 @@
 """Recording goes on when the disk fails: what it did not take is kept, told, and written once it takes more."""
 
 import contextlib
+import errno
 import time
 from collections import Counter, deque
 from collections.abc import Callable
@@ -118,13 +119,15 @@ class LogKeeper:
         self._resume()
 
     def _resume(self) -> None:
-        """Begin a new file with what was kept, if the disk takes it; the oldest goes if it does not."""
-        while not self._written():
-            surplus = self._surplus()
-            if surplus is None:
+        """Begin a new file with what was kept, if the disk takes it; the oldest goes if there is no room for it.
+
+        A disk that fails otherwise takes no more for a file less.
+        """
+        while error := self._refused():
+            surplus = self._surplus() if _is_full(error) else None
+            if surplus is None or not self._gone(surplus):
                 self._retry = time.monotonic() + _RETRY_SECONDS
                 return
-            self._delete(surplus)
         self._stopped = None
         kept, lost = len(self._pending), dict(self._lost_now)
         self.lost += self._lost_now
@@ -142,20 +145,28 @@ class LogKeeper:
         except OSError:
             return None  # not even the folder can be read
 
-    def _written(self) -> bool:
-        """Tell whether a new file has taken what was kept; nothing is left of one that has not."""
+    def _gone(self, surplus: Surplus) -> bool:
+        """Delete a file; tell whether it let itself be deleted."""
+        try:
+            self._delete(surplus)
+        except OSError:
+            return False
+        return True
+
+    def _refused(self) -> OSError | LogError | None:
+        """Return why a new file has not taken what was kept, None if it has; nothing is left of one that has not."""
         try:
             self._recorder.begin_next()
-        except LogError:
-            return False
+        except LogError as error:
+            return error
         try:
             for item in self._pending:
                 self._recorder.write(item)
             self._recorder.flush()
-        except (OSError, LogError):
+        except (OSError, LogError) as error:
             self._recorder.discard()
-            return False
-        return True
+            return error
+        return None
 
     def _say(self, what: str, payload: dict[str, object]) -> None:
         event = Event(topic=f"/event/{what}", time=self._recorder.newest, payload=payload)
@@ -179,6 +190,12 @@ class LogKeeper:
     def abandon(self) -> None:
         """Close the open file as it is."""
         self._recorder.abandon()
+
+
+def _is_full(error: OSError | LogError) -> bool:
+    """Tell whether there is no room, on the disk or in what its user may have of it."""
+    reason = error.__cause__ if isinstance(error, LogError) else error
+    return isinstance(reason, OSError) and reason.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 def _name(item: Item) -> str:

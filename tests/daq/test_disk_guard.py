@@ -149,6 +149,29 @@ def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatc
     assert all(inspect_log(path).whole for path in recorder.paths)
 
 
+@pytest.mark.parametrize(("number", "left"), [(28, 0), (122, 0), (5, 3), (27, 3), (30, 3)])
+def test_old_files_go_only_where_that_makes_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, left: int
+) -> None:
+    """A disk that is full or a quota that is used up, not one that is broken, read-only or takes no longer files."""
+    old = run_of(tmp_path, 3, START)
+    recorder = LogRecorder(tmp_path, {}, START + 10**12)
+    keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention()), lambda event: None)
+
+    def refused(_: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as failing:
+        failing.setattr(os, "fdatasync", refused)
+        keeper.write(make_block("a", 0))
+        keeper.flush()
+    assert keeper.problem == f"[Errno {number}] {os.strerror(number)}"
+    assert sum(path.exists() for path in old) == left
+    keeper.close()
+    assert keeper.problem is None
+    assert contents(all_blocks(recorder.paths)) == contents([make_block("a", 0)])
+
+
 def test_what_the_disk_does_not_take_at_the_end_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keeper = LogKeeper(LogRecorder(tmp_path, {}, START), DiskGuard(tmp_path, Retention()), lambda event: None)
     for k in range(2):
