@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from daq import IndexArray
 from monitor.detection import Shift
 from monitor.window import Window
 
@@ -17,7 +20,12 @@ class Accepted:
     found: str  #: what the diagnosis said
     structure: str  #: text of the structure with what was found written in; empty: as before
     windows: tuple[Window, ...]  #: of the changed structure, which the reference is learnt from
-    shift: Shift  #: of the frequencies against what was expected before
+    shift: Shift  #: of the frequencies against what was expected before; NaN of modes that the change hides
+
+    @property
+    def hides(self) -> IndexArray:
+        """Return the tracks that are not watched, since no window of the change shows them."""
+        return np.flatnonzero(np.isnan(self.shift.log_frequency))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,14 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from monitor.accepted import Accepted, Wanted
 from monitor.answering import in_time_of
+from monitor.detection import Shift
 from monitor.explaining import explain_windows, seen_in
+from monitor.fusion import LEAST_PRESENCE
 from monitor.learning import Watch, learn_watch
 from monitor.settings import Settings
 from monitor.window import Window
 from monitor.words import change_text
-from updater import ModalDataError, PairingError, Structure, dump_structure
+from updater import ModalDataError, PairingError, Structure, dump_structure, stack_tracks
 
 LEAST_WINDOWS = 5  #: since the change, from which a reference is learnt: as many as a baseline has at least
 
@@ -49,10 +53,7 @@ def accept_change(
         Saying why.
     """
     text, found = _explained(watch, pure, devices)
-    try:
-        known, shift = watch.detector.moved(len(pure))
-    except ValueError as error:
-        raise CannotAcceptError(str(error)) from error
+    known, shift = watch.detector.moved(len(pure))
     change = Accepted(
         time=pure[-1].end,
         raised=raised,
@@ -72,6 +73,41 @@ def accept_change(
     raise CannotAcceptError(str(last)) from last
 
 
+def watch_again(
+    structure: Structure, watch: Watch, calm: Sequence[Window], devices: Mapping[str, str], settings: Settings
+) -> Watch | None:
+    """Return a watch of modes too that the last accepted change hid and most windows show again; None without such.
+
+    Their frequencies are those of now: they were not watched meanwhile.
+
+    Parameters
+    ----------
+    structure : of the site
+    watch : as it is
+    calm : the last windows, none over the limit, as many as a baseline has
+    devices : of each channel
+    settings : of the site
+    """
+    if not watch.accepted:
+        return None
+    *before, last = watch.accepted
+    tracks = [watch.tracker.assign(window.in_time) for window in calm]
+    again = [track for track in last.hides if np.mean([modes[track] >= 0 for modes in tracks]) >= LEAST_PRESENCE]
+    if not again:
+        return None
+    modes = stack_tracks([window.in_time for window in calm], tracks)
+    known, now = watch.detector.seen_again(modes, np.array(again))
+    shift = Shift(
+        log_frequency=np.where(np.isin(np.arange(len(now.std)), again), now.log_frequency, last.shift.log_frequency),
+        std=np.where(np.isnan(now.std), last.shift.std, now.std),
+    )
+    change = replace(last, windows=tuple(calm), shift=shift)
+    try:
+        return learn_watch(structure, watch.baseline, devices, settings, known, (*before, change))
+    except (PairingError, ModalDataError):
+        return None  # it has no partner in the model: it stays hidden
+
+
 def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], settings: Settings) -> Watch:
     """Return what was watched by before the last acceptance, with all that has been learnt of scatter since."""
     *before, last = watch.accepted
@@ -81,7 +117,7 @@ def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], se
 def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
     """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
     late = in_time_of(pure, devices)
-    tracks = [watch.tracker.assign(window.in_time) for window in pure]
+    tracks = [watch.modes_of(window.in_time) for window in pure]
     try:
         found, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
     except ValueError:

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from monitor.accepted import Accepted
 from monitor.alarms import Change
+from monitor.detection import Shift
 from monitor.results import WindowResult
 from monitor.words import change_text, increment_text, utc
 
@@ -50,11 +51,29 @@ def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
 
 def accepted_said(change: Accepted) -> str:
     """Say what has become the reference, and what the courses of the modes jump by."""
-    percent = 100 * np.expm1(change.shift.log_frequency)
-    moved = ", ".join(f"{p:+.2f} ± {100 * s:.2f} %" for p, s in zip(percent, change.shift.std, strict=True))
+    seen = np.flatnonzero(np.isfinite(change.shift.log_frequency))
+    moved = ", ".join(_moved(change.shift, mode) for mode in seen)
     by = f" by {change.by}" if change.by else ""
     learnt = f"the reference from now on, learnt from {len(change.windows)} windows"
-    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}"
+    gone = f"; {_modes(change.hides)} not seen, and not watched until seen in most windows again"
+    hidden = gone if len(change.hides) else ""
+    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{hidden}"
+
+
+def seen_again_said(before: Accepted, now: Accepted) -> str:
+    """Say which modes that an accepted change hid are watched again, and what they had moved by."""
+    again = np.setdiff1d(before.hides, now.hides)
+    moved = ", ".join(_moved(now.shift, mode) for mode in again)
+    return f"{_modes(again)} watched again, not seen since {now.cause!r} was accepted: frequency moved by {moved}"
+
+
+def _moved(shift: Shift, mode: np.intp) -> str:
+    return f"{100 * np.expm1(shift.log_frequency[mode]):+.2f} ± {100 * shift.std[mode]:.2f} %"
+
+
+def _modes(tracks: IndexArray) -> str:
+    """Name modes by their numbers."""
+    return f"{'mode' if len(tracks) == 1 else 'modes'} {', '.join(map(str, tracks + 1))}"
 
 
 def undone_said(change: Accepted, said: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@ Kind = Literal[
     "accepting",
     "accepted",
     "undone",
+    "seen_again",
     "refused",
 ]
 

@@ -33,7 +33,7 @@ def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], str
     """
     if not pure:
         return {}
-    tracks = [watch.tracker.assign(window.in_time) for window in pure]
+    tracks = [watch.modes_of(window.in_time) for window in pure]
     event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
     found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
     now, lateness = seen_in(pure), in_time_of(pure, devices)
@@ -50,7 +50,7 @@ def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], str
 
 def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:
     """Return how each channel fares in calm windows."""
-    tracks = [watch.tracker.assign(window.in_time) for window in calm]
+    tracks = [watch.modes_of(window.in_time) for window in calm]
     return sensors_seen(watch.reference, in_time_of(calm, devices), tracks)
 
 

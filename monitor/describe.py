@@ -28,27 +28,37 @@ _SPECTRUM_POINTS = 1024
 _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
 
-def mode_results(estimate: ModalEstimate, track: IndexArray, reference: Reference | None) -> list[ModeResult]:
-    """Return the tracked modes; `track` (n_tracks,) holds indices into the estimate's modes, or -1."""
+def mode_results(
+    estimate: ModalEstimate, track: IndexArray, tracks: IndexArray, reference: Reference | None
+) -> list[ModeResult]:
+    """Return the tracked modes.
+
+    Parameters
+    ----------
+    estimate : of a window
+    track : (n_modes,) indices into the estimate's modes, or -1, in the order of the reference's
+    tracks : (n_modes,) which tracks these are
+    reference : that frequencies are compared with; None for none
+    """
     shape = real_shape(estimate.shape)
     return [
         ModeResult(
-            id=number + 1,
+            id=int(tracks[row]) + 1,
             frequency=float(estimate.frequency[i]),
             frequency_std=float(estimate.frequency_std[i]),
             damping=float(estimate.damping[i]),
             damping_std=float(estimate.damping_std[i]),
             shape=shape[i].tolist(),
-            **(_shift(estimate, int(i), reference, number) if reference else {}),
+            **(_shift(estimate, int(i), reference, row) if reference else {}),
         )
-        for number, i in enumerate(track)
+        for row, i in enumerate(track)
         if i >= 0
     ]
 
 
-def _shift(estimate: ModalEstimate, mode: int, reference: Reference, number: int) -> dict[str, float]:
-    ratio = np.log(estimate.frequency[mode]) - reference.baseline.log_frequency[number]
-    std = np.hypot(reference.scatter.window_std[number], reference.baseline.log_frequency_std[number])
+def _shift(estimate: ModalEstimate, mode: int, reference: Reference, row: int) -> dict[str, float]:
+    ratio = np.log(estimate.frequency[mode]) - reference.baseline.log_frequency[row]
+    std = np.hypot(reference.scatter.window_std[row], reference.baseline.log_frequency_std[row])
     return {"shift_percent": float(100 * np.expm1(ratio)), "shift_std_percent": float(100 * std)}
 
 
@@ -68,8 +78,18 @@ def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | No
     )
 
 
-def reference_result(reference: Reference, time: int, accepted: Sequence[Accepted] = ()) -> ReferenceResult:
-    """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline."""
+def reference_result(
+    reference: Reference, time: int, tracks: IndexArray, accepted: Sequence[Accepted] = ()
+) -> ReferenceResult:
+    """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline.
+
+    Parameters
+    ----------
+    reference : as it is now
+    time : from when on [ns UTC]
+    tracks : (n_modes,) whose modes these are
+    accepted : in order
+    """
     calibration, model = reference.calibration, reference.calibration.model
     padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
     motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
@@ -81,7 +101,7 @@ def reference_result(reference: Reference, time: int, accepted: Sequence[Accepte
         **_geometry(model),
         modes=[
             ReferenceMode(
-                id=i + 1,
+                id=int(track) + 1,
                 frequency=float(np.exp(base.log_frequency[i])),
                 frequency_std=float(np.exp(base.log_frequency[i]) * base.log_frequency_std[i]),
                 damping=float(base.damping[i]),
@@ -89,7 +109,7 @@ def reference_result(reference: Reference, time: int, accepted: Sequence[Accepte
                 mac=float(calibration.nominal_mac[i]),
                 displacement=[_vector(u) for u in motion[:, :, i]],
             )
-            for i in range(len(base.n))
+            for i, track in enumerate(tracks)
         ],
         calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
         delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
@@ -102,8 +122,8 @@ def reference_result(reference: Reference, time: int, accepted: Sequence[Accepte
                 by=change.by,
                 found=change.found,
                 n_windows=len(change.windows),
-                shift_percent=(100 * np.expm1(change.shift.log_frequency)).tolist(),
-                shift_std_percent=(100 * change.shift.std).tolist(),
+                shift_percent=[_known(value) for value in 100 * np.expm1(change.shift.log_frequency)],
+                shift_std_percent=[_known(value) for value in 100 * change.shift.std],
             )
             for change in accepted
         ],
@@ -174,8 +194,12 @@ def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
     )
 
 
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
 def _said(values: FloatArray) -> tuple[float | None, float | None, float | None]:
-    x, y, z = (float(v) if np.isfinite(v) else None for v in values)
+    x, y, z = (_known(v) for v in values)
     return x, y, z
 
 

@@ -6,11 +6,13 @@ from typing import Protocol
 
 import numpy as np
 
+from daq import IndexArray
 from monitor.accepted import Accepted
 from monitor.explaining import Seen, seen_in
 from monitor.fusion import choose_tracks
 from monitor.lateness import in_time
 from monitor.novelty import Detector, DetectorState, first_state
+from monitor.results import Novelty
 from monitor.settings import Settings
 from monitor.window import Window
 from oma import ModalEstimate, Tracker
@@ -47,9 +49,20 @@ class Watch:
     accepted: tuple[Accepted, ...]  #: changes of the structure since, in order
     before: Seen  #: what went with the windows that the reference is learnt from
     tracker: Tracker
+    watched: IndexArray  #: (n_watched,) tracks whose modes the reference has, in its order: all but hidden ones
     reference: Reference
     updater: MassUpdater
     detector: Detector
+
+    def modes_of(self, estimate: ModalEstimate) -> IndexArray:
+        """Return which modes of a window are the reference's (n_watched,), -1 where one is missing."""
+        return self.tracker.assign(estimate)[self.watched]
+
+    def judge(self, window: Window) -> Novelty:
+        """Judge a window, which the detectors remember."""
+        track = np.full(self.tracker.reference.n_modes, -1)
+        track[self.watched] = self.modes_of(window.in_time)
+        return self.detector.consider(window, track)
 
     @property
     def learnt(self) -> int:
@@ -79,17 +92,21 @@ def learn_watch(
     Raises
     ------
     PairingError
-        If fewer than three modes can be tracked, or a mode is lost by an accepted change.
+        If fewer than three modes can be tracked, or one that an accepted change does not hide has no partner in the
+        model.
     """
     tracker, reference = learn_baseline(structure, baseline, devices)
+    watched = np.arange(len(reference.paired))
     for change in accepted:
         structure = parse_structure(change.structure) if change.structure else structure
-        tracker, reference = learn_changed(structure, change.windows, tracker, reference)
+        watched = np.setdiff1d(np.arange(tracker.reference.n_modes), change.hides)
+        tracker, reference = learn_changed(structure, change.windows, tracker, reference, watched)
     return Watch(
         baseline=tuple(baseline),
         accepted=tuple(accepted),
         before=seen_in(accepted[-1].windows if accepted else baseline),
         tracker=tracker,
+        watched=watched,
         reference=reference,
         updater=MassUpdater(reference),
         detector=Detector(known or first_state(reference.windows, baseline, settings), settings),
@@ -118,11 +135,11 @@ def learn_baseline(
     chosen = reference.calibration.tracks
     kept = often[chosen]
     mean = mean_modes(stack_tracks(estimates, [track[chosen] for track in tracks]))
-    return Tracker(reference=_at_mean(seed[kept], mean)), reference
+    return Tracker(reference=_at_mean(seed[kept], mean, np.arange(len(kept)))), reference
 
 
 def learn_changed(
-    structure: Structure, windows: Sequence[Window], tracker: Tracker, reference: Reference
+    structure: Structure, windows: Sequence[Window], tracker: Tracker, reference: Reference, watched: IndexArray
 ) -> tuple[Tracker, Reference]:
     """Learn what a structure is after a change; its modes keep their identities.
 
@@ -131,31 +148,33 @@ def learn_changed(
     structure : with the change written in, as far as it is known
     windows : since the change
     tracker, reference : of before it; devices' delays stay what they were
+    watched : (n_watched,) tracks that the windows show; where others were is remembered
 
     Raises
     ------
     PairingError
-        If a mode is in none of the windows, or has no partner in the model any more.
+        If fewer than three are watched, or one has no partner in the model any more.
     """
     estimates = [window.in_time for window in windows]
-    tracks = [tracker.assign(estimate) for estimate in estimates]
-    lost = np.flatnonzero((np.array(tracks) < 0).all(0))
-    if len(lost):
-        raise PairingError(f"mode {', '.join(map(str, lost + 1))} is not seen since the change")
+    tracks = [tracker.assign(estimate)[watched] for estimate in estimates]
     learnt = learn_reference(structure, estimates, tracks, reference.delays)
-    lost = np.setdiff1d(np.arange(len(tracks[0])), learnt.calibration.tracks)
+    lost = np.delete(watched, learnt.calibration.tracks)
     if len(lost):
         raise PairingError(f"mode {', '.join(map(str, lost + 1))} answers to no mode of the model since the change")
-    return Tracker(reference=_at_mean(tracker.reference, learnt.baseline)), learnt
+    return Tracker(reference=_at_mean(tracker.reference, learnt.baseline, watched)), learnt
 
 
-def _at_mean(estimate: ModalEstimate, mean: ModalMean) -> ModalEstimate:
-    """Return modes with the frequencies, damping and shapes of a mean."""
+def _at_mean(estimate: ModalEstimate, mean: ModalMean, rows: IndexArray) -> ModalEstimate:
+    """Return modes with the frequencies, damping and shapes of a mean of some (n_rows,); the others as they are."""
+    shape = np.zeros((estimate.n_modes, len(mean.channels)), complex)
+    shape_std = np.zeros(shape.shape)
+    for column, channel in enumerate(mean.channels):
+        if channel in estimate.channels:
+            shape[:, column] = estimate.shape[:, estimate.channels.index(channel)]
+            shape_std[:, column] = estimate.shape_std[:, estimate.channels.index(channel)]
+    frequency, damping = estimate.frequency.copy(), estimate.damping.copy()
+    frequency[rows], damping[rows] = np.exp(mean.log_frequency), mean.damping
+    shape[rows], shape_std[rows] = mean.shape, mean.shape_std
     return replace(
-        estimate,
-        channels=mean.channels,
-        frequency=np.exp(mean.log_frequency),
-        damping=mean.damping,
-        shape=mean.shape.astype(complex),
-        shape_std=mean.shape_std,
+        estimate, channels=mean.channels, frequency=frequency, damping=damping, shape=shape, shape_std=shape_std
     )

@@ -60,15 +60,25 @@ class Detector:
         return DetectorState(watched=self._watched, before=self._before, calm=tuple(self._calm), out=tuple(self._out))
 
     def moved(self, n: int) -> tuple[DetectorState, Shift]:
-        """Return what to go on from where the structure is now by the last n windows, all over the limit.
-
-        Raises
-        ------
-        ValueError
-            If a mode is in none of them.
-        """
+        """Return what to go on from where the structure is now by the last n windows, all over the limit."""
         shift = shift_of(self._watched, self._out[-n:])
         return DetectorState(watched=shifted(self._watched, shift), before=self._before), shift
+
+    def seen_again(self, modes: TrackedModes, tracks: IndexArray) -> tuple[DetectorState, Shift]:
+        """Return what to go on from where hidden modes are watched again, and where they are now.
+
+        Parameters
+        ----------
+        modes : (n_windows, n_tracks) of the last windows, which all stayed calm
+        tracks : (n,) that are watched again
+        """
+        law = self._watched.law
+        calm = self._calm[-len(modes.log_frequency) :]
+        whitened = law.whiten(modes.log_frequency[-len(calm) :])
+        now = shift_of(self._watched, [replace(j, whitened=w[None]) for j, w in zip(calm, whitened, strict=True)])
+        again = np.isin(np.arange(len(law.scale)), tracks)
+        own = Shift(log_frequency=np.where(again, now.log_frequency, 0.0), std=np.where(again, now.std, np.nan))
+        return DetectorState(watched=shifted(self._watched, own), before=self._before), own
 
     def moved_back(self, shift: Shift) -> DetectorState:
         """Return what to go on from where a move was wrong."""

@@ -7,8 +7,15 @@ import numpy as np
 
 from daq import Assembler, Block, Event, FloatArray, IndexArray, Recording
 from monitor.accepted import Wanted
-from monitor.accepting import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last
-from monitor.alarm_words import accepted_said, acknowledged_said, change_said, resumed_said, undone_said
+from monitor.accepting import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last, watch_again
+from monitor.alarm_words import (
+    accepted_said,
+    acknowledged_said,
+    change_said,
+    resumed_said,
+    seen_again_said,
+    undone_said,
+)
 from monitor.alarms import Alarm, Change, Kind
 from monitor.answering import answer, sensors
 from monitor.backlog import SKIPPED, Skip, none
@@ -125,7 +132,7 @@ class Pipeline:
         bare = self._bare(index, recording, "").model_copy(
             update={
                 "channels": list(window.in_time.channels),
-                "modes": mode_results(window.in_time, self._track(window), reference),
+                "modes": mode_results(window.in_time, *self._tracked(window), reference),
                 "spectrum": spectrum_result(recording, found.poles),
                 "problem": None,
             }
@@ -147,9 +154,11 @@ class Pipeline:
     def _phase(self) -> Phase:
         return "learning" if self._watch is None else "alarm" if self._alarm.state == "alarm" else "watching"
 
-    def _track(self, window: Window) -> IndexArray:
-        """Return for each track the window's mode, or -1; all modes as they are while a baseline is learnt."""
-        return self._watch.tracker.assign(window.in_time) if self._watch else np.arange(window.in_time.n_modes)
+    def _tracked(self, window: Window) -> tuple[IndexArray, IndexArray]:
+        """Return the window's modes, or -1, and the tracks that they are on; all of them while a baseline is learnt."""
+        if self._watch:
+            return self._watch.modes_of(window.in_time), self._watch.watched
+        return np.arange(window.in_time.n_modes), np.arange(window.in_time.n_modes)
 
     def _learn(self, window: Window, result: WindowResult) -> Iterator[Result]:
         self._baseline.append(window)
@@ -163,11 +172,11 @@ class Pipeline:
             yield self._said(window, str(error))
             return
         self._baseline = []
-        yield reference_result(self._watch.reference, window.end)
+        yield self._reference(self._watch, window.end)
         yield self._said(window, f"baseline learnt from {len(self._watch.baseline)} windows")
 
     def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
-        score = watch.detector.consider(window, self._track(window))
+        score = watch.judge(window)
         over = score.t2 > score.limit
         self._alarm, changes = self._alarm.consider(window.end, score.level)
         watch.detector.settle(calm=self._alarm.state == "normal")
@@ -176,6 +185,7 @@ class Pipeline:
         result = result.model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
             result = result.model_copy(update=answer(watch, self._pure(), self._devices, self._structure))
+        calm: list[Window] = []
         if len(self._calm) >= self._settings.analysis.baseline_windows:
             calm, self._calm = self._calm, []
             result = result.model_copy(update={"sensors": sensors(watch, calm, self._devices)})
@@ -184,6 +194,8 @@ class Pipeline:
         yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
         yield from self._accept(window.end, watch)
         yield from self._tests.after(watch, self._alarm, window, over=over)
+        if calm and self._alarm.state == "normal":
+            yield from self._watch_again(window.end, watch, calm)
 
     def _heard(self, event: Event) -> Iterator[Result]:
         """Obey a person."""
@@ -232,8 +244,18 @@ class Pipeline:
             return
         self._watch, self._out, self._calm = watch, [], []
         self._alarm, change = self._alarm.accept(time)
-        yield reference_result(watch.reference, time, watch.accepted)
+        yield self._reference(watch, time)
         yield self._changed(time, change, accepted_said(watch.accepted[-1]))
+
+    def _watch_again(self, time: int, watch: Watch, calm: list[Window]) -> Iterator[Result]:
+        """Watch modes again that an accepted change hid, if as many windows as a baseline has show them."""
+        again = watch_again(self._structure, watch, calm, self._devices, self._settings)
+        if again is None:
+            return
+        self._watch = again
+        self._tests.forget()
+        yield self._reference(again, time)
+        yield self._notice(time, "seen_again", seen_again_said(watch.accepted[-1], again.accepted[-1]))
 
     def _undo(self, event: Event) -> Iterator[Result]:
         """Watch by what was the reference before the last acceptance."""
@@ -244,8 +266,11 @@ class Pipeline:
         self._watch = undo_last(self._structure, watch, self._devices, self._settings)
         self._out, self._calm = [], []
         self._tests.forget()
-        yield reference_result(self._watch.reference, event.time, self._watch.accepted)
+        yield self._reference(self._watch, event.time)
         yield self._notice(event.time, "undone", undone_said(watch.accepted[-1], event.payload))
+
+    def _reference(self, watch: Watch, time: int) -> ReferenceResult:
+        return reference_result(watch.reference, time, watch.watched, watch.accepted)
 
     def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
         """Return what is said without a change of the alarm."""
@@ -275,7 +300,7 @@ class Pipeline:
         watch, alarm = self._watch, self._alarm
         since = alarm.raised if alarm.state == "alarm" else None
         if watch:
-            yield reference_result(watch.reference, time, watch.accepted)
+            yield self._reference(watch, time)
             text = resumed_said(len(watch.baseline), watch.learnt, since)
         else:
             text = f"learning goes on: {len(self._baseline)} of {self._settings.analysis.baseline_windows} windows"

@@ -121,7 +121,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     """
     devices = {channel.name: channel.device for channel in settings.channels}
     watch, pure = _watch(memory, structure, settings, devices)
-    tracks = [watch.tracker.assign(window.in_time) for window in pure]
+    tracks = [watch.modes_of(window.in_time) for window in pure]
     event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
     late = in_time_of(pure, devices)
     try:
@@ -239,7 +239,7 @@ def _scales(watch: Watch, event: ModalMean, place: FloatArray, mass: float) -> I
         modal_mass = float(expected[k] / (ratio[k] - 1))
         if modal_mass > 0:
             yield Scale(
-                mode=int(k) + 1,
+                mode=int(watch.watched[k]) + 1,
                 frequency=float(np.exp(base.log_frequency[k])),
                 modal_mass=modal_mass,
                 modal_mass_std=float(modal_mass * std[k] / abs(ratio[k] - 1)),

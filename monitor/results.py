@@ -192,8 +192,8 @@ class AcceptedShift(_Result):
     by: str
     found: str  #: what the diagnosis said
     n_windows: int  #: that the new reference was learnt from
-    shift_percent: list[float]  #: of each mode's frequency [%]
-    shift_std_percent: list[float]  #: [%]
+    shift_percent: list[float | None]  #: of each mode's frequency; None of one that is hidden and not watched [%]
+    shift_std_percent: list[float | None]  #: likewise [%]
 
 
 class ReferenceResult(_Result):

@@ -138,7 +138,7 @@ def _changed(windows: Sequence[Window], ratio: FloatArray, watch: Watch, setting
 
 
 def _with_ratio(estimate: ModalEstimate, ratio: FloatArray, watch: Watch) -> ModalEstimate:
-    track = watch.tracker.assign(estimate)
+    track = watch.modes_of(estimate)
     frequency = estimate.frequency.copy()
     frequency[track[track >= 0]] *= ratio[track >= 0]
     return replace(estimate, frequency=frequency)
@@ -146,9 +146,9 @@ def _with_ratio(estimate: ModalEstimate, ratio: FloatArray, watch: Watch) -> Mod
 
 def _raises(watch: Watch, alarm: Alarm, windows: Sequence[Window], settings: Settings) -> bool:
     """Tell whether copies of detector and alarm raise it by these windows."""
-    detector = Detector(watch.detector.state, settings)
+    tried = replace(watch, detector=Detector(watch.detector.state, settings))
     for window in windows:
-        score = detector.consider(window, watch.tracker.assign(window.in_time))
+        score = tried.judge(window)
         alarm, _ = alarm.consider(window.end, score.level)
         if alarm.state == "alarm":
             return True

@@ -51,6 +51,7 @@ class Played:
         print(f"seed {seed}")
         self._random = np.random.default_rng(seed)
         self._seed, self._n = seed, 0
+        self.hidden: tuple[int, ...] = ()  # modes that no window shows
         self._gain = 1 + 0.003 * self._random.standard_normal(12)
         self._modes = self._true_modes(None)
         self.text, self.structure = site_text(), parse_structure(t_structure_toml())
@@ -98,7 +99,7 @@ class Played:
             end=recording.end,
         )
         return Identification(
-            estimate=estimate,
+            estimate=estimate[np.setdiff1d(np.arange(true.n_modes), self.hidden)],
             poles=_NO_POLES,
             harmonics=np.array([50.0]),
             quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),

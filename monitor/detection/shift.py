@@ -14,8 +14,8 @@ from monitor.detection.law import Law
 class Shift:
     """By how much a law was moved; leading dimensions are sites."""
 
-    log_frequency: FloatArray  #: (..., n_tracks) relative change of each frequency [-]
-    std: FloatArray  #: (..., n_tracks) [-]
+    log_frequency: FloatArray  #: (..., n_tracks) relative change of each frequency [-]; NaN where a mode is not seen
+    std: FloatArray  #: (..., n_tracks) [-]; likewise
 
 
 def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
@@ -27,19 +27,12 @@ def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
     ----------
     watched : law and averages of before
     judged : the windows since the change, in one or several pieces
-
-    Raises
-    ------
-    ValueError
-        If a mode is in none of them.
     """
     law = watched.law
     terms = np.concatenate([j.terms for j in judged], axis=-3)
     residual = law.residual(terms, np.concatenate([j.whitened for j in judged], axis=-2))
-    seen = np.isfinite(residual).sum(-2)
-    if not seen.all():
-        missing = ", ".join(str(mode) for mode in np.unique(np.nonzero(seen == 0)[-1]) + 1)
-        raise ValueError(f"mode {missing} is not seen since the change")
+    n = np.isfinite(residual).sum(-2)
+    seen = np.where(n, n, np.nan)
     lasting = np.diagonal(law.slow + law.feared, axis1=-2, axis2=-1)
     mean = np.where(np.isfinite(residual), residual, 0.0).sum(-2) / seen
     return Shift(log_frequency=mean * law.scale, std=np.sqrt(law.fast[..., None] / seen + lasting) * law.scale)
@@ -48,8 +41,8 @@ def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
 def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
     """Return a watch whose law predicts the changed frequencies, what it knows of temperature and scatter kept.
 
-    The shift is known as well as its deviations say; that much less is known of the law's constant. Averages begin
-    anew.
+    The shift is known as well as its deviations say; that much less is known of the law's constant. A mode that is not
+    seen is expected where it was. Averages begin anew.
 
     Parameters
     ----------
@@ -58,9 +51,10 @@ def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
     back : take it back; what the law has learnt since stays
     """
     sign = -1.0 if back else 1.0
-    law = replace(watched.law, centre=watched.law.centre + sign * shift.log_frequency)
+    law = replace(watched.law, centre=watched.law.centre + sign * np.nan_to_num(shift.log_frequency))
     if not back:
-        law = _less_sure(law, (shift.std / law.scale) ** 2)
+        variance = (shift.std / law.scale) ** 2
+        law = _less_sure(law, np.where(np.isfinite(variance), variance, np.nanmean(variance, axis=-1, keepdims=True)))
     return replace(watched, law=law, average=np.zeros_like(watched.average))
 
 

@@ -13,7 +13,7 @@ from monitor.inbox import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, Acceptance, U
 from monitor.memory import memory_text, parse_memory
 from monitor.pipeline import Pipeline, Result
 from monitor.result_events import result_event
-from monitor.results import AlarmResult, ReferenceResult
+from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from updater import Body, t_structure_toml
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
@@ -84,6 +84,74 @@ def test_next_change_is_found_beside_an_accepted_one(seed: int, monkeypatch: pyt
     said = run(pipeline, played.windows(2))
     assert min(levels(said)) > 1
     assert [r.kind for r in said if isinstance(r, AlarmResult) and r.raised] == ["state"]  # a new alarm
+
+
+def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(17, monkeypatch)
+    pipeline = played.pipeline()
+    [*_, first, _] = (r for r in run(pipeline, played.windows(BASELINE)) if not isinstance(r, WindowResult))
+    played.put(PUMP)
+    played.hidden = (2, 4)
+    without_answers(monkeypatch)
+    run(pipeline, played.windows(6))
+    [reference, accepted] = accept(pipeline)
+    assert isinstance(first, ReferenceResult)
+    assert isinstance(reference, ReferenceResult)
+    assert isinstance(accepted, AlarmResult)
+    left = [1, 2, 4, *range(6, len(first.modes) + 1)]
+    assert [mode.id for mode in first.modes] == list(range(1, len(first.modes) + 1))
+    assert [mode.id for mode in reference.modes] == left
+    [booked] = reference.accepted
+    assert [i + 1 for i, shift in enumerate(booked.shift_percent) if shift is None] == [3, 5]
+    assert accepted.text.endswith("; modes 3, 5 not seen, and not watched until seen in most windows again")
+
+    assert max(levels(run(pipeline, played.windows(5)))) < 1
+    restored = played.pipeline(parse_memory(memory_text(pipeline.memory)))
+    window = next(played.windows(1))
+    [hidden] = pipeline.analyse(window)
+    assert [hidden.payload()] == [r.payload() for r in restored.analyse(window)]
+    assert isinstance(hidden, WindowResult)
+    assert [mode.id for mode in hidden.modes] == left
+
+    played.hidden = (4,)  # mode 3 is back, where the pump has moved it to
+    said = [r for r in run(pipeline, played.windows(2 * BASELINE)) if not isinstance(r, WindowResult)]
+    [reference, again] = said
+    assert isinstance(reference, ReferenceResult)
+    assert isinstance(again, AlarmResult)
+    assert (again.kind, again.state, again.quiet) == ("seen_again", "normal", True)
+    assert again.text.startswith("mode 3 watched again, not seen since 'pump, 250 g' was accepted: frequency moved by ")
+    assert [mode.id for mode in reference.modes] == sorted([*left, 3])
+    [booked] = reference.accepted
+    moved, std = booked.shift_percent[2], booked.shift_std_percent[2]
+    assert moved is not None
+    assert std is not None
+    before, after = played.true_frequency(None)[2], played.true_frequency(PUMP)[2]
+    assert abs(moved - 100 * (after / before - 1)) < 4 * std
+    assert max(levels(run(pipeline, played.windows(6)))) < 1
+
+    [reference, _] = pipeline.push(Event(topic=TOPIC_UNDO, time=8, payload={"by": "Bob"}))
+    assert isinstance(reference, ReferenceResult)
+    assert [mode.id for mode in reference.modes] == [mode.id for mode in first.modes]
+    assert [mode.frequency for mode in reference.modes] == [mode.frequency for mode in first.modes]
+    assert min(levels(run(pipeline, played.windows(2)))) > 1  # the pump still hangs there
+    played.put(None)
+    assert max(levels(run(pipeline, played.windows(6))[1:])) < 1  # all as before it, but for mode 5
+
+
+@pytest.mark.parametrize("hidden", [(0, 1, 2, 3, 4, 5)])
+def test_change_that_leaves_too_few_modes_is_not_accepted(
+    hidden: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_answers(monkeypatch)
+    played = Played(18, monkeypatch)
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE))
+    played.put(PUMP)
+    played.hidden = hidden
+    run(pipeline, played.windows(6))
+    [refused] = accept(pipeline)
+    assert refused.payload()["kind"] == "refused"
+    assert "cannot be accepted: " in refused.payload()["text"]
 
 
 def test_acceptance_waits_for_windows(monkeypatch: pytest.MonkeyPatch) -> None:
