@@ -36,6 +36,7 @@ from daq.recorder import LogRecorder, Rotation
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
+from daq.scan_clocks import ScanClock, ScanClocks
 from daq.timebase import ClockFit
 
 __all__ = [
@@ -97,6 +98,8 @@ __all__ = [
     "Rotation",
     "SampleSource",
     "ScaledClock",
+    "ScanClock",
+    "ScanClocks",
     "Scans",
     "SerialPortInfo",
     "SystemClock",

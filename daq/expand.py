@@ -1,8 +1,9 @@
 """A log as stock viewers want it: a message a scan, each at its own time."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
@@ -10,59 +11,63 @@ from mcap.writer import CompressionType, Writer
 from daq.errors import LogError
 from daq.log import read_attachments, read_log
 from daq.parts import AnyLog
-from daq.recording import Block, Flag, IndexArray
+from daq.recording import Block, IndexArray
 from daq.ros_messages import ENCODING, encode_scans, message_kind, schema
-from daq.timebase import ClockFit
+from daq.scan_clocks import ScanClock, ScanClocks
 from daq.view import VIEW
 
 _AHEAD_SECONDS = 2.0  # of a device's data that its clock has seen before a scan gets its time
+NOT_LATE: Mapping[str, float] = MappingProxyType({})
 
 
-class _Clock:
-    """Times of one device's scans, from the clock as the arrivals before and just after them tell it."""
+class _Waiting:
+    """Blocks of one device until the arrivals just after them have been seen."""
 
-    def __init__(self) -> None:
-        self._fit: ClockFit | None = None
-        self._waiting: deque[Block] = deque()
+    def __init__(self, late: int) -> None:
+        self._late = late
+        self._blocks: deque[tuple[Block, ScanClock]] = deque()
         self._last = 0  # time of the last scan handed on [ns UTC]
 
-    def add(self, block: Block) -> Iterator[tuple[Block, IndexArray]]:
+    def add(self, block: Block, clock: ScanClock) -> Iterator[tuple[Block, IndexArray]]:
         """Take a block; yield those whose times are known now."""
-        if block.flags & Flag.RESTARTED:
-            yield from self.rest()
-        if self._fit is None:
-            self._fit = ClockFit(block.rate)
-        self._fit.add(block.pair_index, block.pair_time)
-        self._waiting.append(block)
-        while block.end_index - self._waiting[0].end_index >= _AHEAD_SECONDS * block.rate:
-            yield self._timed(self._fit, self._waiting.popleft())
+        ahead = round(_AHEAD_SECONDS * block.rate)
+        while self._blocks and (
+            self._blocks[0][1] is not clock or block.end_index - self._blocks[0][0].end_index >= ahead
+        ):
+            yield self._timed(*self._blocks.popleft())
+        self._blocks.append((block, clock))
 
     def rest(self) -> Iterator[tuple[Block, IndexArray]]:
-        """Yield what waits: nothing more comes of this clock."""
-        while self._waiting and self._fit:
-            yield self._timed(self._fit, self._waiting.popleft())
-        self._fit = None
+        """Yield what waits: nothing more comes."""
+        while self._blocks:
+            yield self._timed(*self._blocks.popleft())
 
-    def _timed(self, fit: ClockFit, block: Block) -> tuple[Block, IndexArray]:
+    def _timed(self, block: Block, clock: ScanClock) -> tuple[Block, IndexArray]:
         """Return a block and the times of its scans (n_scans,), which never go back."""
-        start, end = fit.time_at(block.first_index), fit.time_at(block.end_index)
-        times = start + np.arange(block.n_scans) * (end - start) // block.n_scans
+        times = clock.times(np.arange(block.first_index, block.end_index)) - self._late
         times = np.maximum(times, self._last + 1 + np.arange(block.n_scans))
         self._last = int(times[-1])
         return block, times
 
 
-def timed_blocks(log: AnyLog) -> Iterator[tuple[Block, IndexArray]]:
-    """Yield the blocks of a log with the times of their scans [ns UTC], of each device in order."""
-    clocks: dict[str, _Clock] = {}
+def timed_blocks(log: AnyLog, late: Mapping[str, float] = NOT_LATE) -> Iterator[tuple[Block, IndexArray]]:
+    """Yield the blocks of a log with the times of their scans [ns UTC], of each device in order.
+
+    Parameters
+    ----------
+    log : its path, or all files of a run
+    late : device -> how much earlier its scans were taken than arrivals tell [s]
+    """
+    clocks, waiting = ScanClocks(), dict[str, _Waiting]()
     for item in read_log(log):
-        if isinstance(item, Block):
-            yield from clocks.setdefault(item.device, _Clock()).add(item)
-    for clock in clocks.values():
-        yield from clock.rest()
+        if isinstance(item, Block) and item.n_scans:
+            device = waiting.setdefault(item.device, _Waiting(round(late.get(item.device, 0.0) * 1e9)))
+            yield from device.add(item, clocks.add(item))
+    for device in waiting.values():
+        yield from device.rest()
 
 
-def expand_log(log: AnyLog, path: Path) -> dict[str, int]:
+def expand_log(log: AnyLog, path: Path, late: Mapping[str, float] = NOT_LATE) -> dict[str, int]:
     """Write a log's signals at full rate to a new MCAP file of ROS 2 messages, on /view/DEVICE.
 
     The archive keeps many scans in one message, which is small; viewers plot a message a point. Attachments are copied.
@@ -71,6 +76,7 @@ def expand_log(log: AnyLog, path: Path) -> dict[str, int]:
     ----------
     log : its path, or all files of a run
     path : of the new file
+    late : device -> how much earlier its scans were taken than arrivals tell [s]
 
     Returns
     -------
@@ -83,7 +89,7 @@ def expand_log(log: AnyLog, path: Path) -> dict[str, int]:
         If the log cannot be read or has no scan, or the file exists or cannot be written.
     """
     attached = read_attachments(log)
-    blocks = timed_blocks(log)
+    blocks = timed_blocks(log, late)
     first = next(blocks, None)
     if first is None:
         raise LogError(str(log), "holds no scan to expand")

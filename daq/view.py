@@ -10,7 +10,7 @@ import numpy as np
 
 from daq.recording import Block, Flag, FloatArray, IndexArray, IntArray
 from daq.ros_messages import encode_scans, message_kind
-from daq.timebase import ClockFit
+from daq.scan_clocks import ScanClock, ScanClocks
 
 VIEW = "/view/"
 _HALF = 9  # kept scans on each side of the filter's middle: 60 dB from 0.6 of the view's rate on
@@ -39,13 +39,14 @@ class View:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._devices: dict[str, _DeviceView] = {}
+        self._clocks = ScanClocks()
 
     def add(self, block: Block) -> list[ViewMessage]:
         """Take a block; return what can be shown now."""
         device = self._devices.get(block.device)
         if device is None or block.flags & Flag.RESTARTED or not device.goes_on(block):
             device = self._devices[block.device] = _DeviceView(block.rate, self._rate)
-        times, scans = device.add(block)
+        times, scans = device.add(block, self._clocks.add(block))
         if not len(times):
             return []
         topic, kind = VIEW + block.device, message_kind(scans.shape[1])
@@ -59,7 +60,6 @@ class _DeviceView:
     def __init__(self, rate: float, view_rate: float) -> None:
         self._every = max(1, round(rate / view_rate))
         self._taps = _low_pass(self._every)
-        self._clock = ClockFit(rate)
         self._kept, self._end = _NO_SCANS, 0  # scans that the filter still needs, and the index behind them
         self._last = 0  # time of the last scan shown [ns UTC]
 
@@ -67,9 +67,8 @@ class _DeviceView:
         """Tell whether a block is later than those before: a log that is begun anew repeats some."""
         return block.first_index >= self._end
 
-    def add(self, block: Block) -> tuple[IndexArray, FloatArray]:
-        """Take a block; return times (n,) [ns UTC] and accelerations (n, n_axes) [m/s2]."""
-        self._clock.add(block.pair_index, block.pair_time)
+    def add(self, block: Block, clock: ScanClock) -> tuple[IndexArray, FloatArray]:
+        """Take a block and its clock; return times (n,) [ns UTC] and accelerations (n, n_axes) [m/s2]."""
         counts = block.counts if block.first_index != self._end else _joined(self._kept, block.counts)
         self._end = block.end_index
         self._kept = counts[max(0, len(counts) - len(self._taps) + 1) :]
@@ -81,13 +80,11 @@ class _DeviceView:
         windows = np.lib.stride_tricks.sliding_window_view(counts, len(self._taps), axis=0)
         # seven digits are enough to look at, and the others would double what the view takes on the disk
         scans = (windows[centre - half - begin] @ self._taps * block.scale).astype(np.float32)
-        return self._times(centre), scans.astype(np.float64)
+        return self._times(clock.times(centre)), scans.astype(np.float64)
 
-    def _times(self, index: IndexArray) -> IndexArray:
-        """Return times of scans [ns UTC], which never go back."""
-        first, last = self._clock.time_at(int(index[0])), self._clock.time_at(int(index[-1]))
-        times = np.linspace(first, last, len(index)).astype(np.int64)
-        times = np.maximum(times, self._last + 1 + np.arange(len(index)))
+    def _times(self, times: IndexArray) -> IndexArray:
+        """Return times of scans [ns UTC] that never go back."""
+        times = np.maximum(times, self._last + 1 + np.arange(len(times)))
         self._last = int(times[-1])
         return times
 

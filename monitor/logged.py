@@ -1,7 +1,7 @@
 """A run as its log tells it: the results, the end of the signals, and how whole the data are."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,14 +21,16 @@ from daq import (
     files_of,
     newest_log,
     read_attachments,
+    read_events,
     read_log,
 )
 from monitor.errors import ResultsError, SettingsError
 from monitor.result_events import event_result
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results import TOPIC_REFERENCE, AlarmResult, ReferenceResult, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.story import Story
 from monitor.worker import TOPIC_STOPPED, Result
+from oma import aligned
 from updater import StructureError, parse_structure
 
 _TAIL_SECONDS = 14.0  # of blocks kept: ten to draw, the rest for the clocks to settle and for filters
@@ -101,12 +103,13 @@ def load_run(path: Path) -> Run:
     if not windows:
         raise ResultsError(str(log), "holds no results: it was never watched, or stopped before its first window ended")
     site_text = attached.get("site.toml", "")
+    reference = next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None)
     story = Story(
         name=_name(attached.get("structure.toml", ""), log),
-        reference=next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None),
+        reference=reference,
         windows=windows,
         alarms=tuple(r for r in found.results if isinstance(r, AlarmResult)),
-        signals=last_signals(found.tail, site_text),
+        signals=last_signals(found.tail, site_text, reference.late if reference else {}),
     )
     return Run(
         log=log,
@@ -168,10 +171,26 @@ def _name(structure: str, log: AnyLog) -> str:
         return files_of(log)[0].stem
 
 
-def last_signals(blocks: Iterable[Block], site_text: str) -> Recording | None:
+def late_devices(log: AnyLog) -> dict[str, float]:
+    """Return how much earlier than arrivals tell devices' scans were taken [s], as the newest baseline in a log says.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read.
+    """
+    told: dict[str, float] = {}
+    for event in read_events(log):
+        if event.topic == TOPIC_REFERENCE:
+            told = ReferenceResult.model_validate(event.payload).late
+    return told
+
+
+def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, float] = {}) -> Recording | None:
     """Return the last seconds of all channels on one grid; None without settings, or if too little was measured.
 
-    Faster signals are low-passed and drawn at 500 Hz at the most. A device that is silent at the end is left out.
+    What devices are late by [s] is taken out of them. Faster signals are low-passed and drawn at 500 Hz at the most. A
+    device that is silent at the end is left out.
     """
     try:
         settings = parse_settings(site_text)
@@ -184,7 +203,9 @@ def last_signals(blocks: Iterable[Block], site_text: str) -> Recording | None:
     rates = {d.name: d.rate for d in settings.device if d.name in {c.device for c in channels}}
     assembler = Assembler(channels, rates, window_seconds=_SIGNAL_SECONDS, step_seconds=1.0)
     recordings = [r for b in blocks if b.device in rates for r in assembler.push(b)]
-    return slower(recordings[-1]) if recordings else None
+    if not recordings:
+        return None
+    return slower(aligned(recordings[-1], {name: late.get(name, 0.0) for name in rates}))
 
 
 def _alive(settings: Settings, devices: set[str]) -> tuple[Channel, ...]:

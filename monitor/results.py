@@ -210,6 +210,11 @@ class ReferenceResult(_Result):
     delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
     accepted: list[AcceptedShift] = []  #: since the baseline, in order
 
+    @property
+    def late(self) -> dict[str, float]:
+        """How much earlier than arrivals tell each device's scans were taken [s]."""
+        return {device: delay for device, (delay, _) in self.delays.items()}
+
 
 class SelfTestResult(_Result):
     """Whether a mass would be noticed: put into copies of the newest windows, at random places."""

@@ -26,6 +26,7 @@ from daq import (
 )
 from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
+from monitor.logged import late_devices
 from monitor.recordings import log_recordings
 
 console = Console(highlight=False)
@@ -87,10 +88,15 @@ def export_command(paths: Sequence[Path], out: Path) -> int:
 
 def expand_command(paths: Sequence[Path], out: Path) -> int:
     """Write the signals of a log for stock viewers."""
+    log = one_log(paths)
     with console.status("writing ..."):
-        written = expand_log(one_log(paths), out)
+        late = late_devices(log)
+        written = expand_log(log, out, late)
     devices = ", ".join(f"/view/{device} {count}" for device, count in written.items())
     console.print(f"{escape(str(out))}: {sum(written.values())} messages; {escape(devices)}", soft_wrap=True)
+    if late:
+        said = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
+        console.print(f"taken out, as the baseline found devices late: {escape(said)}", soft_wrap=True)
     return 0
 
 

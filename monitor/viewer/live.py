@@ -55,8 +55,11 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
         for item in items:
             if isinstance(item, Block):
                 signals.add(item)
-            else:
-                results.add(event_result(item))
+                continue
+            result = event_result(item)
+            results.add(result)
+            if isinstance(result, ReferenceResult):
+                signals.know(result)
 
 
 @contextmanager

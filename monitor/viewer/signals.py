@@ -3,7 +3,8 @@
 import numpy as np
 import rerun as rr
 
-from daq import Block, Channel, ClockFit, Flag, Recording
+from daq import Block, Channel, Flag, Recording, ScanClock, ScanClocks
+from monitor.results import ReferenceResult
 from monitor.viewer.draw import times
 from monitor.viewer.palette import SENSOR
 
@@ -33,7 +34,7 @@ def signal_path(channel: str) -> str:
 
 
 class SignalStream:
-    """Signals as the blocks come, each device by its own clock.
+    """Signals as the blocks come, on the clocks that devices have or share, without what is known of their delays.
 
     Parameters
     ----------
@@ -43,30 +44,30 @@ class SignalStream:
 
     def __init__(self, recording: rr.RecordingStream, channels: tuple[Channel, ...]) -> None:
         self._recording, self._channels = recording, channels
-        self._clocks: dict[str, ClockFit] = {}
+        self._clocks = ScanClocks()
         self._waiting: dict[str, list[Block]] = {}
+        self._late: dict[str, int] = {}  # device -> how late it is [ns]
         for channel in channels:
             _style(recording, channel.name)
 
+    def know(self, reference: ReferenceResult) -> None:
+        """Take the devices' delays that a baseline has shown."""
+        self._late = {device: round(1e9 * late) for device, late in reference.late.items()}
+
     def add(self, block: Block) -> None:
         """Take a block; about a second of them is sent at once, which costs far less than one by one."""
-        if block.device not in self._clocks or block.flags & Flag.RESTARTED:
-            self._clocks[block.device] = ClockFit(block.rate)
-            self._waiting[block.device] = []
-        self._clocks[block.device].add(block.pair_index, block.pair_time)
-        waiting = self._waiting[block.device]
+        clock = self._clocks.add(block)
+        waiting = self._waiting.setdefault(block.device, [])
+        if block.flags & Flag.RESTARTED or (waiting and block.clock != waiting[0].clock):
+            waiting.clear()
         waiting.append(block)
         if sum(b.n_scans for b in waiting) >= block.rate * _CHUNK_SECONDS:
-            self._send(block.device, waiting)
-            self._waiting[block.device] = []
+            self._send(block.device, waiting, clock)
+            waiting.clear()
 
-    def _send(self, device: str, blocks: list[Block]) -> None:
-        clock = self._clocks[device]
-        first, last = blocks[0].first_index, blocks[-1].end_index - 1
+    def _send(self, device: str, blocks: list[Block], clock: ScanClock) -> None:
         index = np.concatenate([np.arange(b.first_index, b.end_index) for b in blocks])
-        start, end = clock.time_at(first), clock.time_at(last)
-        step = (end - start) / max(last - first, 1)
-        column = times(start + np.round((index - first) * step).astype(np.int64))
+        column = times(clock.times(index) - self._late.get(device, 0))
         values = np.concatenate([b.counts * b.scale for b in blocks])
         for channel in self._channels:
             if channel.device == device and channel.axis < values.shape[1]:

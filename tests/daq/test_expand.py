@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rrd_helpers import Rrd
 
-from daq import EPSON_SCALE, Block, Flag, FloatArray, LogError, LogWriter, expand_log
+from daq import EPSON_SCALE, Block, Flag, FloatArray, IndexArray, LogError, LogWriter, expand_log
 
 DRIFT = 50e-6  # the device's clock is this much too fast
 RESTART, GAP = 120, 160  # first blocks after a restart and after a gap
@@ -113,3 +114,57 @@ def test_a_log_without_a_scan_and_an_existing_file_are_refused(tmp_path: Path) -
     writer.close()
     with pytest.raises(LogError, match=r"log\.mcap: cannot be written: File exists"):
         expand_log(tmp_path / "log.mcap", tmp_path / "log.mcap")
+
+
+def shared(clock: str, seed: int = 5) -> list[Block]:
+    """Return 40 s of two devices whose indices are of one clock, or of each its own, arriving as it happens."""
+    random = np.random.default_rng(seed)
+    found = []
+    for first in range(0, 4000, 25):
+        for name, length in (("a", 25), ("b", 25)):
+            last = first + length - 1
+            arrived = true_time(last) + LEAST + int(random.integers(LATE)) + (first % 100 == 75) * 40_000_000
+            block = make_block(name, first, n=length)
+            found.append(replace(block, rate=100.0, pair_index=last, pair_time=arrived, clock=clock))
+    return found
+
+
+def times_of(path: Path, device: str) -> IndexArray:
+    with path.open("rb") as file:
+        messages = make_reader(file).iter_messages(topics=[f"/view/{device}"], log_time_order=False)
+        return np.array([message.log_time for _, _, message in messages])
+
+
+def write(path: Path, blocks: list[Block]) -> Path:
+    writer = LogWriter(path, {})
+    for block in blocks:
+        writer.write(block)
+    writer.close()
+    return path
+
+
+@pytest.mark.parametrize(("clock", "one"), [("SYNC of a bus 1", True), ("", False)])
+def test_scans_on_one_clock_have_one_time(tmp_path: Path, clock: str, one: bool) -> None:
+    expand_log(write(tmp_path / "log.mcap", shared(clock)), tmp_path / "view.mcap")
+    a, b = (times_of(tmp_path / "view.mcap", device) for device in "ab")
+    assert (a == b).all() == one
+    assert np.abs(a - b).max() < LATE
+    assert (np.diff(a) > 0).all()
+
+
+def test_a_device_that_is_lost_meanwhile_comes_back_on_the_shared_clock(tmp_path: Path) -> None:
+    blocks = [b for b in shared("SYNC of a bus 1") if b.device == "a" or not 1000 <= b.first_index < 2200]
+    back = next(k for k, b in enumerate(blocks) if b.device == "b" and b.first_index >= 2200)
+    blocks[back] = replace(blocks[back], flags=Flag.RESTARTED)
+    expand_log(write(tmp_path / "log.mcap", blocks), tmp_path / "view.mcap")
+    a, b = (times_of(tmp_path / "view.mcap", device) for device in "ab")
+    np.testing.assert_array_equal(b, np.concatenate([a[:1000], a[2200:]]))
+
+
+def test_what_is_known_of_devices_being_late_is_taken_out(tmp_path: Path) -> None:
+    log = write(tmp_path / "log.mcap", shared("SYNC of a bus 1"))
+    expand_log(log, tmp_path / "view.mcap")
+    expand_log(log, tmp_path / "known.mcap", {"b": 3.25e-3})
+    for device, late in (("a", 0), ("b", 3_250_000)):
+        before, after = (times_of(tmp_path / f"{name}.mcap", device) for name in ("view", "known"))
+        np.testing.assert_array_equal(before - after, late)

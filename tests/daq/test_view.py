@@ -3,6 +3,7 @@
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,15 @@ def test_a_log_that_is_begun_anew_repeats_no_time() -> None:
     again = [message for k in range(8, 12) for message in view.add(make_block("a", 250 * k))]
     assert len(before) == len(range(HALF, 2500 - HALF, EVERY))
     assert len(again) == len(range(-(-(2000 + HALF) // EVERY) * EVERY, 3000 - HALF, EVERY))
+
+
+def test_devices_on_one_clock_are_shown_at_one_time() -> None:
+    view, random = View(VIEW_RATE), np.random.default_rng(1)
+    times: dict[str, list[int]] = {"a": [], "b": []}
+    for first in range(0, 20_000, 250):
+        for name, found in times.items():
+            base = make_block(name, first)
+            late = int(random.integers(3_000_000))
+            found += [m.time for m in view.add(replace(base, clock="SYNC", pair_time=base.pair_time + late))]
+    assert times["a"] == times["b"]
+    assert len(times["a"]) > 900

@@ -8,8 +8,8 @@ import pytest
 
 from daq import EPSON_SCALE, Block, Channel, Event, Flag, LogWriter, Recording
 from monitor.errors import ResultsError
-from monitor.logged import find_log, last_signals, load_run, slower
-from monitor.results import Novelty, WindowResult
+from monitor.logged import find_log, last_signals, late_devices, load_run, slower
+from monitor.results import Novelty, ReferenceResult, WindowResult
 
 START = 1_767_225_600_000_000_000
 RATE = 200.0
@@ -97,6 +97,31 @@ def test_last_signals_are_what_was_measured() -> None:
     time = (signals.start - START) * 1e-9 + np.arange(len(signals.data)) / signals.rate
     expected = 1e5 * EPSON_SCALE * np.sin(2 * np.pi * 3 * time)
     np.testing.assert_allclose(signals.data[:, 0], expected, atol=2e-4 * 1e5 * EPSON_SCALE)
+
+
+def test_last_signals_are_without_what_devices_are_late_by() -> None:
+    """Shifted by 0.3 of a sample: -80 dB as the grid itself, but for half a second at the ends, which are not periodic."""
+    late = 1.5e-3
+    signals = last_signals([block(d, s) for s in range(16) for d in ("a", "b")], SITE, {"b": late})
+    assert signals is not None
+    time = (signals.start - START) * 1e-9 + np.arange(len(signals.data)) / signals.rate
+    for column, shift in ((0, 0.0), (1, late)):
+        expected = 1e5 * EPSON_SCALE * np.sin(2 * np.pi * 3 * (time + shift))
+        np.testing.assert_allclose(signals.data[100:-100, column], expected[100:-100], atol=2e-4 * 1e5 * EPSON_SCALE)
+
+
+def reference(time: int, **late: float) -> Event:
+    delays = {device: (seconds, 1e-6) for device, seconds in late.items()}
+    found = ReferenceResult(
+        time=time, n_windows=6, nodes=[], lines={}, sensors={}, modes=[], calibrated={}, delays=delays
+    )
+    return Event(topic="/result/reference", time=time, payload=found.payload())
+
+
+def test_the_newest_baseline_tells_how_late_devices_are(tmp_path: Path) -> None:
+    path = log(tmp_path / "run.mcap", block("a", 0), reference(START, a=1e-3, b=-1e-3), reference(START + 1, a=2e-3))
+    assert late_devices(path) == {"a": 2e-3}
+    assert late_devices(log(tmp_path / "new.mcap", block("a", 0))) == {}
 
 
 def test_a_device_silent_at_the_end_is_left_out() -> None:

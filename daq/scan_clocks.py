@@ -1,0 +1,73 @@
+"""When scans were taken, for what shows them one by one: devices that share a clock get one time for one index.
+
+A clock is fitted anew with every block, so the time of a scan depends on when it is asked for. Here each second of a
+clock is asked for once, and everything between two seconds lies on the line between them.
+"""
+
+import numpy as np
+
+from daq.recording import Block, Flag, IndexArray
+from daq.timebase import ClockFit
+
+_KEPT = 64  # seconds of a clock, and clocks that devices share: more than lie between the first and the last to ask
+
+
+class ScanClock:
+    """Times of scans by one clock, from one start to the next.
+
+    Parameters
+    ----------
+    rate : nominal scans a second [Hz]
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._fit, self._spacing = ClockFit(rate), max(1, round(rate))
+        self._known: dict[int, int] = {}  # second, by its number -> time of its first scan [ns UTC]
+
+    def add(self, block: Block) -> None:
+        """Take the (index, time) pair of a block."""
+        self._fit.add(block.pair_index, block.pair_time)
+
+    def times(self, index: IndexArray) -> IndexArray:
+        """Return times [ns UTC] of scans whose indices (n,) ascend; they ascend as well."""
+        second, within = np.divmod(index, self._spacing)
+        first, last = int(second[0]), int(second[-1])
+        known = np.array([self._time(number) for number in range(first, last + 2)], np.int64)
+        begin = known[second - first]
+        return np.asarray(begin + within * (known[second - first + 1] - begin) // self._spacing, np.intp)
+
+    def _time(self, number: int) -> int:
+        known = self._known.get(number)
+        if known is not None:
+            return known
+        time = self._fit.time_at(number * self._spacing)
+        before, behind = self._known.get(number - 1), self._known.get(number + 1)
+        if before is not None:
+            time = max(time, before + self._spacing)
+        if behind is not None:
+            time = min(time, behind - self._spacing)
+        self._known[number] = time
+        if len(self._known) > _KEPT:
+            del self._known[next(iter(self._known))]
+        return time
+
+
+class ScanClocks:
+    """The clocks of a run's devices: each its own, from one start to the next, or one that they share."""
+
+    def __init__(self) -> None:
+        self._own: dict[str, ScanClock] = {}
+        self._shared: dict[str, ScanClock] = {}
+
+    def add(self, block: Block) -> ScanClock:
+        """Take a block, of each device in order; return the clock that its indices are of."""
+        if block.clock:
+            clock = self._shared.setdefault(block.clock, ScanClock(block.rate))
+            if len(self._shared) > _KEPT:
+                del self._shared[next(iter(self._shared))]
+        else:
+            if block.flags & Flag.RESTARTED or block.device not in self._own:
+                self._own[block.device] = ScanClock(block.rate)
+            clock = self._own[block.device]
+        clock.add(block)
+        return clock
