@@ -100,7 +100,7 @@ def test_last_signals_are_what_was_measured() -> None:
 
 
 def test_last_signals_are_without_what_devices_are_late_by() -> None:
-    """Shifted by 0.3 of a sample: -80 dB as the grid itself, but for half a second at the ends, which are not periodic."""
+    """Shifted by 0.3 of a sample: -80 dB as the grid itself, but for half a second at both ends."""
     late = 1.5e-3
     signals = last_signals([block(d, s) for s in range(16) for d in ("a", "b")], SITE, {"b": late})
     assert signals is not None
