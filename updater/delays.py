@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from oma import ComplexArray, ModalEstimate
 
 _ITERATIONS = 8
 _LEAST_STD = 1e-6  # of a shape's entry, whatever is stated
 _ASTRAY = 3.0  # times their wander: what the mean of a stretch of time may differ by from that of another
+_SAME_MODE = 5e-3  # by which its frequency may differ from one window to the next, relative
 _LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
 
 
@@ -57,6 +58,9 @@ class _Fit:
     names: tuple[str, ...]
     delay: FloatArray  #: (n_devices,) [s]
     covariance: FloatArray  #: (n_devices, n_devices) for phases as sure as stated [s2]
+    frequency: FloatArray  #: (n_modes,) [Hz]
+    information: FloatArray  #: (n_modes, n_devices, n_devices) what each mode says of delays [1/s2]
+    pull: FloatArray  #: (n_modes, n_devices) which way from the fit, in sum 0 without a prior [1/s]
     misfit: float  #: sum of squares of phases over their stated deviations
     degrees_of_freedom: int
 
@@ -85,8 +89,9 @@ def learn_delays(
     """Return the constant delays that the windows of a baseline share, and how far these stray from them.
 
     A window's delays are the constants, its clocks' wander, and the noise of its phases; the variance of the wander is
-    what the windows scatter beyond that noise (DerSimonian & Laird 1986, moments of a random-effects model). Devices
-    that some windows lack have no constant.
+    what the windows scatter beyond that noise (DerSimonian & Laird 1986, moments of a random-effects model). Phases
+    are off by a little that all windows of a mode share, too, and no number of windows makes less; what that leaves of
+    the constants shows where modes are left out. Devices that some windows lack have no constant.
 
     Parameters
     ----------
@@ -111,13 +116,32 @@ def learn_delays(
     wander2 = max(scatter - noise.mean(), 0.0) if len(fits) > 1 else 0.0
     weight = 1 / (wander2 + noise)
     mean = weight @ delay / weight.sum()
-    std = np.sqrt(free / len(everywhere) / weight.sum())
+    variance = 1 / weight.sum() + max(_of_modes(fits, pick) / free - noise.mean() / len(fits), 0.0)
     return DeviceDelays(
         seconds=dict(zip(everywhere, mean.tolist(), strict=True)),
-        std=dict.fromkeys(everywhere, float(std)),
+        std=dict.fromkeys(everywhere, float(np.sqrt(free / len(everywhere) * variance))),
         wander=float(np.sqrt(wander2)),
         noise_factor=float(np.sqrt(noise_factor2)),
     )
+
+
+def _of_modes(fits: Sequence[_Fit], pick: Sequence[list[int]]) -> float:
+    """Return the variance of all constants together [s2] as leaving out one mode after the other shows it.
+
+    Windows that share their errors are no sample of them, modes are (Efron & Tibshirani 1993, chapter 11: jackknife).
+    Zero of fewer than three modes.
+    """
+    frequency = np.concatenate([fit.frequency for fit in fits])
+    information = np.concatenate([fit.information[:, p][:, :, p] for fit, p in zip(fits, pick, strict=True)])
+    pull = np.concatenate([fit.pull[:, p] for fit, p in zip(fits, pick, strict=True)])
+    order = np.argsort(frequency)
+    begins = np.flatnonzero(np.r_[True, np.diff(np.log(frequency[order])) > _SAME_MODE])
+    information, pull = np.add.reduceat(information[order], begins), np.add.reduceat(pull[order], begins)
+    if len(begins) < 3:
+        return 0.0
+    others = np.linalg.pinv(information.sum(0) - information, rcond=1e-8, hermitian=True)
+    moved = np.einsum("mij,mj->mi", others, pull)
+    return float((len(begins) - 1) / len(begins) * (moved**2).sum())
 
 
 def _typical(names: Sequence[str], removed: Sequence[Mapping[str, float]]) -> DeviceDelays:
@@ -152,13 +176,41 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
         key=lambda end: float((off(end) ** 2).sum()),
     )
     centre = np.eye(len(names)) - 1 / len(names)
+    information, pull = _said(estimate.frequency, column, weight.reshape(n_modes, -1), off(solution)[: len(weight)])
     return _Fit(
         names=names,
         delay=centre @ solution[n_modes:] * unit,
         covariance=centre @ (inverse @ inverse.T)[n_modes:, n_modes:] @ centre * unit**2,
+        frequency=estimate.frequency,
+        information=information,
+        pull=pull,
         misfit=float((off(solution)[: len(weight)] ** 2).sum()),
         degrees_of_freedom=max(len(weight) - n_modes - len(names) + 1, 0),
     )
+
+
+def _said(
+    frequency: FloatArray, column: IndexArray, weight: FloatArray, residual: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what each mode says of the devices' delays, its own phase left free: information, and pull from the fit.
+
+    Parameters
+    ----------
+    frequency : (n_modes,) [Hz]
+    column : (n_channels,) number of each channel's device
+    weight : (n_modes, n_channels) one over the standard deviation of phases [1/rad]
+    residual : (n_modes * n_channels,) of phases, over that
+    """
+    of_device = np.eye(column.max() + 1)[column]
+    each = weight**2 @ of_device  # (n_modes, n_devices)
+    total = each.sum(1, keepdims=True)
+    slope = 2 * np.pi * frequency[:, None]
+    information = (
+        np.einsum("mi,ij->mij", each, np.eye(each.shape[1])) - each[:, :, None] * each[:, None] / total[:, None]
+    )
+    weighted = weight * residual.reshape(weight.shape)
+    pull = weighted @ of_device - weighted.sum(1, keepdims=True) * each / total
+    return slope[:, :, None] ** 2 * information, -slope * pull
 
 
 def _settled(inverse: FloatArray, off: Callable[[FloatArray], FloatArray], start: FloatArray) -> FloatArray:
