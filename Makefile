@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms soak clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -153,6 +153,10 @@ false-alarms: $(VENV)/.done
 # The service through every fault of a rig's life, two hours: docs/soak.md; `make soak ARGUMENTS="--minutes 10"`, `--devices 32`.
 soak: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/soak.py $(ARGUMENTS)
+
+# The unit of `install-service` run by systemd itself: the table in docs/service.md, half a minute; as root, or with delegated groups.
+unit: $(VENV)/.done
+	PYTHONPATH=tests $(BIN)/python benchmarks/systemd_unit.py
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -29,7 +29,7 @@ class RecorderSettings(Section):
     keep_gb: Annotated[Positive | None, Field(examples=[500.0])] = None
     """of all log files that runs have recorded in the folder; beyond it the oldest are deleted"""
     min_free_gb: Annotated[float, Field(ge=0)] = 1.0
-    """room left on the disk: the oldest log files are deleted for it, never the newest; 0 for never"""
+    """room left on the disk: the oldest log files are deleted for it, never the newest; 0 for none, until it is full"""
     view_rate: Annotated[float, Field(ge=0)] = 50.0
     """scans a second of each device that are written for stock viewers too (rerun, Foxglove) [Hz]; 0 for none"""
 
