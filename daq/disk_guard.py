@@ -5,6 +5,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from daq.errors import LogError
@@ -12,7 +13,7 @@ from daq.filelock import lock
 from daq.log import read_part
 from daq.parts import Part
 
-_LOOK_SECONDS = 10.0  # of wall time between looks at the folder; free space is asked for each time
+_LOOK_SECONDS = 60.0  # of wall time between looks at the folder, of years of files; free space is asked for each time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,26 +71,28 @@ class DiskGuard:
         if not (full or self.short or now >= self._due):
             return None
         self._due = now + _LOOK_SECONDS
-        finished = [path for path in self._recorded() if not _is_open(path)]
+        recorded = self._recorded()
+        finished = list(islice((path for path in recorded if not _is_open(path)), 2))  # years are not looked through
         if len(finished) < 2:
             return None
         oldest = finished[0]
-        why = self._why(finished, full=full)
+        why = self._why(recorded, oldest, full=full)
         if why is None:
             return None
         self._due = 0.0  # there may be more
         return Surplus(path=oldest, size=oldest.stat().st_size, why=why)
 
-    def _why(self, finished: list[Path], *, full: bool) -> str | None:
+    def _why(self, recorded: list[Path], oldest: Path, *, full: bool) -> str | None:
         """Return why the oldest one must go, None if it need not."""
         if full:
             return "the disk is full"
         if self.short:
             return f"{self.free / 1e9:.3g} GB are free, less than {self._retention.least_free / 1e9:.3g}"
-        size = sum(path.stat().st_size for path in finished)
-        if size > self._retention.size:
-            return f"the logs take {size / 1e9:.3g} GB, more than {self._retention.size / 1e9:.3g}"
-        age = time.time() - finished[0].stat().st_mtime
+        if self._retention.size < math.inf:
+            size = sum(path.stat().st_size for path in recorded)
+            if size > self._retention.size:
+                return f"the logs take {size / 1e9:.3g} GB, more than {self._retention.size / 1e9:.3g}"
+        age = time.time() - oldest.stat().st_mtime
         if age > self._retention.seconds:
             return f"it is {age / 86400:.3g} days old, more than {self._retention.seconds / 86400:.3g}"
         return None
