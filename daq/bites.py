@@ -6,7 +6,7 @@ import select
 import time
 
 _ENOUGH = 5000  # bytes a read should bring
-_ROOM = 2500  # bytes that may wait in the port: a pty holds 4 kB, a real port more
+_ROOM = 2600  # bytes that may wait in the port: a pty holds 4 kB, a real port more
 _FIRST = 0.005  # s that bytes gather at first; then twice as long each time
 _SHORTEST = 0.002  # s of gathering below which there is nothing to gain: sleeping is not that exact
 _PART, _FULL = 8192, 4000  # bytes asked for at once, and of an answer behind which there may be more

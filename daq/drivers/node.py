@@ -131,7 +131,7 @@ class ModalwatchNode:
         return Scans(
             counts=scans.counts,
             counter=(scans.counter % self.modulus).astype(np.int32),
-            temperature=float(node.temperature_celsius(known).mean()) if len(known) else float("nan"),
+            temperature=float(known.mean()) / 100 if len(known) else float("nan"),
             bad_bytes=self._decoder.bad_bytes - before + refused * node.SCAN_SIZE,
             age=self._port.age,
         )
@@ -173,6 +173,9 @@ class Believer:
     def consider(self, scans: node.NodeScans) -> tuple[node.NodeScans, int]:
         """Take the next scans; return those to believe, and how many were refused."""
         known = len(self._last.counter)
+        if known and not len(self._waiting.counter) and self._goes_on(scans):  # as nearly always
+            self._last, self.restarted = scans[-1:], False
+            return scans, 0
         joined = node.joined(
             node.joined(self._last, self._waiting) if len(self._waiting.counter) else self._last, scans
         )
@@ -187,6 +190,17 @@ class Believer:
         self.restarted = bool(_went_back(new).any())
         self._last = new[-1:]
         return new[known:], int(np.count_nonzero(~good)) - len(self._waiting.counter)
+
+    def _goes_on(self, scans: node.NodeScans) -> bool:
+        """Tell whether scans follow the last one and each other without a gap, by the node's clock too."""
+        counter, time = (
+            np.concatenate([getattr(part, name) for part in (self._last, scans)]) for name in ("counter", "time")
+        )
+        if len(counter) < 2 or np.count_nonzero(counter[1:] - counter[:-1] != 1):
+            return False
+        us = (time[1:] - time[:-1]).view(np.int32)
+        slack = _CLOCK_SLACK + _CLOCK_TOLERANCE * self._period
+        return bool(us.min() > self._period - slack and us.max() < self._period + slack)
 
     def _agree(self, scans: node.NodeScans) -> npt.NDArray[np.bool_]:
         """Tell of each pair of neighbours (n - 1,), not far apart, whether the clock has gone on as the counter has."""

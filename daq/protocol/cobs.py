@@ -62,15 +62,19 @@ def stuffed(frames: Bytes) -> Bytes:
 def unstuffed(segments: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]]:
     """Return frames (n, m) from (n, m + 1) bytes without a zero, and which of them (n,) end where they should."""
     n, width = segments.shape
-    flat = np.zeros((n, width + 255), np.uint8)  # room for a code that points beyond the end; a zero points nowhere
-    flat[:, :width] = segments
-    frames = flat.reshape(-1)
-    begin = np.arange(0, n * (width + 255), width + 255)
-    at = begin.copy()
-    while (code := frames.take(at)).any():
-        frames[at] = 0
-        at += code
-    return flat[:, 1:width], np.asarray(at - begin == width)
+    flat = np.zeros(n * (width + 1) + 255, np.uint8)  # room for the last one's code to point beyond its end
+    rows = flat[:-255].reshape(n, width + 1)
+    rows[:, :-1] = segments
+    at = begin = np.arange(0, n * (width + 1), width + 1)
+    codes = [at]
+    while np.count_nonzero(code := flat.take(at)):  # of one that is at an end it is the zero behind
+        at = at + code
+        codes.append(at)
+    good = at - begin == width
+    if not good.all():
+        codes = [places[good] for places in codes]
+    flat[np.concatenate(codes)] = 0
+    return rows[:, 1:-1], good
 
 
 def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
@@ -78,13 +82,13 @@ def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
 
     It is linear over bits: the sum of what each byte does at its place.
     """
-    table, start = _crc_table(content.shape[1])
-    row = content + 256 * np.arange(content.shape[1])
-    return np.asarray(np.bitwise_xor.reduce(table.take(row), axis=1) ^ start, np.uint16)
+    table, places, start = _crc_table(content.shape[1])
+    return np.asarray(np.bitwise_xor.reduce(table.take(content.T + places), axis=0) ^ start, np.uint16)
 
 
 @lru_cache(maxsize=16)
-def _crc_table(m: int) -> tuple[npt.NDArray[np.uint16], np.uint16]:
-    """Return what each value of a byte does at each place (m * 256,), and what all-zero contents of m bytes have."""
+def _crc_table(m: int) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.intp], np.uint16]:
+    """Return what each value of a byte does at each place (m * 256,), where each begins (m, 1), the CRC of zeros."""
     table = [[crc_hqx(bytes([value]) + bytes(m - 1 - place), 0) for value in range(256)] for place in range(m)]
-    return np.array(table, np.uint16).reshape(m * 256), np.uint16(crc_hqx(bytes(m), _CRC_START))
+    places = 256 * np.arange(m)[:, None]
+    return np.array(table, np.uint16).reshape(m * 256), places, np.uint16(crc_hqx(bytes(m), _CRC_START))

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.protocol import cobs
-from daq.recording import FloatArray, IntArray
+from daq.recording import IntArray
 
 VERSION = 1
 SCAN, HELLO, WHO, START, STOP = 0x01, 0x02, 0x81, 0x82, 0x83
@@ -99,11 +99,6 @@ def encode_command(command: int, rate: float | None = None) -> bytes:
     return cobs.seal(np.array([(command, round(1000 * rate))], _COMMAND).view(np.uint8).reshape(1, -1))
 
 
-def temperature_celsius(raw: npt.NDArray[np.int16]) -> FloatArray:
-    """Return temperatures [degC], NaN where there is no sensor."""
-    return np.asarray(np.where(raw == NO_TEMPERATURE, np.nan, raw / 100))
-
-
 class NodeDecoder:
     """What a node says, out of a byte stream that may begin anywhere and be damaged anywhere."""
 
@@ -138,10 +133,15 @@ class NodeDecoder:
         """Return the intact frames of one type among those that are as long as it."""
         if not len(begin):
             return np.empty(0, layout)
-        content, good = cobs.unseal(stream.take(begin[:, None] + np.arange(layout.itemsize + _STUFFING)))
+        size = layout.itemsize + _STUFFING
+        if begin[-1] - begin[0] == (len(begin) - 1) * (size + 1):  # one behind the other: nothing to gather
+            segments = stream[begin[0] : begin[-1] + size + 1].reshape(-1, size + 1)[:, :-1]
+        else:
+            segments = stream.take(begin[:, None] + np.arange(size))
+        content, good = cobs.unseal(segments)
         good &= content[:, 0] == kind
         found = np.ascontiguousarray(content if good.all() else content[good])
-        self.bad_bytes -= len(found) * (layout.itemsize + _STUFFING + 1)
+        self.bad_bytes -= len(found) * (size + 1)
         return found.view(layout)[:, 0]
 
 

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from daq.recording import IntArray
+from daq.recording import IndexArray, IntArray
 
 ORDERS = range(4)  #: of differences that are tried
 _BITS = 32
+_NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
 
 
@@ -50,41 +51,60 @@ class PackedColumn:
 
 def pack(counts: IntArray) -> Packed:
     """Pack counts (n, n_axes), n > 0."""
-    samples = np.ascontiguousarray(counts.T).view(np.uint32)
-    middle = (counts.sum(0, dtype=np.int64) // len(counts)).astype(np.int32).view(np.uint32)
-    tried = [samples - middle[:, None]]
-    for order in ORDERS[1 : samples.shape[1]]:
-        before = tried[-1] if order > 1 else samples
-        tried.append(before[:, 1:] - before[:, :-1])
-    orders = np.argmin([np.abs(d.view(np.int32), dtype=np.float32).sum(1) for d in tried], axis=0).tolist()
-    first = np.stack([samples[:, 0], *(d[:, 0] for d in tried[1:])]).view(np.int32)
-    start: list[int] = []
-    n_low: list[int] = []
-    low: list[npt.NDArray[np.uint8]] = []
-    high: list[_Unsigned] = []
-    for axis, order in enumerate(orders):
-        start += (first[:order, axis] if order else middle[axis : axis + 1].view(np.int32)).tolist()
-        u = _positive(tried[order][axis])
-        n_low.append(_n_low(u))
-        low.append(np.unpackbits(u.astype(">u4").view(np.uint8).reshape(-1, 4), axis=1)[:, _BITS - n_low[-1] :].ravel())
-        high.append(u >> np.uint32(n_low[-1]))
-    ends = np.cumsum(np.concatenate(high) + np.uint32(1), dtype=np.intp) - 1
+    residual, orders, start = _least(np.ascontiguousarray(counts.T))
+    u = (residual << np.uint32(1)) ^ (residual.view(np.int32) >> 31).view(np.uint32)
+    n_low = _n_low(u, len(counts) - orders)
+    bits = np.unpackbits(u.astype(">u4").view(np.uint8).reshape(-1, 4), axis=1).reshape(*u.shape, _BITS)
+    rest = u >> n_low[:, None].astype(np.uint32)
+    axes = tuple(zip(orders.tolist(), n_low.tolist(), strict=True))
+    low = [axis[order:, _BITS - n :].ravel() for axis, (order, n) in zip(bits, axes, strict=True)]
+    high = np.concatenate([axis[order:] for axis, (order, _) in zip(rest, axes, strict=True)])
+    ends = np.cumsum(high + np.uint32(1), dtype=np.intp) - 1
     unary = np.zeros(int(ends[-1]) + 1 if len(ends) else 0, np.uint8)
     unary[ends] = 1
-    return Packed(tuple(orders), tuple(start), tuple(n_low), np.packbits(np.concatenate([*low, unary])).tobytes())
+    packed = np.packbits(np.concatenate([*low, unary])).tobytes()
+    return Packed(tuple(orders.tolist()), start, tuple(n_low.tolist()), packed)
 
 
-def _positive(residual: _Unsigned) -> _Unsigned:
-    """Return 2 r of residuals r, or -2 r - 1 of negative ones."""
-    return np.asarray((residual << np.uint32(1)) ^ (residual.view(np.int32) >> 31).view(np.uint32))
+def _least(samples: IntArray) -> tuple[_Unsigned, IndexArray, tuple[int, ...]]:
+    """Return what the best differences of samples (n_axes, n) leave, zeros in front of them; their orders; `start`.
+
+    The powers of differences of one order after another are the moments of a spectrum, whose logarithm is convex: once
+    they grow they go on growing.
+    """
+    middle = (samples.sum(1, dtype=np.int64) // samples.shape[1]).astype(np.int32)
+    before = samples.view(np.uint32)
+    least = before - middle.view(np.uint32)[:, None]
+    size, orders, first = _size(least), np.zeros(len(samples), np.intp), []
+    for order in ORDERS[1 : samples.shape[1]]:
+        first.append(before[:, order - 1].view(np.int32))
+        after = np.zeros_like(before)
+        after[:, order:] = before[:, order:] - before[:, order - 1 : -1]
+        better = (found := _size(after)) < size
+        if not better.any():
+            break
+        least[better], size[better], orders[better] = after[better], found[better], order
+        before = after
+    heads = (first[:order] if order else [middle] for order in orders.tolist())
+    return least, orders, tuple(int(head[axis]) for axis, taken in enumerate(heads) for head in taken)
 
 
-def _n_low(u: _Unsigned) -> int:
-    """Return how many lower bits to take apart, for the fewest in all: near the logarithm of the mean."""
-    guess = max(1, int(u.sum(dtype=np.int64)) // max(1, len(u))).bit_length() - 1
-    tried = np.arange(max(0, guess - 1), min(_BITS - 1, guess + 1) + 1, dtype=np.uint32)
-    bits = (u >> tried[:, None]).sum(1, dtype=np.int64) + len(u) * tried.astype(np.int64)
-    return int(tried[bits.argmin()])
+def _size(differences: _Unsigned) -> npt.NDArray[np.float32]:
+    return np.asarray(np.abs(differences.view(np.int32), dtype=np.float32).sum(1))
+
+
+def _n_low(u: _Unsigned, n: IndexArray) -> IndexArray:
+    """Return how many lower bits to take apart on each axis, for the fewest in all: near the logarithm of the mean.
+
+    Parameters
+    ----------
+    u : (n_axes, n_samples), zeros where there is no residual
+    n : (n_axes,) residuals
+    """
+    guess = np.log2(np.maximum(1, u.sum(1, dtype=np.int64) / np.maximum(1, n))).astype(np.intp)
+    tried = np.clip(guess + _NEAR, 0, _BITS - 1)
+    bits = (u >> tried[:, :, None].astype(np.uint32)).sum(2, dtype=np.int64) + n * tried
+    return np.asarray(tried[bits.argmin(0), np.arange(len(u))])
 
 
 def unpack(packed: Packed, n: int) -> IntArray:

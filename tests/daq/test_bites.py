@@ -13,7 +13,7 @@ from daq.bites import Bites
 pytestmark = pytest.mark.live
 
 GATHERED = 0.19  # s
-WAITING = 2500  # bytes that may wait in a port
+WAITING = 2600  # bytes that may wait in a port
 SEEN_SECONDS = 0.1  # a tenth is promised half of; the rest is for a host with other work
 
 
