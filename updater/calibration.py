@@ -1,10 +1,11 @@
 """Physical parameters of the structure fitted to the baseline's frequencies, before the one-step update.
 
 By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), rotational flexibility
-of each support and of each joint. Density is not fitted: frequencies alone cannot tell it from stiffness.
+of each support and of each joint, and how much stiffer than their axes members are where they meet. Density is not
+fitted: frequencies alone cannot tell it from stiffness.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -17,7 +18,8 @@ from updater.errors import PairingError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
-from updater.knobs import TURNS, Knob, apply_knobs, bending_stiffness, knobs_of
+from updater.internal_actions import parts_between
+from updater.knobs import TURNS, Knob, apply_knobs, bending_stiffness, knobs_of, meetings, welded
 from updater.modal_checks import check_baseline, check_unit
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
@@ -25,6 +27,7 @@ from updater.structure import Structure
 
 _MODEL_ERROR = 2e-3  # of ln f: what no parameter of a beam model explains
 _START = 1e-3  # where it begins
+_STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +35,7 @@ class Parameter:
     """One fitted quantity."""
 
     name: str  #: such as `support 0 ry`
-    value: float  #: factor of stiffness, or c E I / L [-]
+    value: float  #: factor of stiffness, c E I / L, or share of flexibility that a weld takes [-]
     std: float
     at_bound: bool  #: that it would leave what is possible if it could
 
@@ -114,7 +117,7 @@ def _prior(knobs: list[Knob]) -> Prior:
         mean=np.zeros(len(knobs)),
         std=np.array([k.prior for k in knobs]),
         lower=lower,
-        upper=np.full(len(knobs), np.inf),
+        upper=np.array([k.upper for k in knobs]),
         start=np.array([0.0 if k.kind == "stiffness" else _START for k in knobs]),
     )
 
@@ -124,6 +127,7 @@ class _Misfit:
 
     def __init__(self, structure: Structure, knobs: list[Knob], measured: ModalMean, paired: IndexArray) -> None:
         self._structure, self._knobs, self._paired = structure, knobs, paired
+        self._meetings = meetings(structure)
         self._goal = measured.log_frequency
         self._tolerance = np.hypot(measured.log_frequency_std, _MODEL_ERROR)
         self._solved = lru_cache(1)(self._solve)
@@ -138,13 +142,16 @@ class _Misfit:
 
     def slope(self, x: FloatArray) -> FloatArray:
         model, modes = self._solved(*x)
-        columns = [
-            frequency_slope(modes.omega, modes.shape, self._stiffened(model, x, i) @ modes.shape)
-            if knob.kind == "stiffness"
-            else self._by_spring(model, modes, knob)
-            for i, knob in enumerate(self._knobs)
-        ]
+        columns = [self._by_knob(model, modes, x, i) for i in range(len(self._knobs))]
         return np.asarray(np.column_stack(columns) / self._tolerance[:, None])
+
+    def _by_knob(self, model: Model, modes: Modes, x: FloatArray, i: int) -> FloatArray:
+        knob = self._knobs[i]
+        if knob.kind == "stiffness":
+            return frequency_slope(modes.omega, modes.shape, self._stiffened(model, x, i) @ modes.shape)
+        if knob.kind == "weld":
+            return self._by_weld(model, modes, knob, float(x[i]))
+        return self._by_spring(model, modes, knob)
 
     def _stiffened(self, model: Model, x: FloatArray, i: int) -> sparse.csc_array:
         """Return dK / d ln E of a material: its members' part of K, which is proportional to E."""
@@ -153,6 +160,16 @@ class _Misfit:
         return sparse.csc_array(
             best_model(apply_knobs(self._structure, self._knobs, doubled)).stiffness - model.stiffness
         )
+
+    def _by_weld(self, model: Model, modes: Modes, knob: Knob, less: float) -> FloatArray:
+        """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
+        gained = np.zeros(len(modes.omega))
+        for member, start, end in welded(self._structure, self._meetings[knob.target]):
+            for element, local in parts_between(model, modes.shape, member, start, end):
+                more, fewer = (replace(element, bending=element.bending * np.exp(h)) for h in (_STEP, -_STEP))
+                change = (more.elastic_stiffness() - fewer.elastic_stiffness()) @ local / (2 * _STEP)
+                gained += (local * change).sum(0)
+        return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
 
     def _by_spring(self, model: Model, modes: Modes, knob: Knob) -> FloatArray:
         """Return d ln omega / dc, -q^2 / (2 omega^2 E I / L) by the moments q of the modes in the spring."""

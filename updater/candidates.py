@@ -9,17 +9,14 @@ import numpy as np
 
 from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE, RARITY
-from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
 from updater.fit import Fit, fit
 from updater.prediction import prediction
 from updater.reference import Reference
-from updater.statistics import COMMON_STD
 
 PRIOR_NOTHING = 0.5
-_SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
 _LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
@@ -101,25 +98,6 @@ class Weighing:
         """Return the log probability of a cause."""
         whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE)
         return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
-
-    def drift_beside(self, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
-        """Return the drift common to all frequencies that chosen causes leave, as a factor on stiffness.
-
-        It is a nuisance, which nobody names; a model that is to agree with the next record has it all the same. None
-        where it is not significant, or where the causes have a common factor already.
-        """
-        factor = self.causes.get("global_stiffness")
-        if not isinstance(factor, CommonFactor) or any(isinstance(c.cause, CommonFactor) for c in chosen):
-            return ()
-        if not any(c.cause.drifting for c in chosen):
-            return ()
-        rest = self.data.log_ratio - prediction(self.data, chosen).log_ratio[0]
-        ones, off = self.data.plain.matrix.sum(1), self.data.plain.matrix @ rest
-        precision = float(ones @ ones) + COMMON_STD**-2
-        drift = float(ones @ off) / precision
-        if abs(drift) < _SIGNIFICANT / np.sqrt(precision):
-            return ()
-        return (Chosen(factor, 0, np.array([(drift - factor.centre) / factor.spread])),)
 
     def singles(self) -> list[Candidate]:
         """Fit every cause alone, the best first."""

@@ -8,7 +8,7 @@ Four blocks of data: log frequencies; shapes; the shapes' imaginary parts, each 
 block of which nothing was measured is empty or zero and adds nothing to the degrees of freedom.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -73,6 +73,7 @@ class Comparison:
     log_frequency_std: FloatArray  #: (n,) of what is measured now, without the model's error
     plain: Whitener  #: of the log ratios, if nothing but noise adds to what a hypothesis says
     drifting: Whitener  #: the same with a change common to all, which temperature brings
+    model_variance: FloatArray  #: (n,) of the log ratios', that is allowed for what the reference gets wrong
     shaped: BoolArray  #: (n,) whether the shape was measured now; else only the frequency counts
     shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
     base: FloatArray  #: (n, n_channels) measured before, unit norm
@@ -92,6 +93,11 @@ class Comparison:
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
     new: NewModes | None = None  #: of the circumstances, at the channels
+
+    def trusting(self, share: float) -> "Comparison":
+        """Return the same with only a share of what log frequencies are allowed for what the reference gets wrong."""
+        variance = np.diag(self.plain.matrix) ** -2 - (1 - share**2) * self.model_variance
+        return replace(self, plain=_whitener(np.diag(variance)), drifting=_whitener(np.diag(variance) + COMMON_STD**2))
 
     @property
     def heard_at_channels(self) -> FloatArray:
@@ -163,8 +169,8 @@ def compare(
     base, event = base.only(tracks), event.only(tracks)
     ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
-    variance = event.log_frequency_std**2 + base.log_frequency_std**2
-    variance += (2 * model_error) ** 2 * shift * shift.mean()
+    model_variance = (2 * model_error) ** 2 * shift * shift.mean()
+    variance = event.log_frequency_std**2 + base.log_frequency_std**2 + model_variance
     check_event(base, event)
     before = base.shape
     shaped = np.asarray(np.isfinite(event.shape).all(1))
@@ -189,6 +195,7 @@ def compare(
         log_frequency_std=event.log_frequency_std,
         plain=_whitener(np.diag(variance)),
         drifting=_whitener(np.diag(variance) + COMMON_STD**2),
+        model_variance=model_variance,
         shaped=shaped,
         shape=shape,
         base=before,

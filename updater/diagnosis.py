@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
+from updater.agreement import agreeing, drift_beside
 from updater.candidates import Candidate, Weighing, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
@@ -146,7 +147,8 @@ def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) 
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one."""
     named, sure, left_open = named_causes(case.data, found, _SURE)
     best = found[0]
-    chosen = (*best.chosen, *case.weighing.drift_beside(best.chosen))
+    chosen = agreeing(case.data, best.chosen)
+    chosen = (*chosen, *drift_beside(case.data, chosen, case.weighing.causes.get("global_stiffness")))
     extended = case.reference.calibration.structure
     acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
     for part in sorted(acting, key=lambda c: c.cause.place_free):  # a factor on everything comes last

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.composite import Beside, Chosen
-from updater.causes.nothing import Nothing
+from updater.agreement import agreeing
+from updater.causes.composite import Chosen
 from updater.comparison import Comparison, Prediction, Whitener, residual
-from updater.fit import fit
 from updater.lags import without_mode
 from updater.prediction import mac_of, prediction
 from updater.verdict import Gain, Pair
@@ -45,7 +44,7 @@ def gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> Gained:
     whole = prediction(data, chosen)
     predicted = replace(whole, **{name: getattr(whole, name).copy() for name in _BY_MODE})
     for i in range(len(data.log_ratio)):
-        without = prediction(data, _refitted(_blind(data, i), chosen))
+        without = prediction(data, agreeing(_blind(data, i), chosen))
         for name in _BY_MODE:
             getattr(predicted, name)[:, i] = getattr(without, name)[:, i]
     return _gained(data, predicted, chosen, heldout=False)
@@ -70,13 +69,6 @@ def _without(whitener: Whitener, mode: int) -> Whitener:
     covariance[mode, mode] += _UNKNOWN
     matrix: FloatArray = np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.float64)
     return Whitener(matrix, whitener.log_det)
-
-
-def _refitted(data: Comparison, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
-    """Return the same alternatives with parameters fitted to other data."""
-    fixed = Beside(Nothing(comparison=data), tuple(chosen))  # type: ignore[type-var]
-    found = fit(data, fixed)
-    return fixed.best(found)[1:]
 
 
 def _gained(data: Comparison, after: Prediction, chosen: Sequence[Chosen], *, heldout: bool) -> Gained:

@@ -52,18 +52,32 @@ def weighted_actions(model: Model, modes: Modes, stations: dict[int, FloatArray]
     return found
 
 
+def parts_between(
+    model: Model, shape: FloatArray, member: Member, start: float, end: float
+) -> list[tuple[Element, FloatArray]]:
+    """Return the elements between two distances along a member [m], each with shapes (12, n_modes) in its own axes."""
+    own = [i for i, name in enumerate(model.member_names) if name == member.name]
+    parts = [(_local(model, shape, i), _distance(model, member, i)) for i in own]
+    return [part for part, distance in parts if start < distance + part[0].length / 2 < end]
+
+
+def _local(model: Model, shape: FloatArray, span: int) -> tuple[Element, FloatArray]:
+    """Return an element, and shapes (12, n_modes) at its ends in its own axes."""
+    first, last, element = model.elements[span]
+    assert isinstance(element, Element)
+    axes = element.axes(model.nodes[last] - model.nodes[first])
+    dofs = np.concatenate([model.dofs[first], model.dofs[last]])
+    moved = np.where(dofs[:, None] >= 0, shape[dofs], 0.0)
+    return element, np.asarray(np.kron(np.eye(4), axes) @ moved, float)
+
+
 def _distance(model: Model, member: Member, span: int) -> float:
     return float(np.linalg.norm(model.nodes[model.elements[span][0]] - member.start))
 
 
 def _within(model: Model, modes: Modes, span: int, x: FloatArray) -> FloatArray:
     """Return the actions (n, 6, n_modes) of one element at distances x (n,) from its start."""
-    first, last, element = model.elements[span]
-    assert isinstance(element, Element)
-    axes = element.axes(model.nodes[last] - model.nodes[first])
-    dofs = np.concatenate([model.dofs[first], model.dofs[last]])
-    moved = np.where(dofs[:, None] >= 0, modes.shape[dofs], 0.0)
-    local = np.kron(np.eye(4), axes) @ moved
+    element, local = _local(model, modes.shape, span)
     elastic = element.elastic_stiffness() @ local
     total = element.stiffness() @ local - element.consistent_mass() @ local * modes.omega**2
     inner = np.array([-elastic[:6], elastic[6:]])  # what the left part bears at either end

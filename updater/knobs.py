@@ -6,48 +6,58 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray
-from updater.structure import AXES, Axis, Joint, Member, Structure, Support
+from updater.structure import AXES, Axis, Joint, Member, Segment, Structure, Support
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
 _RIGID = 1e-6  # the least flexibility c E I / L
+_WELD_PRIOR = 0.5  # of the share of its flexibility that a joint's zone lacks beside the members' own
+_WELDED = 0.95  # the most
+_THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
+_MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
 TURNS = AXES[3:]
 
 
 @dataclass(frozen=True)
 class Knob:
-    """A parameter: ln of a material's stiffness, or a connection's flexibility c E I / L about one axis."""
+    """A parameter: ln of a material's stiffness, a connection's flexibility c E I / L about one axis, or of its weld.
+
+    Members that meet overlap and are welded: near the joint they give less than their axes, drawn to a point, do. Of
+    that flexibility a weld takes a share.
+    """
 
     name: str
     prior: float  #: standard deviation about zero
     lower: float  #: least value
-    kind: Literal["stiffness", "support", "joint"]
+    kind: Literal["stiffness", "support", "joint", "weld"]
     target: str  #: material, index of the support, or member
-    axis: Axis
+    axis: Axis = "x"
+    upper: float = np.inf  #: greatest value
 
 
 def with_springs(structure: Structure, flexibility: float = 1e-5) -> Structure:
     """Return the structure with springs where feet and joints are rigid, so stiff (c E I / L) that it shows nowhere."""
-    knobs = [knob for knob in knobs_of(structure) if knob.kind != "stiffness"]
+    knobs = [knob for knob in knobs_of(structure) if knob.kind in {"support", "joint"}]
     return apply_knobs(structure, knobs, np.full(len(knobs), flexibility))
 
 
 def knobs_of(structure: Structure) -> list[Knob]:
     """Return the stiffness of each material and what each foot and joint may give."""
     if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
-        return [Knob("stiffness", _STIFFNESS_PRIOR, -np.inf, "stiffness", "", "x")]
-    knobs = [Knob(f"stiffness of {m}", _STIFFNESS_PRIOR, -np.inf, "stiffness", m, "x") for m in structure.material]
+        return [Knob("stiffness", _STIFFNESS_PRIOR, -np.inf, "stiffness", "")]
+    knobs = [Knob(f"stiffness of {m}", _STIFFNESS_PRIOR, -np.inf, "stiffness", m) for m in structure.material]
     for i, support in enumerate(structure.support):
         held = [a for a in TURNS if a in support.fixed]
         knobs += [Knob(f"support {i} flexibility {a}", _FLEXIBILITY_PRIOR, _RIGID, "support", str(i), a) for a in held]
-    for member in _jointed(structure):
+    for member in meetings(structure):
         knobs += [
             Knob(f"joint of {member} flexibility {a}", _FLEXIBILITY_PRIOR, _RIGID, "joint", member, a) for a in TURNS
         ]
+        knobs.append(Knob(f"weld of {member}", _WELD_PRIOR, 0.0, "weld", member, upper=_WELDED))
     return knobs
 
 
-def _jointed(structure: Structure) -> dict[str, tuple[float, float, float]]:
+def meetings(structure: Structure) -> dict[str, tuple[float, float, float]]:
     """Members that another member's end meets rigidly -> the point; each meeting once, springs on the later member."""
     found: dict[str, tuple[float, float, float]] = {}
     if structure.external is not None:
@@ -71,6 +81,8 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
     """Return the structure with the parameters `x` written into it."""
     material = dict(structure.material)
     springs: dict[tuple[str, str], dict[str, float]] = {}
+    meeting = meetings(structure)
+    welds: list[Segment] = []
     external = structure.external
     for knob, value in zip(knobs, x, strict=True):
         if knob.kind == "stiffness" and external is not None:
@@ -79,10 +91,11 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
             old, factor = material[knob.target], float(np.exp(value))
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
+        elif knob.kind == "weld":
+            welds += _welds(structure, meeting[knob.target], float(value))
         else:
             springs.setdefault((knob.kind, knob.target), {})[knob.axis] = bending_stiffness(structure) / float(value)
     supports = [_sprung(s, springs.get(("support", str(i)), {})) for i, s in enumerate(structure.support)]
-    meeting = _jointed(structure)
     joints = [
         Joint.model_validate({"member": name, "at": meeting[name], "stiffness": axes})
         for (kind, name), axes in springs.items()
@@ -94,8 +107,29 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
             "material": material,
             "support": tuple(supports),
             "joint": (*structure.joint, *joints),
+            "segment": (*structure.segment, *welds),
         }
     )
+
+
+def _welds(structure: Structure, point: tuple[float, float, float], less: float) -> list[Segment]:
+    """Return the ends of the members that meet at a point, with so much less flexibility in bending and twist."""
+    found = []
+    for member, start, end in welded(structure, point):
+        x, y, z = member.point((start + end) / 2).tolist()
+        found.append(Segment(member=member.name, at=(x, y, z), extent=end - start, stiffness=1 / (1 - less)))
+    return found
+
+
+def welded(structure: Structure, point: tuple[float, float, float]) -> list[tuple[Member, float, float]]:
+    """Return the members that meet at a point, and from where to where along each the joint reaches [m]."""
+    found = []
+    for member in structure.member:
+        if _on(member, point):
+            section, s = structure.section[member.section], float(np.linalg.norm(np.subtract(point, member.start)))
+            reach = min(_THICK * (max(section.second_moment) / section.area) ** 0.5, _MOST_OF_MEMBER * member.length)
+            found.append((member, max(s - reach, 0.0), min(s + reach, member.length)))
+    return found
 
 
 def _sprung(support: Support, springs: dict[str, float]) -> Support:

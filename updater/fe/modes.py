@@ -17,6 +17,7 @@ from updater.fe.solver import factorise
 _FREE = 1e-14  # relative strain energy that is rounding: a bending mode's is about (element / member length)^4
 _DENSE = 60  # DOFs up to which all modes are solved for at once
 _MASSLESS = 1e-13  # least omega^-2 over the largest of a mode with inertia
+_LOOSE = "it can move without deforming: a support is missing"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,7 +58,7 @@ def lowest_modes(
     except ModelError as error:
         raise type(error)(f"{name}: {error}") from error
     if value[0] <= 0 or strain(stiffness, shape[:, 0]) <= _FREE:
-        raise MechanismError(f"{name}: it can move without deforming: a support is missing")
+        raise MechanismError(f"{name}: {_LOOSE}")
     if len(value) < n:
         raise ModelError(f"{name}: expected {n} modes, found {len(value)}: the mesh is too coarse")
     return Modes(frequency=np.sqrt(value[:n]) / (2 * np.pi), shape=_signed(shape[:, :n]))
@@ -71,7 +72,10 @@ def strain(stiffness: sparse.csc_array, shape: FloatArray) -> float:
 def _all(stiffness: sparse.csc_array, mass: sparse.csc_array) -> tuple[FloatArray, FloatArray]:
     """Return omega^2 and shapes of all modes that have inertia, by M b = omega^-2 K b."""
     factorise(stiffness)  # says what is wrong with it
-    inverse, vector = scipy.linalg.eigh(mass.toarray(), stiffness.toarray())
+    try:
+        inverse, vector = scipy.linalg.eigh(mass.toarray(), stiffness.toarray())
+    except np.linalg.LinAlgError as error:  # singular but for rounding, which a processor's own decides
+        raise MechanismError(_LOOSE) from error
     inert = np.flatnonzero(inverse > _MASSLESS * inverse[-1])[::-1]
     # orthonormal in M to rounding, which division by the smallest omega^-2 is not: then M^-1 = sum b b^T exactly
     gram = vector[:, inert].T @ (mass @ vector[:, inert]) / np.sqrt(np.outer(inverse[inert], inverse[inert]))
