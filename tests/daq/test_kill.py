@@ -12,7 +12,7 @@ from daq import Block, read_attachments, read_log
 
 pytestmark = pytest.mark.live
 
-CHUNK_SECONDS = 0.2  # of LogThread unless told otherwise
+CHUNK_SECONDS = 0.25  # of LogThread unless told otherwise
 WRITER = """
 import sys, time
 from pathlib import Path
