@@ -1,4 +1,4 @@
-# Builds a small image that watches /site/site.toml:
+# Builds an image (1 GB, half of it the viewer) that watches /site/site.toml:
 #     docker build -t modalwatch .
 #     docker run --network host --device /dev/ttyUSB0 -v /srv/bridge:/site modalwatch
 FROM python:3.11-slim AS build
