@@ -39,6 +39,16 @@ class Promise:
     log_evidence: float  #: foreseen to first order, what its parameters cost left out
     fewer: float  #: log evidence without the one that has not been fitted
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the causes."""
+        return tuple(c.cause.name for c in self.chosen)
+
+
+def common(names: Sequence[str]) -> list[str]:
+    """Return names of causes in order, each rare one as the common one that acts much like it."""
+    return sorted(_LIKE.get(name, name) for name in names)
+
 
 @dataclass(frozen=True, eq=False)
 class Compositions:
@@ -114,17 +124,25 @@ class Compositions:
             keep(self._settled(promise.chosen))
         best = max(found.values(), key=lambda c: c.log_evidence)
         keep(self._at_rest(best))
-        tried = [other.chosen for other in self._elsewhere(best)]
-        for chosen in (*tried, *self._alike(max(found.values(), key=lambda c: c.log_evidence))):
-            keep(self._at_rest(self._settled(chosen)))
+        for other in self._elsewhere(best):
+            keep(self._at_rest(self._settled(other.chosen)))
+        tried = None
+        while tried is not (best := max(found.values(), key=lambda c: c.log_evidence)):
+            tried = best
+            for chosen in self._alike(best):
+                keep(self._at_rest(self._settled(chosen)))
         return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
 
     def _worth_fitting(self, promises: Sequence[Promise]) -> list[Promise]:
-        """Return the promises that may come true better than the best: first order errs by a share of what it says."""
+        """Return the promises that may come true better than the best: first order errs by a share of what it says.
+
+        And that of common causes alone, where the best has rare ones.
+        """
         best = promises[0]
         margin = _HOPELESS + _ERRS * max(best.log_evidence - best.fewer, 0.0)
-        few = promises[: _CLOSER + 2 - len(best.chosen)]
-        return [p for p in few if p.log_evidence >= best.log_evidence - margin]
+        few = [p for p in promises[: _CLOSER + 2 - len(best.chosen)] if p.log_evidence >= best.log_evidence - margin]
+        plain = common(best.names)
+        return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
 
     def _at_rest(self, fitted: Candidate) -> Candidate:
         """Fit again, each cause beside the others where these have come to, while that is better."""

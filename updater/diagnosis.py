@@ -19,7 +19,7 @@ from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparison import Comparison, compare
-from updater.compositions import Compositions
+from updater.compositions import Compositions, common
 from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.next_measurement import next_measurement
@@ -117,7 +117,9 @@ def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
     """Return single causes and, where one more promises much, compositions of ever more while the evidence grows."""
     several = Compositions(weighing)
     for size in range(1, _MOST):
-        seeds = [c for c in found if len(c.chosen) == size][:_SEEDS]
+        ranked = [c for c in found if len(c.chosen) == size]
+        seeds = ranked[:_SEEDS]
+        seeds += [c for c in ranked[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         if not seeds or found[0] is not seeds[0]:
             break
         promises = several.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])

@@ -35,7 +35,8 @@ class Springs(Discrete):
     """Connections with rotational springs; parameters are flexibilities added about x y z, in L / (E I).
 
     Alternatives are each connection's axes that may have changed, singly and together: an axis that has not, or that
-    the data cannot show, must not count for or against a connection.
+    the data cannot show, must not count for or against a connection. Each is there twice, begun from no change and from
+    what the frequencies say to first order: where modes cross on the way, one of them may not arrive.
     """
 
     name: str
@@ -45,7 +46,13 @@ class Springs(Discrete):
     active: BoolArray  #: (n, 3) axes that each alternative changes
     unit: float  #: E I / L of the longest member [N m/rad]
     couple: FloatArray  #: (n, 3, n_modes) mu about the global axes, 0 where there is nothing to change [s2]
+    begun: FloatArray  #: (n, 3) where the fit begins
     place_free: bool = False
+
+    @property
+    def start(self) -> FloatArray:
+        """No change, or the first order."""
+        return self.begun
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
@@ -126,15 +133,29 @@ def _springs(
         if any(axes) and all(TURNS[a] in c.stiffness for a in np.flatnonzero(axes))
     ]
     which, active = np.array([i for i, _ in chosen]), np.array([axes for _, axes in chosen])
+    couple = np.where(active[:, :, None], moment[which] / (2 * np.pi * reference.frequency) ** 2, 0.0)
+    lower = -0.999 * own[which]
+    first = np.maximum(_first_order(comparison, couple, unit), lower)
     return Springs(
         name=name,
         advice=advice,
         prior_std=np.full(3, _STD),
-        lower=-0.999 * own[which],
+        lower=np.tile(lower, (2, 1)),
         drifting=True,
         comparison=comparison,
-        connections=tuple(connections[i] for i in which),
-        active=active,
+        connections=2 * tuple(connections[i] for i in which),
+        active=np.tile(active, (2, 1)),
         unit=unit,
-        couple=np.where(active[:, :, None], moment[which] / (2 * np.pi * reference.frequency) ** 2, 0.0),
+        couple=np.tile(couple, (2, 1, 1)),
+        begun=np.concatenate([np.zeros(first.shape), first]),
     )
+
+
+def _first_order(comparison: Comparison, couple: FloatArray, unit: float) -> FloatArray:
+    """Return the parameters (n, 3) by d ln f_i = -omega_i^2 sum_a theta_a mu_ai^2 / 2 unit, fitted to frequencies."""
+    square = (2 * np.pi * comparison.frequency[comparison.paired]) ** 2
+    whitener = comparison.drifting.matrix
+    slope = (-0.5 / unit * square * couple[:, :, comparison.paired] ** 2) @ whitener.T
+    normal = slope @ slope.transpose(0, 2, 1) + np.eye(3) / _STD**2
+    score = slope @ (whitener @ comparison.log_ratio)
+    return np.asarray(np.linalg.solve(normal, score[:, :, None])[:, :, 0])
