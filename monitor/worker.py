@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
 Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
-_THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+_ENVIRONMENT = {  # of the process; the last one has glibc give back at once what was large, instead of keeping it
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": "1000000",
+}
 
 
 @dataclass(frozen=True)
@@ -65,8 +70,8 @@ class Worker:
         self._process = context.Process(target=_analyse, args=arguments, name="analysis", daemon=True)
 
     def __enter__(self) -> Self:
-        before = {name: os.environ.get(name) for name in _THREADS}
-        os.environ.update(_THREADS)  # read by the child when it loads numpy: one thread, the same sums on every run
+        before = {name: os.environ.get(name) for name in _ENVIRONMENT}
+        os.environ.update(_ENVIRONMENT)  # read by the child when it loads numpy: one thread, the same sums on every run
         try:
             with deaf_to_stop_signals():
                 self._process.start()
