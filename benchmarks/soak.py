@@ -30,14 +30,14 @@ import httpx
 import psutil
 from soak_faults import Spell, played
 from soak_found import missing, named
-from soak_memory import MOST, Process, judged
+from soak_memory import Process, judged
 from soak_rig import places
 
 from updater import t_structure_toml
 
 _HERE = Path(__file__).parent
 _RUN = [sys.executable, "-c", "from monitor.cli.main import main; main()", "run"]
-_ROTATE = 5.0  # min: an open log keeps an index of its chunks in memory, until the next file is begun
+_ROTATE = 5.0  # min: a soak has more of its files than a site in a day
 _LOOK = 1.0  # s
 _WINDOW, _BASELINE = 20.0, 8  # s; windows
 _START = 180.0  # s that the monitor may take to start, on a machine that has other work
@@ -291,7 +291,8 @@ def report(
     rows, flat = judged(list(soak.lives[-1].processes.values()))
     if rows:
         print(
-            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | slope [MB/h] |\n| --- | --- | ---: |"
+            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | slope [MB/h] | at most |\n"
+            "| --- | --- | ---: | ---: |"
         )
         print("\n".join(rows))
     for name in ("window", "alarm"):
@@ -302,7 +303,7 @@ def report(
     checks = {"nothing missing without a reason": all_there, "every fault named": all_named, "ended with 0": code == 0}
     checks["the mass at the end raised an alarm"] = said.get('modalwatch_state{state="alarm"}') == 1.0
     if flat is not None:
-        checks[f"memory flat: no process grew by more than {MOST} MB/h in the last hour"] = flat
+        checks["memory flat in the last hour"] = flat
     for what, well in checks.items():
         print(f"{'ok  ' if well else 'FAIL'} {what}")
     return all(checks.values())
