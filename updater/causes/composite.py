@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Cause
+from updater.causes.base import Cause, Discrete
 from updater.fit import Fit
 from updater.reanalysis import Effect
 
@@ -28,7 +28,7 @@ class Beside(Generic[C]):
 
     free: C
     chosen: tuple[Chosen, ...]
-    fresh: bool = False  #: whether the free one starts from doing nothing, not from explaining all that was seen
+    fresh: bool = False  #: whether what has a place starts from doing nothing, not from explaining all that was seen
 
     @property
     def prior_std(self) -> FloatArray:
@@ -43,7 +43,7 @@ class Beside(Generic[C]):
     @property
     def start(self) -> FloatArray:
         """Of all: the chosen ones begin where they were."""
-        own = np.zeros(self.free.lower.shape) if self.fresh else self.free.start
+        own = np.zeros(self.free.lower.shape) if self.fresh and not isinstance(self.free, Discrete) else self.free.start
         return self._beside(own, [c.theta for c in self.chosen])
 
     def _beside(self, own: FloatArray, others: list[FloatArray]) -> FloatArray:
