@@ -47,12 +47,16 @@ class Change:
         return replace(estimate, shape=shape / np.linalg.norm(shape, axis=1, keepdims=True))
 
 
-def learnt(seed: int) -> tuple[Reference, Model, Callable[[Change], ModalMean]]:
-    """A reference from eight windows, the truth, and what five windows after a change say."""
+def learnt(seed: int, already: Change | None = None) -> tuple[Reference, Model, Callable[[Change], ModalMean]]:
+    """A reference from eight windows, the truth, and what five windows after a change say.
+
+    `already` had happened before, which nobody has told the reference.
+    """
     print(f"seed {seed}")
     random = np.random.default_rng(seed)
     gain: FloatArray = 1 + 0.005 * random.standard_normal(12)
     bare = true_model(np.random.default_rng((seed, 1)))
+    bare = already.of(bare) if already else bare
     reference = learn_reference(t_frame(), [measure(bare, random, gain) for _ in range(8)], [TRACK] * 8)
 
     def event(change: Change) -> ModalMean:

@@ -25,7 +25,7 @@ from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_sl
 from updater.statistics import ModalMean
 from updater.structure import Structure
 
-_MODEL_ERROR = 2e-3  # of ln f: what no parameter of a beam model explains
+FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _START = 1e-3  # where it begins
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
@@ -129,7 +129,7 @@ class _Misfit:
         self._structure, self._knobs, self._paired = structure, knobs, paired
         self._meetings = meetings(structure)
         self._goal = measured.log_frequency
-        self._tolerance = np.hypot(measured.log_frequency_std, _MODEL_ERROR)
+        self._tolerance = np.hypot(measured.log_frequency_std, FREQUENCY_ERROR)
         self._solved = lru_cache(1)(self._solve)
 
     def _solve(self, *x: float) -> tuple[Model, Modes]:

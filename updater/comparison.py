@@ -19,7 +19,7 @@ from updater.errors import ModalDataError
 from updater.lags import dampings_of, lags_of, unsure_of
 from updater.modal_checks import check_event
 from updater.reference import Reference
-from updater.shape_errors import beside, foreign_modes, nearer_modes, shape_whiteners
+from updater.shape_errors import beside, foreign_modes, nearer_modes, shape_whiteners, turned_back
 from updater.statistics import COMMON_STD, ModalMean
 
 BoolArray = npt.NDArray[np.bool_]
@@ -169,6 +169,7 @@ def compare(
     base, event = base.only(tracks), event.only(tracks)
     ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
+    model_error = model_error * reference.doubt
     model_variance = (2 * model_error) ** 2 * shift * shift.mean()
     variance = event.log_frequency_std**2 + base.log_frequency_std**2 + model_variance
     check_event(base, event)
@@ -278,7 +279,8 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     """Return whitened residuals (n_alternatives, n_data): log frequencies, shapes, their lags, log damping."""
     shape, n = predicted.shape, len(predicted.shape)
     frequency = (comparison.log_ratio - predicted.log_ratio) @ whitener.matrix.T
-    off = np.einsum("icd,pid->pic", comparison.shape_whitener, _undone(predicted, beside(comparison.shape, shape)))
+    rest = turned_back(_undone(predicted, beside(comparison.shape, shape)), _undone(predicted, shape), comparison.base)
+    off = np.einsum("icd,pid->pic", comparison.shape_whitener, rest)
     blocks = [frequency, off.reshape(n, -1)]
     if comparison.phased.any():
         sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate, pair_modes
-from updater.calibration import Calibration, calibrate, channel_rows
+from updater.calibration import FREQUENCY_ERROR, Calibration, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.fe.model import Model
@@ -32,6 +32,16 @@ class Reference:
     def paired(self) -> IndexArray:
         """Model mode of each track (n_tracks,)."""
         return self.calibration.paired
+
+    @property
+    def doubt(self) -> float:
+        """How much more the model may be wrong about a change than one that answers to the baseline as it should.
+
+        At least 1. What it gets wrong about the structure as it was says so: a body that nobody told it of, say.
+        """
+        calibrated = np.log(self.calibration.modes.frequency[self.paired])
+        rms = np.sqrt(np.mean((calibrated - self.baseline.log_frequency) ** 2))
+        return float(max(rms / FREQUENCY_ERROR, 1.0))
 
     def at_channels(self, channels: tuple[str, ...]) -> FloatArray:
         """Return the modes at sensors (n_channels, n_modes)."""

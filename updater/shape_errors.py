@@ -94,3 +94,22 @@ def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
     """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
+
+
+def turned_back(rest: FloatArray, shape: FloatArray, base: FloatArray) -> FloatArray:
+    """Return what lies beside predicted shapes as it lies beside the baseline's, by the turn from one to the other.
+
+    There the errors are known. A mode that has turned far towards its neighbour has as much less of itself: that is no
+    error of its own.
+
+    Parameters
+    ----------
+    rest : (..., n, n_channels) orthogonal to `shape`
+    shape : (..., n, n_channels) predicted, of any norm and sign
+    base : (n, n_channels) unit norm
+    """
+    along = (shape * base).sum(-1, keepdims=True)
+    length = np.linalg.norm(shape, axis=-1, keepdims=True)
+    unit = shape * (np.where(along < 0, -1.0, 1.0) / np.maximum(length, 1e-300))
+    share = (rest * base).sum(-1, keepdims=True) / (1 + np.abs(along) / np.maximum(length, 1e-300))
+    return np.asarray(rest - share * (unit + base))

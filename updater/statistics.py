@@ -14,6 +14,7 @@ from updater.modal_checks import check_windows
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
 _AS_STATED = 1000  # degrees of freedom of deviations that are taken at their word
 _WORTH_WINDOWS = 4  # that this knowledge is worth: eight windows of eight modes tell it to a third
+_WORTH_DATA = 20  # that stated deviations are worth, where windows scatter by less
 _LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K)
 
@@ -179,14 +180,14 @@ class Scatter:
     of freedom. A shape's components err together, largely along the modes nearest in frequency.
     """
 
-    frequency_factor: float  #: real over stated standard deviation of log frequency [-]
+    frequency_factor: float  #: real over stated standard deviation of log frequency, as far as believed [-]
     shape_factor: float  #: the same for shapes [-]
     shape_overdispersion: float  #: how many of a shape's components err as one, by the variance of chi-square [-]
     phase_factor: float  #: real over stated standard deviation of the shapes' imaginary parts [-]
     phase_overdispersion: float  #: how many of the imaginary part's components err as one [-]
     damping_factor: float  #: real over stated standard deviation of damping [-]
-    degrees_of_freedom: int  #: of frequency_factor
-    window_std: FloatArray  #: (n_tracks,) of one window's log frequency, factor included
+    degrees_of_freedom: int  #: of window_std
+    window_std: FloatArray  #: (n_tracks,) of one window's log frequency, as windows scatter
 
     def mean(self, modes: TrackedModes) -> ModalMean:
         """Average windows with the standard deviations that the baseline has shown to be real."""
@@ -218,7 +219,7 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
     shape_factor, shape_overdispersion = _spread_of_shapes(modes.shape, modes.shape_std)
     phase_factor, phase_overdispersion = _spread_of_shapes(modes.imaginary, modes.shape_std)
     return Scatter(
-        frequency_factor=factor,
+        frequency_factor=_believed(factor, freedom),
         degrees_of_freedom=freedom,
         window_std=factor * stated,
         shape_factor=shape_factor,
@@ -229,6 +230,16 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
             (modes.damping - _mean(modes.damping)) / np.maximum(np.sqrt(_mean(modes.damping_std**2)), _LEAST_DAMPING)
         ),
     )
+
+
+def _believed(factor: float, freedom: int) -> float:
+    """Return the real over the stated standard deviation; less than is stated is believed as far as there are data.
+
+    Three windows of seven modes may scatter by half of what is stated, and their mean still be off by all of it.
+    """
+    if factor >= 1:
+        return factor
+    return float(np.sqrt((_WORTH_DATA + freedom * factor**2) / (_WORTH_DATA + freedom)))
 
 
 def _factor(z: FloatArray) -> float:
