@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from sealed_frame import Frame, Lump, Prop, Vector, Zone
@@ -10,6 +11,7 @@ from sealed_specimen import Random, State
 from daq import FloatArray
 
 UNIT = 210e9 * 9.3e-8 / 1.48  #: E I / L of the column [N m]
+_CLEAR = 0.06  # m: from a stretch's end to the foot, the joint or a free end
 _EULER = np.pi**2 * UNIT / (4 * 1.48)  # N, of the column
 
 
@@ -100,8 +102,10 @@ def local_stiffness(state: State, random: Random) -> Done:
     """Take 20 to 70 % of the stiffness of 3 to 30 cm of a bar, off the foot, the joint and the free ends."""
     bar = state.frame.bars[int(random.random() > 0.65)]
     extent, loss = log_uniform(random, 0.03, 0.3), random.uniform(0.2, 0.7)
+    widest = max(b - a for a, b in pairwise(_stops(state.frame, bar.name)))
+    extent = min(extent, 0.95 * (widest - 2 * _CLEAR))  # there must be a place for it
     middle = 0.0
-    while not _is_clear(state.frame, bar.name, middle, extent / 2 + 0.06):
+    while not _is_clear(state.frame, bar.name, middle, extent / 2 + _CLEAR):
         middle = random.uniform(0, bar.length)
     zone = _cut(middle, extent, 1 - loss)
     frame = state.frame.with_bar(bar.name, zones=(*bar.zones, zone))
@@ -114,8 +118,13 @@ def _cut(middle: float, extent: float, left: float) -> Zone:
 
 
 def _is_clear(frame: Frame, bar: str, s: float, margin: float) -> bool:
-    stops = (0.0, frame.bar(bar).length) if bar == "column" else (0.0, frame.middle, frame.bar(bar).length)
-    return all(abs(s - stop) > margin for stop in stops)
+    return all(abs(s - stop) > margin for stop in _stops(frame, bar))
+
+
+def _stops(frame: Frame, bar: str) -> tuple[float, ...]:
+    """Foot, joint and free ends along a bar [m]."""
+    length = frame.bar(bar).length
+    return (0.0, length) if bar == "column" else (0.0, frame.middle, length)
 
 
 def support_stiffness(state: State, random: Random) -> Done:

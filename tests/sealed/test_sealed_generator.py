@@ -132,3 +132,9 @@ def test_what_is_done_leaves_the_specimen_before_alone() -> None:
     done: Done = draw("support_stiffness", 11).done
     assert done.before.frame == draw_state(11).frame
     assert done.after.frame != done.before.frame
+
+
+def test_a_stretch_too_long_for_the_crossbeam_is_shorter() -> None:
+    """Of the 30 cm that may be drawn, 27 have a place between the joint and an end; a draw of more had no end."""
+    (hidden,) = draw("local_stiffness", 676400012).done.hidden
+    assert 0.26 < hidden.parameters["extent"] < 0.28
