@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from daq import EPSON_SCALE, Block, Event, Flag, Item
+from daq import EPSON_SCALE, Block, Event, Flag, Item, LogWriter
 
 START = 1_767_225_600_000_000_000  #: ns UTC
 
@@ -64,3 +65,12 @@ def some_items() -> list[Item]:
         items += [make_block("a", 250 * k, seed=1), make_block("b", 70_000 + 250 * k, seed=2)]
         items.append(Event(topic="/event/note", time=START - k, payload={"k": k, "text": "ä", "list": [1.5, None]}))
     return items
+
+
+def write_log(path: Path, blocks: list[Block]) -> Path:
+    """Write a log of blocks and nothing else."""
+    writer = LogWriter(path, {})
+    for block in blocks:
+        writer.write(block)
+    writer.close()
+    return path

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from daq_helpers import START, make_block
+from daq_helpers import START, make_block, write_log
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rrd_helpers import Rrd
@@ -135,17 +135,9 @@ def times_of(path: Path, device: str) -> IndexArray:
         return np.array([message.log_time for _, _, message in messages])
 
 
-def write(path: Path, blocks: list[Block]) -> Path:
-    writer = LogWriter(path, {})
-    for block in blocks:
-        writer.write(block)
-    writer.close()
-    return path
-
-
 @pytest.mark.parametrize(("clock", "one"), [("SYNC of a bus 1", True), ("", False)])
 def test_scans_on_one_clock_have_one_time(tmp_path: Path, clock: str, one: bool) -> None:
-    expand_log(write(tmp_path / "log.mcap", shared(clock)), tmp_path / "view.mcap")
+    expand_log(write_log(tmp_path / "log.mcap", shared(clock)), tmp_path / "view.mcap")
     a, b = (times_of(tmp_path / "view.mcap", device) for device in "ab")
     assert (a == b).all() == one
     assert np.abs(a - b).max() < LATE
@@ -156,13 +148,13 @@ def test_a_device_that_is_lost_meanwhile_comes_back_on_the_shared_clock(tmp_path
     blocks = [b for b in shared("SYNC of a bus 1") if b.device == "a" or not 1000 <= b.first_index < 2200]
     back = next(k for k, b in enumerate(blocks) if b.device == "b" and b.first_index >= 2200)
     blocks[back] = replace(blocks[back], flags=Flag.RESTARTED)
-    expand_log(write(tmp_path / "log.mcap", blocks), tmp_path / "view.mcap")
+    expand_log(write_log(tmp_path / "log.mcap", blocks), tmp_path / "view.mcap")
     a, b = (times_of(tmp_path / "view.mcap", device) for device in "ab")
     np.testing.assert_array_equal(b, np.concatenate([a[:1000], a[2200:]]))
 
 
 def test_what_is_known_of_devices_being_late_is_taken_out(tmp_path: Path) -> None:
-    log = write(tmp_path / "log.mcap", shared("SYNC of a bus 1"))
+    log = write_log(tmp_path / "log.mcap", shared("SYNC of a bus 1"))
     expand_log(log, tmp_path / "view.mcap")
     expand_log(log, tmp_path / "known.mcap", {"b": 3.25e-3})
     for device, late in (("a", 0), ("b", 3_250_000)):

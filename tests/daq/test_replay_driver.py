@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from daq_helpers import START, make_block
+from daq_helpers import START, make_block, write_log
 
 from daq import (
     Block,
@@ -20,7 +20,6 @@ from daq import (
     IntArray,
     Item,
     LogAddress,
-    LogWriter,
     ScaledClock,
     make_driver,
 )
@@ -28,14 +27,6 @@ from daq import (
 SPEED = 10.0
 RATE = 1000.0
 PERIOD = 1_000_000  # ns
-
-
-def write(path: Path, blocks: list[Block]) -> Path:
-    writer = LogWriter(path, {})
-    for block in blocks:
-        writer.write(block)
-    writer.close()
-    return path
 
 
 def at_time(device: str, first: int, *, shift: int = 0) -> Block:
@@ -57,7 +48,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
             blocks.append(at_time("a", 250 * k))
         blocks.append(replace(at_time("b", 250 * k, shift=SHIFT), first_index=70_000 + 250 * k))
     blocks = [replace(b, pair_index=b.end_index - 1) for b in blocks]
-    return write(tmp_path_factory.mktemp("log") / "run.mcap", blocks)
+    return write_log(tmp_path_factory.mktemp("log") / "run.mcap", blocks)
 
 
 def played(log: Path, devices: str, seconds: float) -> dict[str, list[Item]]:
@@ -140,7 +131,7 @@ def test_end_of_the_log_is_the_loss_of_the_device(log: Path) -> None:
 def test_device_that_was_lost_is_lost_again_and_goes_on_where_it_did(tmp_path: Path) -> None:
     """8 s at ten times real time are more than the 0.25 s that a device may be silent."""
     late = [at_time("a", first) for first in (8_000, 8_250)]
-    log = write(tmp_path / "lost.mcap", [at_time("a", 0), at_time("a", 250), *late])
+    log = write_log(tmp_path / "lost.mcap", [at_time("a", 0), at_time("a", 250), *late])
     items = played(log, "a", 1.2)["a"]
     topics = [item.topic.removeprefix("/event/") for item in items if isinstance(item, Event)]
     assert topics[:4] == ["device_open", "device_lost", "device_back", "gap"]
@@ -156,9 +147,9 @@ def test_device_that_was_lost_is_lost_again_and_goes_on_where_it_did(tmp_path: P
 
 def other_version(folder: Path) -> Iterator[tuple[Path, str, float, str]]:
     """Yield what cannot be played: path, device, rate, why."""
-    good = write(folder / "good.mcap", [at_time("a", 0), at_time("b", 0)])
+    good = write_log(folder / "good.mcap", [at_time("a", 0), at_time("b", 0)])
     (folder / "text.mcap").write_text("no log")
-    write(folder / "empty.mcap", [])
+    write_log(folder / "empty.mcap", [])
     yield folder / "none.mcap", "a", RATE, r"none\.mcap: cannot be read"
     yield folder / "text.mcap", "a", RATE, r"text\.mcap: is not an MCAP log"
     yield folder / "empty.mcap", "a", RATE, "the log has no scans"
