@@ -41,7 +41,7 @@ _ROTATE = 5.0  # min: a soak has more of its files than a site in a day
 _LOOK = 1.0  # s
 _WINDOW, _BASELINE = 20.0, 8  # s; windows
 _START = 180.0  # s that the monitor may take to start, on a machine that has other work
-_VIEWER_MB = 16  # the least: what is kept for viewers that come late is full soon, and then flat
+_VIEWER_MB = 4  # the least: what is kept for viewers that come late is full soon, and then flat
 _CHANGED = 110.0  # s before the end: when the structure changes
 _END = 0.5  # s before the end: what is on its way then
 

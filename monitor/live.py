@@ -12,12 +12,16 @@ from contextlib import contextmanager
 from multiprocessing.queues import Queue
 
 from daq import Block, Item
-from monitor.processes import deaf_to_stop_signals, handed_over, queue_to_child, received
+from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received
 from monitor.settings import Settings
 
 _HOST = "127.0.0.1"
 _WAITING = 2000  # items that may wait for the view
 _END_SECONDS = 3.0
+_ENVIRONMENT = {
+    "RERUN_ANALYTICS": "0",
+    "MIMALLOC_PURGE_DELAY": "0",  # rerun's allocator gives back at once what is free; else it grows for hours
+}
 
 
 def live_urls(port: int) -> tuple[str, str]:
@@ -54,7 +58,7 @@ class LiveView:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = queue_to_child(_WAITING)
         self._process = context.Process(target=_serve, args=(*self._arguments, self._inbox), name="viewer", daemon=True)
-        with deaf_to_stop_signals():
+        with environment(_ENVIRONMENT), deaf_to_stop_signals():
             self._process.start()
         handed_over(self._inbox)
         self.served = True

@@ -1,9 +1,10 @@
 """Processes of the monitor's own: what they hear of signals, and when they end."""
 
 import multiprocessing
+import os
 import queue
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from multiprocessing.queues import Queue
@@ -25,6 +26,21 @@ def deaf_to_stop_signals() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Have processes that are started here find these variables, which libraries read when they are loaded."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def queue_to_child(capacity: int = 0) -> "Queue[T]":

@@ -9,7 +9,7 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
-from monitor.processes import deaf_to_stop_signals, handed_over, queue_to_child, received
+from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received
 from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
 
 if TYPE_CHECKING:
@@ -70,18 +70,9 @@ class Worker:
         self._process = context.Process(target=_analyse, args=arguments, name="analysis", daemon=True)
 
     def __enter__(self) -> Self:
-        before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-        os.environ.update(_ENVIRONMENT)  # read by the child when it loads numpy: one thread, the same sums on every run
-        try:
-            with deaf_to_stop_signals():
-                self._process.start()
-            handed_over(self._inbox)
-        finally:
-            for name, value in before.items():
-                if value is None:
-                    del os.environ[name]
-                else:
-                    os.environ[name] = value
+        with environment(_ENVIRONMENT), deaf_to_stop_signals():  # one thread of BLAS: the same sums on every run
+            self._process.start()
+        handed_over(self._inbox)
         return self
 
     def __exit__(self, *_: object) -> None:

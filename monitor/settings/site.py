@@ -141,7 +141,7 @@ class ViewerSettings(Section):
 
     port: Annotated[int, Field(ge=1, le=65534)] = 9876
     """of the live results; signals on the next one; without a `[viewer]` section nothing is served"""
-    memory_mb: Annotated[int, Field(ge=16)] = 256
+    memory_mb: Annotated[int, Field(ge=4)] = 256
     """results kept for viewers that come late; the oldest go first"""
 
 

@@ -13,7 +13,7 @@ from monitor.results import ReferenceResult
 from monitor.viewer.cards import diagnosis_card
 from monitor.viewer.diagnosed_layout import SECONDS_TIMELINE, diagnosis_layout
 from monitor.viewer.diagnosed_plots import draw_evidence, draw_mac, draw_offsets, draw_sensors
-from monitor.viewer.draw import recording_file, style
+from monitor.viewer.draw import once, recording_file
 from monitor.viewer.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, signed_heat
 from monitor.viewer.scene import TUBE, sensors, supports
 from monitor.words import cause_text, plain
@@ -128,5 +128,5 @@ def _signals(recording: rr.RecordingStream, found: DiscrepancyResult) -> None:
         column = rr.TimeColumn(SECONDS_TIMELINE, duration=seconds)
         for name, values, colour in (("measured", signal.measured, TEXT), ("predicted", signal.predicted, SENSOR)):
             path = f"/signals/{signal.channel}/{name}"
-            style(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.4]))
+            once(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.4]))
             recording.send_columns(path, [column], rr.Scalars.columns(scalars=list(values)))

@@ -18,7 +18,7 @@ from monitor.results import WindowResult
 from monitor.viewer.palette import FAINT, GREY, Colour
 
 APPLICATION = "modalwatch"
-_styled: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
+_said: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
 TIME, PHASE = "time", "phase"
 
 
@@ -71,9 +71,9 @@ def times(values: Sequence[int] | npt.NDArray[np.int64]) -> rr.TimeColumn:
     return rr.TimeColumn(TIME, timestamp=np.asarray(values, np.int64).astype("datetime64[ns]"))
 
 
-def style(recording: rr.RecordingStream, path: str, archetype: rr.SeriesLines | rr.SeriesPoints) -> None:
-    """Say how a series looks, once a recording: a server never forgets what stands for ever."""
-    said = _styled.setdefault(recording, set())
+def once(recording: rr.RecordingStream, path: str, archetype: rr.AsComponents) -> None:
+    """Say what stands for ever, and only the first time: a server keeps each repetition, before all that has a time."""
+    said = _said.setdefault(recording, set())
     if (path, type(archetype)) not in said:
         said.add((path, type(archetype)))
         recording.log(path, archetype, static=True)
@@ -83,8 +83,8 @@ def line(
     recording: rr.RecordingStream, path: str, name: str, colour: Colour, column: rr.TimeColumn, values: Sequence[float]
 ) -> None:
     """Draw a line with its points over time; it breaks where a value is not a number."""
-    style(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.6]))
-    style(recording, path, rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[2.5]))
+    once(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.6]))
+    once(recording, path, rr.SeriesPoints(colors=[colour], names=[name], marker_sizes=[2.5]))
     recording.send_columns(path, [column], rr.Scalars.columns(scalars=values))
 
 
@@ -92,7 +92,7 @@ def rule(
     recording: rr.RecordingStream, path: str, name: str, colour: Colour, span: tuple[int, int], value: float
 ) -> None:
     """Draw a level line over a stretch of time [ns UTC]."""
-    style(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.0]))
+    once(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.0]))
     recording.send_columns(path, [times(span)], rr.Scalars.columns(scalars=[value, value]))
 
 
@@ -192,4 +192,7 @@ def text(
 ) -> None:
     """Write labels at places (n, 2) of a drawing."""
     points = rr.Points2D(places, radii=0.0, colors=list(colours), labels=list(labels), show_labels=True)
-    recording.log(path, points, static=static)
+    if static:
+        once(recording, path, points)
+    else:
+        recording.log(path, points)

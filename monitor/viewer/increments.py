@@ -11,7 +11,7 @@ from monitor.geometry import Geometry
 from monitor.results import MassIncrements
 from monitor.story import Story, thin
 from monitor.unrolled import Unrolled, ticks
-from monitor.viewer.draw import Axes, at, text
+from monitor.viewer.draw import Axes, at, once, text
 from monitor.viewer.numbers import write_increments
 from monitor.viewer.palette import ALARM, DIM, GREY, REGION, SENSOR, TEXT, signed_heat
 from monitor.viewer.scene import SIDE, TUBE, supports
@@ -36,7 +36,7 @@ def draw_increments(recording: rr.RecordingStream, story: Story, *, static: bool
     panels = [_panel(unrolled, row, largest) for row in range(len(DIRECTIONS))]
     _frames(recording, unrolled, panels, unit, static=static)
     for direction in DIRECTIONS:
-        recording.log(f"/increments/{direction}", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        once(recording, f"/increments/{direction}", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         supports(recording, f"/increments/{direction}", geometry)
     for time, increments in found:
         at(recording, time)

@@ -43,7 +43,6 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
     items : blocks and events as they are logged
     """
     os.nice(10)  # acquisition and analysis come first
-    os.environ.setdefault("RERUN_ANALYTICS", "0")
     settings = parse_settings(site)
     if settings.viewer is None:
         raise ValueError("site: expected a [viewer] section, found none")

@@ -11,7 +11,7 @@ from daq import FloatArray
 from monitor.geometry import Geometry, screen
 from monitor.results import MassAnswer, ReferenceResult, WindowResult
 from monitor.story import Story, thin
-from monitor.viewer.draw import at
+from monitor.viewer.draw import at, once
 from monitor.viewer.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
 from monitor.words import share_text
 
@@ -75,11 +75,11 @@ def supports(recording: rr.RecordingStream, base: str, geometry: Geometry) -> No
     half = geometry.size * np.array([0.06, 0.06, 0.01])
     feet = geometry.nodes[geometry.held] - [0, 0, half[2]]
     plates = rr.Boxes3D(centers=feet, half_sizes=np.tile(half, (len(feet), 1)), colors=[DIM], fill_mode="solid")
-    recording.log(f"{base}/supports", plates, static=True)
+    once(recording, f"{base}/supports", plates)
     name = "foot" if len(feet) == 1 else "support"
     below = feet - [0, 0, 2 * half[2]]
     labels = rr.Points3D(below, radii=0.0, colors=[GREY], labels=[name] * len(feet), show_labels=True)
-    recording.log(f"{base}/supports/names", labels, static=True)
+    once(recording, f"{base}/supports/names", labels)
 
 
 def sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:

@@ -73,3 +73,4 @@ class SignalStream:
             if channel.device == device and channel.axis < values.shape[1]:
                 scalars = rr.Scalars.columns(scalars=values[:, channel.axis])
                 self._recording.send_columns(signal_path(channel.name), [column], scalars)
+        self._recording.flush()  # what waits, waits before this process, where it is bounded and counted

@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from monitor.story import Story, find_mode
-from monitor.viewer.draw import band, ends, line, rule, style
+from monitor.viewer.draw import band, ends, line, once, rule
 from monitor.viewer.palette import ALARM, GREY, TEXT, mode_colour
 
 SIGMAS = 3.0  # of the control band
@@ -49,7 +49,7 @@ def _learning(recording: rr.RecordingStream, story: Story) -> None:
     if not pairs:
         return
     look = rr.SeriesPoints(colors=[GREY], names=["found while learning"], marker_sizes=[2.5])
-    style(recording, "/trend/found", look)
+    once(recording, "/trend/found", look)
     columns = rr.Scalars.columns(scalars=[f for _, f in pairs])
     recording.send_columns("/trend/found", [ends([w for w, _ in pairs])], columns)
 
@@ -63,7 +63,7 @@ def _frequency(recording: rr.RecordingStream, story: Story, number: int) -> None
         column = ends(story.watched)
         band(recording, f"{path}/measured", f"mode {number} ± 2σ", mode_colour(number), column, values, spread)
         look = rr.SeriesPoints(colors=[mode_colour(number)], names=[f"mode {number}"], marker_sizes=[2.5])
-        style(recording, f"{path}/seen", look)  # a window alone between two gaps makes no line
+        once(recording, f"{path}/seen", look)  # a window alone between two gaps makes no line
         recording.send_columns(f"{path}/seen", [column], rr.Scalars.columns(scalars=values))
     for mode in story.reference.modes if story.reference else []:
         if mode.id == number:
