@@ -1,7 +1,9 @@
 """What a live view keeps of a watch of years: no more than it shows, and it tells all of it once."""
 
+from collections import Counter
 from pathlib import Path
 
+import answers_helpers as answers
 import pytest
 import rerun as rr
 import viewer_helpers as made
@@ -68,3 +70,25 @@ def test_a_long_watch_is_told_once_and_is_not_kept(run: Story, tmp_path: Path) -
         assert list(zip(times.tolist(), [state for (state,) in states], strict=True)) == expected
     times, _ = rrd.rows("/events", "TextLog:text")
     assert sorted(times.tolist()) == sorted(time for time, _, _ in events(run))
+
+
+def test_what_stands_for_ever_is_said_once_however_long_an_alarm_lasts(tmp_path: Path) -> None:
+    """A server keeps all of it, before anything that has a time."""
+    found = answers.with_findings(SITE, made.whole_run(SITE, n_learning=5, n_before=2, n_after=6))
+    recording = rr.RecordingStream(APPLICATION, recording_id="alarm", send_properties=False)
+    recording.save(tmp_path / "alarm.rrd")
+    live = LiveResults(recording, "bridge", parse_settings(SETTINGS))
+    live.add(found["reference"])
+    for window in found["windows"]:
+        live.add(window)
+    recording.disconnect()
+    batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in Rrd(tmp_path / "alarm.rrd").chunks]
+    static = Counter(
+        (path, name)
+        for path, batch in batches
+        if not {"time", "phase", "log_time", "log_tick"} & set(batch.schema.names)
+        for name in batch.num_rows * batch.schema.names
+        if ":" in name
+    )
+    assert static["/increments/x/supports", "Boxes3D:centers"] == 1
+    assert not [what for what, times in static.items() if times > 1]
