@@ -1,5 +1,6 @@
 """Processes of the monitor's own: what they hear of signals, and when they end."""
 
+import ctypes
 import multiprocessing
 import os
 import queue
@@ -13,6 +14,7 @@ from typing import TypeVar
 T = TypeVar("T")
 _READER, _ENDS_WITH_ITS_READER = "_reader", "_ignore_epipe"  # of a queue; concurrent.futures uses them likewise
 _LOOK_SECONDS = 2.0  # between looks at whether the parent lives
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # as glibc's malloc.h has them
 
 
 @contextmanager
@@ -26,6 +28,18 @@ def deaf_to_stop_signals() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def give_back_memory() -> None:
+    """Have glibc's malloc give back what is free, and not keep a heap a thread; others are left as they are.
+
+    By itself it keeps more with every large block that was ever freed: a watch of years would hold what it needed in
+    its worst moment, in pieces. To be called before threads are started.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt:
+        for option, value in ((_ARENA_MAX, 2), (_MMAP_THRESHOLD, 256 * 1024), (_TRIM_THRESHOLD, 128 * 1024)):
+            mallopt(option, value)
 
 
 @contextmanager

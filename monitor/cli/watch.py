@@ -16,6 +16,7 @@ from monitor.inbox import Acknowledgement, leave
 from monitor.live import LiveView, live_view
 from monitor.memory import recall
 from monitor.mending import mend_logs
+from monitor.processes import give_back_memory
 from monitor.replay import replay
 from monitor.results import AlarmResult
 from monitor.site import Site, load_site
@@ -39,6 +40,7 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     given : KEY=VALUE each, instead of what the file says
     as_json : whether what happens is said as an object a line
     """
+    give_back_memory()
     site = load_site(path, given)
     mended = list(mend_logs(site.folder / site.settings.recorder.folder))
     for said in mended:
