@@ -155,6 +155,12 @@ def learn_changed(
     PairingError
         If fewer than three are watched, or one has no partner in the model any more.
     """
+    if len(watched) < 3:
+        seen = f"only mode {', '.join(map(str, watched + 1))}" if len(watched) else "none"
+        raise PairingError(
+            f"{seen} of {tracker.reference.n_modes} is seen since the change, at least 3 are needed to watch by: "
+            "are the sensors well? The alarm stands until they are seen again; it can be acknowledged"
+        )
     estimates = [window.in_time for window in windows]
     tracks = [tracker.assign(estimate)[watched] for estimate in estimates]
     learnt = learn_reference(structure, estimates, tracks, reference.delays)

@@ -102,6 +102,11 @@ class LiveView:
             self.dropped += 1
 
     @property
+    def waiting(self) -> int:
+        """Items that the view has not taken yet."""
+        return self._inbox.qsize() if self._process else 0
+
+    @property
     def pid(self) -> int:
         """Number of the serving process; 0 if there is none."""
         return (self._process.pid or 0) if self._process else 0

@@ -105,6 +105,11 @@ class Outlets:
         return self._server.problem if self._server else self._web_failed
 
     @property
+    def waiting(self) -> int:
+        """Items that the live view has not taken yet."""
+        return self._live.waiting if self._live else 0
+
+    @property
     def problems(self) -> dict[str, Any]:
         """What is wrong with each, None if nothing is."""
         troubled = "; ".join(courier.problem for courier in self._couriers if courier.problem)

@@ -292,7 +292,11 @@ class Running:
             "memory": self._memory.problem,
             "temperature": self._reads.problem if self._reads else None,
             "analysis": None if self._worker else "its process has died; it is started again",
-            "waiting": {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0},
+            "waiting": {
+                "log": self._log.waiting,
+                "analysis": self._worker.waiting if self._worker else 0,
+                "view": self._outlets.waiting,
+            },
             "bad_bytes": self._devices.bad_bytes,
         }
 

@@ -220,3 +220,4 @@ def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: p
         shown(live, [block(0)] * 50)
         assert time.monotonic() - start < 0.5
         assert live.dropped >= 50 - 3
+        assert 1 <= live.waiting <= 3
