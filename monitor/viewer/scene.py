@@ -70,16 +70,25 @@ def _bare(recording: rr.RecordingStream, geometry: Geometry) -> None:
     recording.log("/structure/mass", rr.Clear(recursive=True))
 
 
+def plates(geometry: Geometry) -> rr.Boxes3D:
+    """Return a plate under each support."""
+    half = _plate(geometry)
+    feet = geometry.nodes[geometry.held] - [0, 0, half[2]]
+    return rr.Boxes3D(centers=feet, half_sizes=np.tile(half, (len(feet), 1)), colors=[DIM], fill_mode="solid")
+
+
 def supports(recording: rr.RecordingStream, base: str, geometry: Geometry) -> None:
     """Draw a plate and a name at each support."""
-    half = geometry.size * np.array([0.06, 0.06, 0.01])
-    feet = geometry.nodes[geometry.held] - [0, 0, half[2]]
-    plates = rr.Boxes3D(centers=feet, half_sizes=np.tile(half, (len(feet), 1)), colors=[DIM], fill_mode="solid")
-    once(recording, f"{base}/supports", plates)
-    name = "foot" if len(feet) == 1 else "support"
-    below = feet - [0, 0, 2 * half[2]]
-    labels = rr.Points3D(below, radii=0.0, colors=[GREY], labels=[name] * len(feet), show_labels=True)
+    once(recording, f"{base}/supports", plates(geometry))
+    below = geometry.nodes[geometry.held] - [0, 0, 3 * _plate(geometry)[2]]
+    names = ["foot" if len(below) == 1 else "support"] * len(below)
+    labels = rr.Points3D(below, radii=0.0, colors=[GREY], labels=names, show_labels=True)
     once(recording, f"{base}/supports/names", labels)
+
+
+def _plate(geometry: Geometry) -> FloatArray:
+    """Return half the size of a support's plate (3,) [m]."""
+    return np.asarray(geometry.size * np.array([0.06, 0.06, 0.01]))
 
 
 def sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:

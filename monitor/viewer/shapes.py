@@ -9,8 +9,8 @@ from daq import FloatArray
 from monitor.geometry import Geometry, screen
 from monitor.results import ReferenceMode, ReferenceResult
 from monitor.viewer.draw import PHASE, at
-from monitor.viewer.palette import DIM, GREY, TEXT, mode_colour
-from monitor.viewer.scene import TUBE
+from monitor.viewer.palette import GREY, TEXT, mode_colour
+from monitor.viewer.scene import TUBE, plates
 
 SIDE = (32.0, 28.0)  # degrees: azimuth and elevation of the viewer
 _SWING = 0.12  # of the structure's size, largest displacement: more, and a beam that bends towards the eye folds
@@ -78,10 +78,7 @@ def _still(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: R
     """Draw what does not move: the structure at rest, and ghosts of the motion."""
     colour, thin = mode_colour(mode.id), rr.Radius.ui_points(1.1)
     recording.log(f"{base}/rest", rr.LineStrips3D(geometry.strips(), colors=[GREY], radii=thin), static=True)
-    half = geometry.size * np.array([0.06, 0.06, 0.01])
-    feet = geometry.nodes[geometry.held] - [0, 0, half[2]]
-    plates = rr.Boxes3D(centers=feet, half_sizes=np.tile(half, (len(feet), 1)), colors=[DIM], fill_mode="solid")
-    recording.log(f"{base}/supports", plates, static=True)
+    recording.log(f"{base}/supports", plates(geometry), static=True)
     swing = _swing(geometry, mode)
     ghosts = [strip for share in _GHOSTS for strip in geometry.strips(share * swing)]
     alpha = [110 if share == -1.0 else 50 for share in _GHOSTS for _ in geometry.lines]

@@ -5,7 +5,7 @@ import rerun as rr
 
 from daq import Block, Channel, Flag, Recording, ScanClock, ScanClocks
 from monitor.results import ReferenceResult
-from monitor.viewer.draw import times
+from monitor.viewer.draw import once, times
 from monitor.viewer.palette import SENSOR
 
 SECONDS = 10.0
@@ -25,7 +25,7 @@ def draw_signals(recording: rr.RecordingStream, signals: Recording) -> None:
 
 def _style(recording: rr.RecordingStream, channel: str) -> None:
     style = rr.SeriesLines(colors=[SENSOR], names=[channel], widths=[0.9], aggregation_policy="MinMax")
-    recording.log(signal_path(channel), style, static=True)
+    once(recording, signal_path(channel), style)
 
 
 def signal_path(channel: str) -> str:
