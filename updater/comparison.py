@@ -23,7 +23,7 @@ from updater.shape_errors import beside, foreign_modes, nearer_modes, shape_whit
 from updater.statistics import COMMON_STD, ModalMean
 
 BoolArray = npt.NDArray[np.bool_]
-MODEL_ERROR = 0.02  #: of a mode's typical displacement: what the reference gets wrong about it at any point
+MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
 SHAPE_BIAS = 6e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed

@@ -32,8 +32,7 @@ from updater.wording import LEAST_P, modes_of, named_causes, oddest, rejected_ca
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
-_MUCH = 20.0  # of log evidence foreseen: where one more is tried though the fit is good
-_MUCH_IN_A_FILE = 8.0  # the same of a model that was fitted to nothing: it is wrong in more than one way
+_MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
@@ -125,8 +124,7 @@ def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
         promises = several.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
         if not promises:
             break
-        much = _MUCH if weighing.reference.calibration.parameters else _MUCH_IN_A_FILE
-        if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + much:
+        if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
             break
         more = [c for c in several.together(promises) if c.earned(found)]
         found = sorted([*found, *more], key=lambda c: -c.log_evidence)

@@ -7,13 +7,15 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate, pair_modes
-from updater.calibration import FREQUENCY_ERROR, Calibration, calibrate, channel_rows
+from updater.calibration import Calibration, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks, stated_scatter
 from updater.structure import Structure
+
+_GOOD = 1e-3  # rms of ln f: how well a good model answers to the baseline
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,11 +39,12 @@ class Reference:
     def doubt(self) -> float:
         """How much more the model may be wrong about a change than one that answers to the baseline as it should.
 
-        At least 1. What it gets wrong about the structure as it was says so: a body that nobody told it of, say.
+        At least 1. What it gets wrong about the structure as it was says so: a body that nobody told it of, say. A
+        baseline that is not known well says little for it.
         """
         calibrated = np.log(self.calibration.modes.frequency[self.paired])
-        rms = np.sqrt(np.mean((calibrated - self.baseline.log_frequency) ** 2))
-        return float(max(rms / FREQUENCY_ERROR, 1.0))
+        off = np.maximum(np.abs(calibrated - self.baseline.log_frequency), self.baseline.log_frequency_std)
+        return float(max(np.sqrt(np.mean(off**2)) / _GOOD, 1.0))
 
     def at_channels(self, channels: tuple[str, ...]) -> FloatArray:
         """Return the modes at sensors (n_channels, n_modes)."""
