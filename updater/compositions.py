@@ -121,16 +121,16 @@ class Compositions:
                 found[key] = fitted
 
         for promise in self._worth_fitting(promises):
-            keep(self._settled(promise.chosen))
+            keep(self.settled(promise.chosen))
         best = max(found.values(), key=lambda c: c.log_evidence)
         keep(self._at_rest(best))
         for other in self._elsewhere(best):
-            keep(self._at_rest(self._settled(other.chosen)))
+            keep(self._at_rest(self.settled(other.chosen)))
         tried = None
         while tried is not (best := max(found.values(), key=lambda c: c.log_evidence)):
             tried = best
             for chosen in self._alike(best):
-                keep(self._at_rest(self._settled(chosen)))
+                keep(self._at_rest(self.settled(chosen)))
         return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
 
     def _worth_fitting(self, promises: Sequence[Promise]) -> list[Promise]:
@@ -147,7 +147,7 @@ class Compositions:
     def _at_rest(self, fitted: Candidate) -> Candidate:
         """Fit again, each cause beside the others where these have come to, while that is better."""
         for _ in range(_TURNS):
-            again = self._settled(fitted.chosen)
+            again = self.settled(fitted.chosen)
             if again.log_evidence < fitted.log_evidence + _STILL:
                 return max(fitted, again, key=lambda c: c.log_evidence)
             fitted = again
@@ -182,8 +182,8 @@ class Compositions:
                 found.append((*others, Chosen(other, 0, np.zeros(len(other.prior_std)))))
         return found
 
-    def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
-        """Fit all alternatives of each cause beside the best of the others, the last one first."""
+    def settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
+        """Return causes fitted in turn, all alternatives of each beside the best of the others, the last one first."""
         parts: list[Fit[Cause]] = []
         for _ in chosen:
             *others, last = chosen

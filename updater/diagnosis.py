@@ -3,7 +3,9 @@
 Laplace evidence with proper priors chooses (a cause that can be anywhere must earn its freedom); nothing at all is one
 of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or
 one more promises much to first order, more together are tried, up to three, while the evidence grows. If the best of
-them does not fit (p under 1e-3, of several together 0.03) the diagnosis says so and names nothing.
+them does not fit (p under 1e-3, of several together 0.03) the diagnosis says so and names nothing. All this is first
+done with twice the model error that is believed: first order misses less where less is held against it. What is found
+so is then judged, and taken on, with the error that is believed.
 """
 
 from collections.abc import Callable
@@ -18,7 +20,7 @@ from updater.candidates import Candidate, Weighing, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
-from updater.comparison import Comparison, compare
+from updater.comparison import MODEL_ERROR, Comparison, compare
 from updater.compositions import Compositions, common
 from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
@@ -33,6 +35,8 @@ _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
+_ROUGHER = 2.0  # times the model error that is believed, to search with
+_WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
@@ -61,7 +65,7 @@ class _Case:
     reference: Reference
     event: ModalMean
     data: Comparison
-    singles: list[Candidate]
+    singles: list[Candidate]  #: as searched for
     weighing: Weighing
 
 
@@ -89,20 +93,24 @@ def diagnose(
         If fewer than three modes can be compared.
     """
     data = compare(reference, event, circumstances=circumstances)
-    weighing = Weighing(reference, data, on_cause)
-    singles = weighing.singles()
-    case = _Case(reference, event, data, singles, weighing)
+    rough = compare(reference, event, circumstances=circumstances, model_error=_ROUGHER * MODEL_ERROR)
+    search = Weighing(reference, rough, on_cause)
+    singles = search.singles()
+    case = _Case(reference, event, data, singles, Weighing(reference, data, on_cause))
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
-    if _nothing(weighing, singles):
-        return _refused("nothing_to_explain", case, weighing.log_nothing, "None: the data are what the reference says.")
-    found = _stepwise(weighing, [c for c in singles if c.effective])
-    if not found or found[0].p_value < (LEAST_P if len(found[0].chosen) == 1 else _LEAST_P_TOGETHER):
-        every = sorted((*singles, *found), key=lambda c: -c.log_evidence)
-        return _refused("unexplained", case, every[0].log_evidence, oddest(data, every[0].chosen))
+    if _nothing(search, singles):
+        return _refused("nothing_to_explain", case, search.log_nothing, "None: the data are what the reference says.")
+    found = _stepwise(search, [c for c in singles if c.effective], rough=True)
+    best = max((*singles, *found), key=lambda c: c.log_evidence)
+    if found and _fits(found[0]):
+        found = _judged(case.weighing, found)
+    if not found or not _fits(found[0]):
+        odd = found[0] if found else best
+        return _refused("unexplained", case, best.log_evidence, oddest(data, odd.chosen))
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
-        return _refused("unexplained", case, found[0].log_evidence, _STREWN)
-    return _explained(case, found, compare(reference, heldout) if heldout else None)
+        return _refused("unexplained", case, best.log_evidence, _STREWN)
+    return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
 
 
 def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
@@ -112,14 +120,31 @@ def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
     return share >= np.log(1 - _SURE) and weighing.nothing.p_value >= LEAST_P
 
 
-def _stepwise(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
-    """Return single causes and, where one more promises much, compositions of ever more while the evidence grows."""
+def _fits(best: Candidate) -> bool:
+    return best.p_value >= (LEAST_P if len(best.chosen) == 1 else _LEAST_P_TOGETHER)
+
+
+def _judged(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
+    """Return what a search has found that is worth it, and what it leads to, weighed anew."""
+    several = Compositions(weighing)
+    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING]
+    again = [several.settled(c.chosen) for c in near[:_MOST_JUDGED]]
+    return _stepwise(weighing, sorted(again, key=lambda c: -c.log_evidence), rough=False)
+
+
+def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> list[Candidate]:
+    """Return single causes and, where one more promises much, compositions of ever more while the evidence grows.
+
+    Parameters
+    ----------
+    rough : whether it is enough that what is found is no misfit, however much one more would promise
+    """
     several = Compositions(weighing)
     for size in range(1, _MOST):
         ranked = [c for c in found if len(c.chosen) == size]
         seeds = ranked[:_SEEDS]
         seeds += [c for c in ranked[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
-        if not seeds or found[0] is not seeds[0]:
+        if not seeds or found[0] is not seeds[0] or (rough and found[0].p_value >= _DOUBTFUL):
             break
         promises = several.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
         if not promises:
@@ -143,8 +168,13 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
     return Explained(diagnosis, None)
 
 
-def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) -> Explained:
-    """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one."""
+def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Comparison | None) -> Explained:
+    """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
+
+    Parameters
+    ----------
+    searched : log evidence of the best, as `case.singles` have theirs
+    """
     named, sure, left_open = named_causes(case.data, found, _SURE)
     best = found[0]
     chosen = agreeing(case.data, best.chosen)
@@ -159,7 +189,7 @@ def _explained(case: _Case, found: list[Candidate], heldout: Comparison | None) 
     gained = gain_on_heldout(heldout, chosen) if heldout and heard else gain_left_out(case.data, chosen)
     diagnosis = Diagnosis(
         causes=named,
-        rejected=rejected_causes(case.singles, accepted, best.log_evidence),
+        rejected=rejected_causes(case.singles, accepted, searched),
         modes=modes_of(case.reference, case.event, case.data, chosen),
         gain=gained.gain if gained.significant else None,
         next_measurement=_next(case, left_open) or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
