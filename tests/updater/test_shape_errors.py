@@ -32,7 +32,7 @@ def test_a_mode_turned_towards_another_is_off_along_that_one_alone() -> None:
 
 
 def test_a_reference_that_fits_badly_is_believed_less() -> None:
-    """400 g that nobody told the model of: its frequencies are several times 0.2 % off after calibration."""
+    """400 g that nobody told the model of: its frequencies are 1.6 % off after calibration."""
     plain, _, _ = learnt(611)
     laden, _, _ = learnt(611, Change(bodies=(Body(at=(0, 0, 0.7), mass=0.4),)))
     assert plain.doubt == 1.0
