@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -67,14 +67,17 @@ def played(log: AnyLog) -> Iterator[Shown]:
                 yield result_event(later), True
 
 
-def client(url: str) -> subprocess.Popen[bytes]:
-    """Start rerun's own client, which reads what is served and throws it away."""
+@contextmanager
+def client(url: str) -> Iterator[psutil.Process]:
+    """Run rerun's own client, which reads what is served and throws it away."""
     rerun = shutil.which("rerun", path=str(Path(sys.executable).parent))
     port = int(url.rpartition(":")[2].partition("/")[0])
     while socket.socket().connect_ex(("127.0.0.1", port)):
         time.sleep(0.1)
     command = [str(rerun), "--bind", "127.0.0.1", "--port", str(free_port()), "--save", "/dev/null", url]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as running:
+        yield psutil.Process(running.pid)
+        running.kill()
 
 
 def show(live: LiveView, item: Item) -> None:
@@ -103,8 +106,7 @@ def main() -> None:
     lows = [math.inf] * _PARTS
     with ExitStack() as stack:
         live = stack.enter_context(live_view(parse_settings(text), attached["structure.toml"], text))
-        for url in live_urls(port) if asked.client else ():
-            stack.callback(client(url).kill)
+        clients = [stack.enter_context(client(url)) for url in live_urls(port) if asked.client]
         shown, process = 0, psutil.Process(live.pid)
         for item, is_window in played(log):
             show(live, item)
@@ -115,7 +117,10 @@ def main() -> None:
             if shown == asked.windows:
                 break
         seconds = sum(process.cpu_times()[:2])
+        read = [sum(sum(one.cpu_times()[:2]) for one in (each, *each.children())) for each in clients]
     print(f"{asked.windows} windows{', clients' * asked.client}: {', '.join(f'{low:.1f}' for low in lows)} MB")
+    if read:
+        print(f"the clients took {' and '.join(f'{each:.1f}' for each in read)} s of processor")
     print(
         f"{1000 * seconds / asked.windows:.0f} ms of processor a window; {live.dropped} items dropped; {live.problem}"
     )
