@@ -19,7 +19,7 @@ from oma import (
     identify_all,
     normalise,
 )
-from updater import learn_scatter, mean_modes, stack_tracks
+from updater import doubles, learn_scatter, mean_modes, stack_tracks
 
 LEAST_PRESENCE = 0.7  #: share of windows that must show a mode for it to be tracked [-]
 _MODAL = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
@@ -135,7 +135,7 @@ def _channel_states(faults: Sequence[dict[str, str]]) -> dict[str, str]:
 
 
 def choose_tracks(
-    estimates: Sequence[ModalEstimate], least_presence: float = LEAST_PRESENCE
+    estimates: Sequence[ModalEstimate], least_presence: float = LEAST_PRESENCE, *, identified: bool = True
 ) -> tuple[ModalEstimate, IndexArray, list[IndexArray]]:
     """Find the modes that most windows show.
 
@@ -143,6 +143,7 @@ def choose_tracks(
     ----------
     estimates : of the windows
     least_presence : share of windows that must show a mode [-]
+    identified : whether windows may have one mode twice by chance, which goes then; else that is someone's mistake
 
     Returns
     -------
@@ -153,6 +154,8 @@ def choose_tracks(
     seed = max(estimates, key=lambda e: e.n_modes)
     assigned = np.array([Tracker(reference=seed).assign(e) for e in estimates])
     kept = np.flatnonzero((assigned >= 0).mean(0) >= least_presence)
+    if identified and len(kept):
+        kept = np.delete(kept, doubles(mean_modes(stack_tracks(estimates, list(assigned[:, kept])))))
     return seed, kept, list(assigned[:, kept])
 
 

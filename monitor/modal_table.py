@@ -54,7 +54,7 @@ def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
     estimates = [t.estimate for t in tables]
     if len({t.shaped for t in tables}) > 1:
         raise LogError(paths[0], "expected mode shapes in all tables of one state, or in none")
-    _, kept, tracks = choose_tracks(estimates)
+    _, kept, tracks = choose_tracks(estimates, identified=False)
     if len(kept) < 3:
         raise LogError(paths[0], f"expected at least 3 modes that the tables have in common, found {len(kept)}")
     return Observation(

@@ -25,6 +25,7 @@ from updater.increments import Expansion, expand_changes, expand_shapes
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
+from updater.modal_checks import doubles
 from updater.modal_mass import ModalMass, mass_of_modes
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
@@ -151,6 +152,7 @@ __all__ = [
     "channel_rows",
     "densities",
     "diagnose",
+    "doubles",
     "dump_structure",
     "estimate_delays",
     "ever_fewer",

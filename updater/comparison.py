@@ -26,6 +26,7 @@ BoolArray = npt.NDArray[np.bool_]
 MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
+_UNKNOWN = 0.1  # of a unit shape's square, from which on it is not known
 SHAPE_BIAS = 6e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
 
@@ -228,7 +229,7 @@ def _new_modes(
     at_channels: FloatArray,
     frequency: FloatArray,
 ) -> NewModes | None:
-    """Return those whose shape is known at the channels.
+    """Return those whose shape is known at the channels: what mixes two close modes is no new one.
 
     Their shapes are of what shakes the structure at one place: of each mode as much as that moves there, which the
     reference gets wrong as for `_foreign`, and as it answers.
@@ -236,7 +237,8 @@ def _new_modes(
     if extra is None:
         return None
     extra = extra.at(channels)
-    extra = extra.only(np.flatnonzero(np.isfinite(extra.shape + extra.shape_std).all(1)))
+    known = np.isfinite(extra.shape + extra.shape_std).all(1) & ((extra.shape_std**2).sum(1) < _UNKNOWN)
+    extra = extra.only(np.flatnonzero(known))
     if not len(extra.log_frequency):
         return None
     variance = overdispersion * extra.shape_std**2 + SHAPE_BIAS**2 + MODEL_ERROR**2 / len(channels)

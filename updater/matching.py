@@ -23,18 +23,21 @@ _FAULT_COST = 0.3  # that a fault of the measuring chain must save in all
 def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
     """Return for each mode of the baseline (n_tracks,) the event's mode, or -1.
 
-    The one-to-one assignment of least sum of (1 - MAC) + 2 |d ln f|. Two channels that were exchanged, or one that was
-    turned, spoil every MAC; so it is sought with each such fault undone, and one is believed for this purpose only.
-    Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are none.
+    The one-to-one assignment of least sum of (1 - MAC) + 2 |d ln f|, the MAC less what is not known of the event's
+    shape: the mean of several that mix two modes looks like one of them. Two channels that were exchanged, or one that
+    was turned, spoil every MAC; so it is sought with each such fault undone, and one is believed for this purpose
+    only. Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are
+    none.
 
     Parameters
     ----------
     baseline, event : (n_tracks,) and (n_modes,) at the same channels
     """
     distance = np.abs(event.log_frequency[None, :] - baseline.log_frequency[:, None])
+    unknown = np.minimum((event.shape_std**2).sum(1), 1.0)
     best = None
     for cost, chain in _chains(len(baseline.channels)):
-        assurance = mac_matrix(baseline.shape, chain(event.shape))
+        assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
         whole = 1 - assurance + _FREQUENCY_WEIGHT * distance
         row, column = linear_sum_assignment(whole)
         total = cost + float(whole[row, column].sum())

@@ -68,6 +68,15 @@ def check_baseline(modes: "ModalMean") -> None:
         _refuse_doubled(modes, one, other)
 
 
+def doubles(modes: "ModalMean") -> IndexArray:
+    """Return the tracks that are another one's mode once more, of both the one whose shape is known less well.
+
+    Identification may take one of two close modes for two where the other is hardly shaken.
+    """
+    unknown = (modes.shape_std**2).sum(1)
+    return np.unique([max(pair, key=lambda track: unknown[track]) for pair in _alike(modes)]).astype(np.intp)
+
+
 def check_event(baseline: "ModalMean", event: "ModalMean") -> None:
     """Refuse an event that is not of the baseline's structure, or not in its unit.
 

@@ -16,6 +16,7 @@ from daq import FloatArray, IndexArray
 from updater.comparison import Comparison, Prediction
 
 _SPLIT = 0.05  # of a compared mode, that is what hangs on the structure: then either of two modes may be meant
+_NEAR = 0.5  # of ln f: how far what hangs on a structure may yet answer from where it is begun
 _LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
 
@@ -122,7 +123,8 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
 def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:
     """Append the modes that came with what hangs on the structure: most of it, and no successor of a compared one.
 
-    Where it splits a mode in two that are half its own each, the order of what is measured says which is which.
+    Where it splits a mode in two that are half its own each, the order of what is measured says which is which; where
+    only one of the two was, that is the compared mode's.
     """
     every = np.arange(len(pick))
     for own in range(len(comparison.frequency), share.shape[1]):
@@ -132,18 +134,23 @@ def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value
         split = np.argmax(np.take_along_axis(share[:, own, :], pick[:, : len(comparison.paired)], axis=1), axis=1)
         other = pick[every, split]
         mixed = share[every, own, other] > _SPLIT
-        new = _nearest_extra(comparison, value[every, column] ** -0.5 / (2 * np.pi))
         now = (comparison.frequency[comparison.paired] * np.exp(comparison.log_ratio))[split]
-        wrong = mixed & ((new < now) != (value[every, column] > value[every, other]))
+        first, second = (value[every, each] ** -0.5 / (2 * np.pi) for each in (column, other))
+        new = _nearest_extra(comparison, first)
+        nearer = np.abs(np.log(first / now)) < np.abs(np.log(second / now))
+        wrong = mixed & np.where(np.isnan(new), nearer, (new < now) != (first < second))
         pick = np.column_stack([pick, np.where(wrong, other, column)])
         pick[wrong, split[wrong]] = column[wrong]
     return pick
 
 
 def _nearest_extra(comparison: Comparison, frequency: FloatArray) -> FloatArray:
-    """Return the frequency of the nearest mode that the baseline has not (n,) [Hz]; the same where there is none."""
+    """Return the frequency of the nearest mode that the baseline has not (n,) [Hz]; NaN where none is near."""
     extra = comparison.extra_frequency
-    return extra[np.argmin(np.abs(np.log(extra / frequency[:, None])), axis=1)] if len(extra) else frequency
+    if not len(extra):
+        return np.full(len(frequency), np.nan)
+    away = np.abs(np.log(extra / frequency[:, None]))
+    return np.where(away.min(1) < _NEAR, extra[np.argmin(away, axis=1)], np.nan)
 
 
 def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -98,6 +98,30 @@ def test_what_hangs_on_is_placed_weighed_and_tuned(
     np.testing.assert_allclose(extended, true, rtol=5e-3)
 
 
+@pytest.mark.parametrize(("seed", "frequency"), [(866, 75.0), (867, 98.0)])
+def test_one_whose_own_mode_nobody_saw_is_found_beside_the_mode_that_it_moves(
+    learnt: tuple[Reference, Model], seed: int, frequency: float
+) -> None:
+    """A twelfth of the mode's frequency above or below: each of the two is half the oscillator's, and one is seen.
+
+    Nor does what mixes two close modes pass for the mode that was not.
+    """
+    reference, bare = learnt
+    at, mass = (0.0, 0.0, 1.04), 0.06
+    event, _ = event_of(reference, hung(bare, at, 1, mass, frequency), seed)
+    split = reference.baseline.log_frequency
+    print(np.exp(event.log_frequency), np.exp(split))
+    mixed = event.only(np.array([0]))
+    mixed = replace(mixed, log_frequency=mixed.log_frequency - 0.003, shape_std=np.full((1, 12), 0.2))
+    (cause,) = diagnose(reference, event, circumstances=Circumstances(extra=mixed)).diagnosis.causes
+    assert cause.cause == "attached_oscillator"
+    assert cause.where is not None
+    assert cause.where.position is not None
+    assert np.linalg.norm(np.subtract(cause.where.position, at)) < 0.03
+    assert cause.parameters["frequency"].value == pytest.approx(frequency, rel=0.03)
+    assert cause.parameters["mass"].value == pytest.approx(mass, rel=0.15)
+
+
 @pytest.mark.parametrize("seed", range(871, 873))
 def test_a_mode_of_any_shape_is_nobodys(learnt: tuple[Reference, Model], seed: int) -> None:
     """Something that identification took for a mode: at a random frequency, of a random shape."""

@@ -1,5 +1,7 @@
 """Modes of two logs are paired whatever happened between."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from updater_helpers import measure, t_frame, true_model
@@ -37,6 +39,23 @@ def test_exchanged_channels_do_not_hide_the_modes(pair: tuple[int, int]) -> None
 def test_a_heavy_body_that_turns_and_crosses_modes_does_not_hide_them() -> None:
     event = mean(5, Body(at=(0.38, 0, 1.48), mass=0.5, inertia=(1e-4, 1e-4, 1e-4)))
     assert (match_modes(mean(6), event) >= 0).sum() >= 7
+
+
+def test_a_mean_of_mixtures_is_not_taken_for_the_mode_that_it_looks_like() -> None:
+    """Windows that mix the lowest two modes with either sign have a mean that looks like the second, and say so."""
+    event = mean(11)
+    first, second = event.shape[:2]
+    mixture = np.outer((-0.9, 0.8, 0.1), first) + second
+    unsure = replace(
+        event,
+        log_frequency=event.log_frequency + 0.03 + np.r_[0.0, 0.01, np.zeros(6)],
+        shape=np.vstack([mixture.mean(0) / np.linalg.norm(mixture.mean(0)), event.shape[1:]]),
+        shape_std=np.vstack([np.abs(first) * 0.5, event.shape_std[1:]]),
+    )
+    baseline = mean(12).only(np.arange(1, 8))  # in which the first was not seen
+    np.testing.assert_array_equal(match_modes(baseline, unsure), np.arange(1, 8))
+    well_known = replace(unsure, shape_std=event.shape_std)
+    assert match_modes(baseline, well_known)[0] == 0
 
 
 def test_matched_is_in_the_baselines_order_with_gaps() -> None:

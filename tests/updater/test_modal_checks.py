@@ -13,9 +13,11 @@ from updater import (
     ModalMean,
     Reference,
     diagnose,
+    doubles,
     learn_reference,
     locate_mass,
     matched,
+    mean_modes,
     nominal_reference,
     stack_tracks,
 )
@@ -109,6 +111,14 @@ def test_a_doubled_mode_is_refused_before_and_after(reference: Reference) -> Non
     event = reference.mean_of(stack_tracks([doubled(e) for e in windows(3, 2)], unmoved(3)))
     with pytest.raises(ModalDataError, match="tracks 2 and 3 are one mode twice"):
         locate_mass(reference, event)
+
+
+def test_of_a_doubled_mode_the_less_known_is_the_double() -> None:
+    twice = mean_modes(stack_tracks([doubled(e) for e in windows(3, 1)], unmoved(3)))
+    assert doubles(twice).tolist() == [2]
+    wide = np.where(np.arange(8)[:, None] == 3, 2.0, 1.0) * twice.shape_std
+    assert doubles(replace(twice, shape_std=wide)).tolist() == [3]
+    assert not len(doubles(mean_modes(stack_tracks(windows(3, 1), unmoved(3)))))
 
 
 def test_a_frequency_of_unknown_certainty_is_refused(reference: Reference, event: ModalMean) -> None:
