@@ -101,6 +101,15 @@ class Comparison:
         return replace(self, plain=_whitener(np.diag(variance)), drifting=_whitener(np.diag(variance) + COMMON_STD**2))
 
     @property
+    def log_det_of_shapes(self) -> float:
+        """Log determinant of the shapes' whiteners, as far as their components are data of their own.
+
+        The same for all hypotheses; not for another model error.
+        """
+        diagonal = np.diagonal(self.shape_whitener[self.shaped], axis1=1, axis2=2)
+        return float(np.log(diagonal).sum() / self.overdispersion)
+
+    @property
     def heard_at_channels(self) -> FloatArray:
         """The reference's modes (n_channels, n_modes) as the channels say them, whose faults the baseline has seen."""
         heard = self.at_channels.copy()

@@ -187,7 +187,8 @@ class Compositions:
         parts: list[Fit[Cause]] = []
         for _ in chosen:
             *others, last = chosen
-            found = fit(self.weighing.data, Beside(self.weighing.causes[last.cause.name], tuple(others), fresh=True))
+            free = self.weighing.causes[last.cause.name]
+            found = fit(self.weighing.data, Beside(free, tuple(others), fresh=bool(others)))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one

@@ -4,12 +4,12 @@ Laplace evidence with proper priors chooses (a cause that can be anywhere must e
 of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or
 one more promises much to first order, more together are tried, up to three, while the evidence grows. If the best of
 them does not fit (p under 1e-3, of several together 0.03) the diagnosis says so and names nothing. All this is first
-done with twice the model error that is believed: first order misses less where less is held against it. What is found
-so is then judged, and taken on, with the error that is believed.
+done with twice the error of a good model: first order misses less where less is held against it. What is found so is
+then judged, and taken on, with that error itself, unless the evidence says that the model is worse.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,8 @@ _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
-_ROUGHER = 2.0  # times the model error that is believed, to search with
+_ROUGHER = 2.0  # times the model error that a good model has, to search with
+_LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by that much
 _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
@@ -92,11 +93,10 @@ def diagnose(
     ValueError
         If fewer than three modes can be compared.
     """
-    data = compare(reference, event, circumstances=circumstances)
-    rough = compare(reference, event, circumstances=circumstances, model_error=_ROUGHER * MODEL_ERROR)
-    search = Weighing(reference, rough, on_cause)
+    less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
+    search = Weighing(reference, compare(reference, event, circumstances=circumstances, model_error=less), on_cause)
     singles = search.singles()
-    case = _Case(reference, event, data, singles, Weighing(reference, data, on_cause))
+    case = _Case(reference, event, search.data, singles, search)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if _nothing(search, singles):
@@ -104,10 +104,10 @@ def diagnose(
     found = _stepwise(search, [c for c in singles if c.effective], rough=True)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and _fits(found[0]):
-        found = _judged(case.weighing, found)
+        case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
     if not found or not _fits(found[0]):
         odd = found[0] if found else best
-        return _refused("unexplained", case, best.log_evidence, oddest(data, odd.chosen))
+        return _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
     return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
@@ -124,12 +124,27 @@ def _fits(best: Candidate) -> bool:
     return best.p_value >= (LEAST_P if len(best.chosen) == 1 else _LEAST_P_TOGETHER)
 
 
-def _judged(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
-    """Return what a search has found that is worth it, and what it leads to, weighed anew."""
+def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Case, list[Candidate]]:
+    """Weigh what a search has found anew, and what it leads to, with the model error that is believed.
+
+    As it was found it stays where the evidence says that the model is wrong by as much as was searched with.
+
+    Parameters
+    ----------
+    data : with that error
+    """
+    weighing = Weighing(case.reference, data, case.weighing.on_cause)
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING]
     again = [several.settled(c.chosen) for c in near[:_MOST_JUDGED]]
-    return _stepwise(weighing, sorted(again, key=lambda c: -c.log_evidence), rough=False)
+    judged = _stepwise(weighing, sorted(again, key=lambda c: -c.log_evidence), rough=False)
+    evidence, searched = (
+        judged[0].log_evidence + data.log_det_of_shapes,
+        found[0].log_evidence + case.data.log_det_of_shapes,
+    )
+    if evidence < searched + _LOG_ODDS_ROUGH:
+        return case, found
+    return replace(case, data=data, weighing=weighing), judged
 
 
 def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> list[Candidate]:
