@@ -25,23 +25,39 @@ def windows(shift: FloatArray, seed: int) -> TrackedModes:
     )
 
 
+UNKNOWN = np.full(N, np.nan)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_and_a_few_gross_errors_are_one_state_and_a_slide_is_not(seed: int) -> None:
     random = np.random.default_rng((seed, 1))
     scatter = learn_scatter(windows(np.zeros((N, 6)), seed + 100))
-    assert is_steady(windows(np.zeros((N, 6)), seed), scatter)
+    assert is_steady(windows(np.zeros((N, 6)), seed), scatter, UNKNOWN, UNKNOWN)
     wrong = np.where(random.random((N, 6)) < 0.05, 0.05, 0.0)
-    assert is_steady(windows(wrong, seed), scatter)
+    assert is_steady(windows(wrong, seed), scatter, UNKNOWN, UNKNOWN)
     slide = np.linspace(0, 0.02, N)[:, None] * random.uniform(0.3, 1.0, 6)
-    assert not is_steady(windows(slide, seed), scatter)
+    assert not is_steady(windows(slide, seed), scatter, UNKNOWN, UNKNOWN)
 
 
 def test_what_goes_with_temperature_is_one_state() -> None:
     warmth = np.random.default_rng(6).uniform(10, 30, N)
     warm = windows(np.outer(-2e-4 * warmth, np.ones(6)), 7)
     scatter = learn_scatter(windows(np.zeros((N, 6)), 8))
-    assert is_steady(warm, scatter, warmth)
-    assert is_steady(warm, scatter, warmth, np.full(N, np.nan))
+    assert is_steady(warm, scatter, np.ones(N), warmth)
+    assert is_steady(warm, scatter, UNKNOWN, warmth)
     hot = windows(np.outer(-2e-3 * warmth, np.ones(6)), 7)
-    assert is_steady(hot, scatter, warmth)
-    assert not is_steady(hot, scatter)
+    assert is_steady(hot, scatter, UNKNOWN, warmth)
+    assert not is_steady(hot, scatter, UNKNOWN, UNKNOWN)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_goes_with_amplitude_is_one_state_as_far_as_it_may(seed: int) -> None:
+    """Bolts soften by per cents where it shakes twice as much; five windows that slide go with a tenth more as well."""
+    rms = np.geomspace(0.01, 0.03, N)
+    scatter = learn_scatter(windows(np.zeros((N, 6)), seed + 100))
+    softer = windows(np.outer(-0.02 * np.log(rms / rms[0]), np.linspace(0.3, 1.0, 6)), seed)
+    assert is_steady(softer, scatter, rms, UNKNOWN)
+    assert not is_steady(softer, scatter, UNKNOWN, UNKNOWN)
+    louder = 0.01 * (1 + 0.1 * np.linspace(0, 1, N))
+    slide = windows(np.outer(np.linspace(0, 0.05, N), np.linspace(0.3, 1.0, 6)), seed)
+    assert not is_steady(slide, scatter, louder, UNKNOWN)
