@@ -7,7 +7,7 @@ from updater.statistics import Scatter, TrackedModes
 
 _FAR = 3.0  # standard deviations from the median of the windows
 _LARGEST_FACTOR = 3.0  # of real over stated deviations: where the same windows taught it, a slide did
-_MOST_SOFTENING = 0.05  # of ln f over that of amplitude
+_MOST_SOFTENING = 0.1  # of ln f over the rms to its mean: some times what buildings soften in earthquakes
 _MOST_WARMING = 4e-3  # of ln f a kelvin: ten times steel's, for asphalt that stiffens and bearings that jam
 _MOST_FAR = 0.25  # of all modes in all windows: identification itself errs grossly in a few per cent
 
@@ -28,7 +28,7 @@ def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperat
     n = len(windows.log_frequency)
     known = [
         ((values - values.mean()) / np.ptp(values), most * np.ptp(values))
-        for values, most in ((np.log(rms), _MOST_SOFTENING), (temperature, _MOST_WARMING))
+        for values, most in ((rms / np.mean(rms), _MOST_SOFTENING), (temperature, _MOST_WARMING))
         if np.isfinite(values).all() and np.ptp(values) > 0
     ]
     design = np.column_stack([np.ones(n), *(values for values, _ in known)])
