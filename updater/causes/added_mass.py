@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.fit import Fit
 
-DENSITY_STD = 0.015  # of the structure's own mass: frequencies weigh a body only as a share of it
+DENSITY_STD = 0.015  # of the structure's own mass: frequencies tell a body, a spring or a force only as a share of it
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are

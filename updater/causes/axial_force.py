@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.added_mass import DENSITY_STD
 from updater.causes.base import Discrete
 from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import may_be_cut
@@ -69,8 +70,8 @@ class AxialForce(Discrete):
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the force that was added, negative in compression."""
         unit, best = float(self.buckling[fit.best]), fit.best
-        std = float(fit.covariance[best, 0, 0] ** 0.5)
-        return {"force": Quantity(value=unit * float(fit.theta[best, 0]), std=unit * std, unit="N")}
+        value, std = unit * float(fit.theta[best, 0]), unit * float(fit.covariance[best, 0, 0] ** 0.5)
+        return {"force": Quantity(value=value, std=float(np.hypot(std, DENSITY_STD * value)), unit="N")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the member's preload."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.added_mass import DENSITY_STD
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import (
@@ -89,7 +90,7 @@ class SupportSpring(Stretches):
         theta = np.clip(fit.theta[:, 0], _LEAST, _MOST)
         log = np.log(np.expm1(theta) / self.at(fit.theta, np.arange(len(theta)))[1])
         mean, std = float(share @ log), np.sqrt(fit.covariance[:, 0, 0]) / -np.expm1(-theta)
-        spread = float(np.sqrt(share @ (std**2 + (log - mean) ** 2)))
+        spread = float(np.sqrt(share @ (std**2 + (log - mean) ** 2) + DENSITY_STD**2))
         value = float(np.exp(mean))
         return {f"stiffness_{AXES[axis]}": Quantity(value=value, std=value * spread, unit="N/m")}
 
