@@ -9,7 +9,7 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
-from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received
+from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received, trim_memory
 from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
 
 if TYPE_CHECKING:
@@ -159,6 +159,8 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[Told | None]") ->
             said = True
         if said and task.keep:
             outbox.put(Kept(memory_text(pipeline.memory)))
+        if said:
+            trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
     outbox.cancel_join_thread()  # the parent was killed: nobody will ever read what is still on its way
 
 

@@ -24,18 +24,36 @@ print(libc.mallinfo2().mapped - before)
 """
 
 
-def mapped(first: str) -> int:
-    """Return how much more is mapped from the system for a million bytes, in a process of its own."""
-    found = subprocess.run(
-        [sys.executable, "-c", MAPPED.format(first=first)], capture_output=True, text=True, check=True
-    )
-    return int(found.stdout)
+TRIMMED = """
+from monitor.processes import trim_memory
+def resident():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * 4096
+blocks = [bytes(2000) for _ in range(50_000)]
+kept = blocks[::100]  # which keep the heap from shrinking by itself
+del blocks
+before = resident()
+trim_memory()
+print(before - resident())
+"""
+of_glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc's malloc alone")
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc's malloc alone")
+def said(script: str) -> int:
+    """Return the number that a script prints, run in a process of its own."""
+    return int(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
+
+
+@of_glibc
 def test_large_blocks_go_back_to_the_system_also_after_a_larger_one_was_freed() -> None:
-    assert mapped("") == 0
-    assert mapped("from monitor.processes import give_back_memory\ngive_back_memory()") >= 1_000_000
+    first = "from monitor.processes import give_back_memory\ngive_back_memory()"
+    assert said(MAPPED.format(first="")) == 0
+    assert said(MAPPED.format(first=first)) >= 1_000_000
+
+
+@of_glibc
+def test_small_blocks_go_back_to_the_system_from_between_those_that_are_kept() -> None:
+    assert said(TRIMMED) > 50_000_000  # of 100 million bytes
 
 
 def test_variables_are_as_before_once_the_processes_are_started(monkeypatch: pytest.MonkeyPatch) -> None:
