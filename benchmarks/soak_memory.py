@@ -7,9 +7,9 @@ from soak_rig import CYCLE
 
 HOUR = 3600.0  # s: the last one of a soak, in which no process is ended, is the one that is judged
 _SETTLED = CYCLE  # s of a process's life before that: everything is loaded and has run once, and rings are full
-# MB/h. An hour tells no less than the first: the lows scatter by some tenths of a megabyte. Analysis and view work by
-# the window, of which a soak has 180 an hour, more than a site in a day; what malloc keeps between two windows moves by
-# some megabytes, and what rerun keeps for viewers is full after some 200 windows.
+# MB/h. The hour has 72 faults: with one a day, 2 MB/h are 10 MB a year. Less it cannot tell, as the lows scatter by some
+# tenths of a megabyte; those of analysis and view, which take and give back much with each window, by some megabytes.
+# What grows with time or windows, and not with faults, is to be looked at faster than they come: docs/soak.md.
 MOST = {"monitor": 2.0, "pages": 2.0, "analysis": 10.0, "view": 10.0}
 
 
