@@ -3,7 +3,6 @@
 import ctypes
 import multiprocessing
 import os
-import queue
 import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,8 +11,7 @@ from multiprocessing.queues import Queue
 from typing import TypeVar
 
 T = TypeVar("T")
-_READER, _ENDS_WITH_ITS_READER = "_reader", "_ignore_epipe"  # of a queue; concurrent.futures uses them likewise
-_LOOK_SECONDS = 2.0  # between looks at whether the parent lives
+_READER, _WRITER, _ENDS_WITH_ITS_READER = "_reader", "_writer", "_ignore_epipe"  # of a queue; concurrent.futures too
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # as glibc's malloc.h has them
 
 
@@ -82,13 +80,16 @@ def handed_over(outgoing: "Queue[T]") -> None:
 
 
 def received(inbox: "Queue[T]") -> Iterator[T]:
-    """Yield what comes from the parent, for as long as it lives: one that was killed can tell nobody to end."""
-    parent = multiprocessing.parent_process()
+    """Yield what comes from the parent, for as long as it lives: one that was killed can tell nobody to end.
+
+    The child gives up its copy of the writing end, so that the pipe ends with the parent, amid an item if need be. As
+    long as that was open, a child waited for good for the rest of what its parent was saying when it was killed.
+    """
+    writer: Connection = getattr(inbox, _WRITER)
+    writer.close()
     while True:
         try:
-            item = inbox.get(timeout=_LOOK_SECONDS)
-        except queue.Empty:
-            if parent is not None and not parent.is_alive():
-                return
-            continue
+            item = inbox.get()
+        except (EOFError, OSError):
+            return
         yield item

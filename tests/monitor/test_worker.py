@@ -9,6 +9,7 @@ import threading
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 from end_to_end_helpers import START, site_toml
 
@@ -116,3 +117,30 @@ def test_analysis_ends_when_its_parent_was_killed(tmp_path: Path) -> None:
     while stat.exists() and " Z " not in stat.read_text() and time.monotonic() < end:
         time.sleep(0.2)
     assert not stat.exists() or " Z " in stat.read_text()
+
+
+KILLED = """
+import os, signal, time
+from end_to_end_helpers import site_toml
+from daq import Event
+from monitor.worker import Worker
+from updater import t_structure_toml
+with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0)) as running:
+    print(running._process.pid, flush=True)
+    running.feed(Event(topic="/event/long", time=0, payload={"text": 10_000_000 * "x"}))
+    time.sleep(0.2)  # the pipe is full now: the child has yet to load numpy
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_analysis_ends_with_a_monitor_that_was_killed_amid_an_item() -> None:
+    with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True) as killed:
+        assert killed.stdout is not None
+        child = int(killed.stdout.readline())
+        assert killed.wait(30) == -signal.SIGKILL
+    end = time.monotonic() + 15
+    while psutil.pid_exists(child) and psutil.Process(child).status() != psutil.STATUS_ZOMBIE:
+        if time.monotonic() > end:
+            os.kill(child, signal.SIGKILL)
+            raise AssertionError("it still waits after 15 s")
+        time.sleep(0.1)
