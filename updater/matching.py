@@ -31,8 +31,10 @@ def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
 
     Parameters
     ----------
-    baseline, event : (n_tracks,) and (n_modes,) at the same channels
+    baseline, event : (n_tracks,) and (n_modes,) at the same channels; NaN in the event for a mode that was not seen
     """
+    known = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1))
+    event = event.only(known)
     distance = np.abs(event.log_frequency[None, :] - baseline.log_frequency[:, None])
     unknown = np.minimum((event.shape_std**2).sum(1), 1.0)
     best = None
@@ -46,7 +48,7 @@ def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
             best = total, row[near], column[near]
     found = np.full(len(baseline.log_frequency), -1, np.intp)
     if best is not None:
-        found[best[1]] = best[2]
+        found[best[1]] = known[best[2]]
     return found
 
 

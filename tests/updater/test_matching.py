@@ -64,6 +64,11 @@ def test_matched_is_in_the_baselines_order_with_gaps() -> None:
     assert event.n.tolist() == [0, 0, 3, 0, 0, 3, 0, 0]
 
 
+def test_a_mode_that_was_not_seen_is_nobodys() -> None:
+    event = matched(mean(13), reordered(mean(14), np.array([5, 2, 7])))
+    np.testing.assert_array_equal(match_modes(mean(15), event), [-1, -1, 2, -1, -1, 5, -1, 7])
+
+
 def test_channels_that_only_one_has_are_left_out() -> None:
     event = mean(9).at(CHANNELS[:7])
     found = matched(mean(10), event)
