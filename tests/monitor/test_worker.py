@@ -85,6 +85,8 @@ def feeders() -> int:
     return sum(thread.name == "QueueFeederThread" for thread in threading.enumerate())
 
 
+ROOT = Path(__file__).parents[2]
+ENVIRONMENT = os.environ | {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
 ORPHAN = """
 import os, signal
 from end_to_end_helpers import site_toml
@@ -100,15 +102,13 @@ if __name__ == "__main__":
 
 def test_analysis_ends_when_its_parent_was_killed(tmp_path: Path) -> None:
     """It looks every 2 s, after a start of some seconds on a busy machine."""
-    root = Path(__file__).parents[2]
     (tmp_path / "orphan.py").write_text(ORPHAN, encoding="utf-8")
-    environment = os.environ | {"PYTHONPATH": f"{root}:{root / 'tests'}"}
     done = subprocess.run(
         [sys.executable, str(tmp_path / "orphan.py")],
         capture_output=True,
         text=True,
         check=False,
-        env=environment,
+        env=ENVIRONMENT,
         timeout=60,
     )
     assert done.returncode == -signal.SIGKILL, done.stderr
@@ -134,7 +134,7 @@ with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=
 
 
 def test_analysis_ends_with_a_monitor_that_was_killed_amid_an_item() -> None:
-    with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True) as killed:
+    with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as killed:
         assert killed.stdout is not None
         child = int(killed.stdout.readline())
         assert killed.wait(30) == -signal.SIGKILL
