@@ -12,7 +12,7 @@ from typing import Protocol
 
 import psutil
 from soak_memory import HOUR
-from soak_rig import CUT, CYCLE, LEAST, SILENCE
+from soak_rig import CUT, CYCLE, LEAST, SILENCE, first_sampled
 
 ANY = "*"  # device: all of them
 
@@ -57,10 +57,11 @@ class Fault:
     end: Callable[[Soak], None] = lambda _: None
     device: str | None = None  #: whose scans may be missing; ANY, or None of nobody
     named: tuple[str, ...] = ()  #: events of the history that have to be there, each with the device
-    before: float = 0.3  #: s from which on scans may be missing; more where the rig counts from its own beginning
+    before: float = 0.3  #: s from which on scans may be missing
     after: float = 1.0  #: s after it until which they may: until the device streams again
     once: bool = False  #: in the first cycle only
     ends: bool = False  #: ends a process: not in the last hour of a long soak, in which their memory is looked at
+    by_rig: bool = False  #: timed by the rig, since its device first sampled
 
 
 def _limit(soak: Soak, size: int) -> None:
@@ -109,9 +110,9 @@ def _plugged(what: str, device: str, at: float, seconds: float, how: str = "plug
 FAULTS = (
     _plugged("unplugged", "col_037", 60, 6),
     Fault(
-        what="silent", at=SILENCE[1], seconds=SILENCE[2], device=SILENCE[0], named=(LOST, BACK), before=8.0, after=3.0
+        what="silent", at=SILENCE[1], seconds=SILENCE[2], device=SILENCE[0], named=(LOST, BACK), after=3.0, by_rig=True
     ),
-    Fault(what="frames cut", at=CUT[1], seconds=CUT[2], device=CUT[0], named=("gap",), before=8.0),
+    Fault(what="frames cut", at=CUT[1], seconds=CUT[2], device=CUT[0], named=("gap",), by_rig=True),
     _plugged("unplugged, then babble", "col_074", 160, 4, "babble"),
     Fault(
         what="disk full",
@@ -195,20 +196,29 @@ class Spell:
         return first <= time_ns <= last
 
 
-def _left_out(fault: Fault, at: float, seconds: float) -> bool:
-    long = seconds >= 2 * HOUR - CYCLE
-    return (fault.once and at >= CYCLE) or (fault.ends and long and at > seconds - HOUR - 1.5 * CYCLE)
+def _times(fault: Fault, seconds: float) -> list[float]:
+    """Return when a fault begins in a soak of a length [s]."""
+    times = [CYCLE * cycle + fault.at for cycle in range(1 if fault.once else int(seconds // CYCLE) + 1)]
+    spared = seconds - HOUR - 1.5 * CYCLE if fault.ends and seconds >= 2 * HOUR - CYCLE else seconds
+    return [at for at in times if at + fault.seconds + LEAST < seconds and at <= spared]
+
+
+def by_rig(folder: Path, seconds: float) -> list[Spell]:
+    """Return what the rig has done by its own clocks in a soak of a length [s]."""
+    spells = []
+    for fault in FAULTS:
+        if fault.by_rig and fault.device:
+            first = first_sampled(folder, fault.device)
+            begins = [first + int(at * 1e9) for at in _times(fault, seconds)]
+            spells += [Spell(fault, begun, begun + int(fault.seconds * 1e9)) for begun in begins]
+    return spells
 
 
 def played(soak: Soak, seconds: float, look: Callable[[], None]) -> list[Spell]:
-    """Have all faults happen, cycle after cycle; `look` is called all the while."""
+    """Have all other faults happen, cycle after cycle; `look` is called all the while."""
     begun = time.monotonic()
-    steps = []
-    for cycle in range(int(seconds // CYCLE) + 1):
-        for fault in FAULTS:
-            at = CYCLE * cycle + fault.at
-            if at + fault.seconds + LEAST < seconds and not _left_out(fault, at, seconds):
-                steps += [(at, 0, fault), (at + fault.seconds, 1, fault)]
+    times = [(at, fault) for fault in FAULTS if not fault.by_rig for at in _times(fault, seconds)]
+    steps = [(at + (fault.seconds if ends else 0.0), ends, fault) for at, fault in times for ends in (False, True)]
     spells: list[Spell] = []
     started: dict[str, int] = {}
     for at, ends, fault in sorted(steps, key=lambda step: step[:2]):

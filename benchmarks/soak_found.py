@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from soak_faults import ANY, Spell
-from soak_rig import places
+from soak_rig import LEDGER, places
 
 from daq import Block, read_log
 
@@ -24,7 +24,7 @@ def numbers(folder: Path, axes: dict[str, int]) -> dict[str, np.ndarray]:
 def missing(folder: Path, spells: list[Spell], n: int, end: int) -> tuple[list[str], bool]:
     """Return a row of the table a device, and whether nothing is missing without a reason."""
     axes = {name: next(i for i, axis in enumerate("xyz") if axis not in a) for name, (_, a) in places(n).items()}
-    with (folder / "sent.jsonl").open(encoding="utf-8") as file:
+    with (folder / LEDGER).open(encoding="utf-8") as file:
         lines = [json.loads(line) for line in file]
     times = np.array([line["time"] for line in lines])
     rows, well = [], True

@@ -27,6 +27,7 @@ CYCLE = 600.0  # s: after which the faults come again
 SILENCE = "beam_right", 100.0, 6.0  # device, since it first sampled, how long [s]
 CUT = "col_111", 130.0, 3.0
 DRIFT = "beam_left", 50e-6  # device, of its clock
+LEDGER = "sent.jsonl"
 LEAST = 60.0  # s between the end of a fault and that of the soak: shorter ones leave it out
 What = Literal["silent", "cut"]
 _TICK, _LEDGER = 0.004, 0.05  # s
@@ -40,6 +41,12 @@ def places(n: int) -> dict[str, tuple[tuple[float, float, float], str]]:
     for k in range(n - len(found)):
         found[f"more_{k:02}"] = (0.0, 0.0, round(0.20 + 1.2 * k / max(1, n - 7), 4)), "xy"
     return dict(list(found.items())[:n])
+
+
+def first_sampled(folder: Path, name: str) -> int:
+    """Return when a device took its first scans [ns UTC], to a line of the ledger: its spells are timed from there."""
+    with (folder / LEDGER).open(encoding="utf-8") as file:
+        return next(int(line["time"]) for line in map(json.loads, file) if line["taken"][name])
 
 
 class Numbered:
@@ -125,7 +132,7 @@ def main() -> None:
     rig = Rig(folder, n, float(sys.argv[3]), float(sys.argv[4]))
     print(json.dumps(list(rig.devices)), flush=True)
     begun, turn, due, text = False, 0, 0.0, b""
-    with (folder / "sent.jsonl").open("w", encoding="utf-8", buffering=1) as ledger:
+    with (folder / LEDGER).open("w", encoding="utf-8", buffering=1) as ledger:
         while True:
             if select.select([0], [], [], _TICK)[0]:
                 said = os.read(0, 4096)
