@@ -101,7 +101,7 @@ if __name__ == "__main__":
 
 
 def test_analysis_ends_when_its_parent_was_killed(tmp_path: Path) -> None:
-    """It looks every 2 s, after a start of some seconds on a busy machine."""
+    """Its end of the pipe says so, after a start of some seconds on a busy machine."""
     (tmp_path / "orphan.py").write_text(ORPHAN, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, str(tmp_path / "orphan.py")],
