@@ -1,7 +1,7 @@
 """What a notice says, and how a site may say it otherwise."""
 
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from jinja2 import StrictUndefined, TemplateError
 from jinja2.sandbox import SandboxedEnvironment
@@ -10,7 +10,11 @@ NoticeKind = Literal["alarm", "update", "recovery", "acknowledged", "flapping", 
 
 DEFAULT_TEMPLATE = """\
 {% for notice in notices %}{{ notice.site }}, {{ notice.utc }}: {{ notice.text }}
-{% endfor %}"""
+{% endfor %}{% if others %}and {{ others }} others, which the history has
+{% endif %}"""
+_MOST = 200  # notices in one message
+_LONGEST = 3000  # characters of its text: chat servers refuse more
+_FAILURES = TemplateError, TypeError, ValueError, ArithmeticError  # of templates
 _ENVIRONMENT = SandboxedEnvironment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
 
 
@@ -31,8 +35,50 @@ class Notice:
         return asdict(self)
 
 
-def render(notices: list[Notice], template: str | None = None) -> str:
-    """Return the text that tells notices, in the order of time; templates see `notices` and the last one as `notice`.
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """Notices that are told together."""
+
+    notices: list[Notice]  #: in the order of time
+    text: str
+
+
+def message(notices: list[Notice], template: str | None = None, others: int = 0) -> Message:
+    """Return what tells notices in so few words that it is taken; beyond that troubles are only counted, oldest first.
+
+    A template that fails gives way to the program's own: what it was never tried with comes after years, at night.
+
+    Parameters
+    ----------
+    notices : in the order of time
+    template : of the site
+    others : that came beside these and were not kept
+    """
+    most = _MOST
+    while True:
+        shown = _foremost(notices, most)
+        left_out = others + len(notices) - len(shown)
+        text = _rendered(shown, template, left_out)
+        if len(text) <= _LONGEST or len(shown) == 1:
+            return Message(notices=shown, text=text)
+        most = len(shown) // 2
+
+
+def _foremost(notices: list[Notice], most: int) -> list[Notice]:
+    """Return the newest, troubles only where there is room for them."""
+    numbers = sorted(range(len(notices)), key=lambda i: (notices[i].kind == "trouble", -i))[:most]
+    return [notices[i] for i in sorted(numbers)]
+
+
+def _rendered(notices: list[Notice], template: str | None, others: int) -> str:
+    try:
+        return render(notices, template, others)
+    except _FAILURES as error:
+        return f"{render(notices, None, others)}\n(the site's own template has failed: {error})"
+
+
+def render(notices: list[Notice], template: str | None = None, others: int = 0) -> str:
+    """Return the text that tells notices; templates see `notices`, the last one as `notice`, and `others`, a number.
 
     Raises
     ------
@@ -40,19 +86,20 @@ def render(notices: list[Notice], template: str | None = None) -> str:
         If the template asks for what there is not.
     """
     made = _ENVIRONMENT.from_string(template or DEFAULT_TEMPLATE)
-    return made.render(notices=notices, notice=notices[-1]).strip()
+    return made.render(notices=notices, notice=notices[-1], others=others).strip()
 
 
 def check_template(template: str) -> None:
-    """Refuse a template that would fail when it is needed.
+    """Refuse a template that would fail when it is needed, whatever kind of notice it is for.
 
     Raises
     ------
     ValueError
         Naming what is wrong with it.
     """
-    notice = Notice(kind="alarm", site="site", time=0, utc="then", state="alarm", text="so")
-    try:
-        render([notice], template)
-    except (TemplateError, TypeError, ValueError, ArithmeticError) as error:
-        raise ValueError(f"expected a jinja2 template of `notices` and `notice`: {error}") from error
+    for kind in get_args(NoticeKind):
+        notice = Notice(kind=kind, site="site", time=0, utc="then", state="alarm", text="so")
+        try:
+            render([notice], template)
+        except _FAILURES as error:
+            raise ValueError(f"expected a jinja2 template of `notices` and `notice`: {error}") from error

@@ -27,6 +27,14 @@ class Spool:
         """Tell whether anything waits."""
         return self.path.exists()
 
+    @property
+    def size(self) -> int:
+        """What waits [bytes]."""
+        try:
+            return self.path.stat().st_size
+        except OSError:
+            return 0
+
     def append(self, lines: Iterable[str]) -> int:
         """Keep lines; return how many there was no room for."""
         lines = list(lines)

@@ -22,7 +22,8 @@ TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_back"
 _TICK = 0.2  # s
 _HOUR = 3600.0  # s
 _RETRY_FIRST, _RETRY_LONGEST = 10.0, 600.0  # s
-_MOST = 200  # notices in one message
+_AT_ONCE = 10**6  # notices that go out together: all that wait
+_MUCH = 500_000  # bytes that wait, from which on troubles are only counted: there stays room for alarms
 _DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
 
 
@@ -49,7 +50,7 @@ class Courier:
         self._data_seen = -math.inf
         self._urgent = False  # an alarm waits
         self.problem: str | None = None  #: why nothing goes out now
-        self.dropped = 0  #: notices the disk had no room for
+        self.dropped = 0  #: notices that were not kept, since the last that went out
 
     def go_on_from(self, before: "Courier") -> None:
         """Know what another one has told: that is no news any more."""
@@ -90,7 +91,11 @@ class Courier:
         """Put what has come on disk before anything else: a kill from here on loses nothing."""
         while not self._queue.empty():
             notice = self._queue.get()
-            self._urgent |= notice.kind == "alarm"
+            if notice.kind == "trouble" and self._spool.size > _MUCH:
+                self.dropped += 1
+                continue
+            if notice.kind == "alarm":
+                self._urgent, self._due = True, 0.0  # tried at once, however long nothing has been taken
             self.dropped += self._spool.append([json.dumps(notice.values())])
 
     def _deliver(self, *, last: bool) -> None:
@@ -101,25 +106,31 @@ class Courier:
         if not self._spool.waiting or enough or (now < self._due and not last):
             return
         try:
-            self._spool.deliver(self._send_lines, _MOST)
+            self._spool.deliver(self._send_lines, _AT_ONCE)
         except (NoticeError, OSError) as error:
             self._fail(str(error))
+            self._due = time.monotonic() + self._retry
+            self._retry = min(2 * self._retry, _RETRY_LONGEST)
         else:
-            if self.problem:
-                self._said.put((TOPIC_BACK, {"to": self._where()}))
-            self.problem, self._retry, self._due, self._urgent = None, self._first_retry, 0.0, False
+            self._succeed()
+            self._retry, self._due, self._urgent = self._first_retry, 0.0, False
 
     def _send_lines(self, lines: list[str]) -> None:
         notices = [Notice(**fields) for line in lines if (fields := json.loads(line)).keys() == _FIELDS]
         if notices:
-            self._send(notices)
+            self._send(notices, self.dropped)
+            self.dropped = 0
             self._sent.append(time.monotonic())
 
     def _fail(self, why: str) -> None:
         if self.problem is None:
             self._said.put((TOPIC_FAILED, {"to": self._where(), "why": why}))
-        self.problem, self._due = why, time.monotonic() + self._retry
-        self._retry = min(2 * self._retry, _RETRY_LONGEST)
+        self.problem = why
+
+    def _succeed(self) -> None:
+        if self.problem is not None:
+            self._said.put((TOPIC_BACK, {"to": self._where()}))
+        self.problem = None
 
     def _where(self) -> str:
         """Name the target without what may be a secret in its address."""
@@ -132,11 +143,14 @@ class Courier:
             return
         self._beat_due = now + 60 * minutes
         at = time.time_ns()
+        beat = Notice(kind="heartbeat", site=self._site, time=at, utc=utc(at), state="", text="data flow")
         try:
-            text = "data flow"
-            self._send([Notice(kind="heartbeat", site=self._site, time=at, utc=utc(at), state="", text=text)])
+            self._send([beat], 0)
         except NoticeError as error:
             self._fail(str(error))
+        else:
+            if not self._spool.waiting:
+                self._succeed()
 
 
 _FIELDS = Notice.__dataclass_fields__.keys()

@@ -10,11 +10,11 @@ from urllib.parse import unquote, urlsplit
 import httpx
 
 from monitor.errors import MonitorError
-from monitor.notice_text import Notice, render
+from monitor.notice_text import Message, Notice, message
 from monitor.settings import NotifySettings
 
 _MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
-Sender = Callable[[list[Notice]], None]
+Sender = Callable[[list[Notice], int], None]  #: of notices, and how many others there were
 
 
 class NoticeError(MonitorError):
@@ -25,35 +25,40 @@ def make_sender(target: NotifySettings) -> Sender:
     """Return what delivers notices, several at once as one message."""
     way = _by_webhook if target.webhook else _by_command if target.command else _by_mqtt
 
-    def send(notices: list[Notice]) -> None:
-        way(target, notices, render(notices, target.template))
+    def send(notices: list[Notice], others: int) -> None:
+        try:
+            way(target, message(notices, target.template, others))
+        except ValueError as error:  # a zero byte for a program, a header that no server may be sent
+            raise NoticeError(f"this cannot be sent: {error}") from error
 
     return send
 
 
-def _content(notices: list[Notice], text: str) -> dict[str, Any]:
+def _content(said: Message) -> dict[str, Any]:
     """Return what programs read: the last notice's fields, `text` of all of them, and each one."""
-    return notices[-1].values() | {"text": text, "notices": [notice.values() for notice in notices]}
+    return said.notices[-1].values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
 
 
-def _by_webhook(target: NotifySettings, notices: list[Notice], text: str) -> None:
+def _by_webhook(target: NotifySettings, said: Message) -> None:
+    seconds = target.timeout_seconds
     try:
-        content = _content(notices, text)
-        answer = httpx.post(target.webhook or "", json=content, headers=target.headers, timeout=target.timeout_seconds)
-        answer.raise_for_status()
+        with httpx.stream(
+            "POST", target.webhook or "", json=_content(said), headers=target.headers, timeout=seconds
+        ) as answer:
+            answer.raise_for_status()  # what else it says is not waited for: it may never end
     except httpx.HTTPStatusError as error:
         raise NoticeError(f"webhook: {error.response.status_code} {error.response.reason_phrase}") from error
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         raise NoticeError(f"webhook: {type(error).__name__}: {error}") from error
 
 
-def _by_command(target: NotifySettings, notices: list[Notice], text: str) -> None:
-    values = notices[-1].values()
+def _by_command(target: NotifySettings, said: Message) -> None:
+    values = said.notices[-1].values()
     named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
     try:
         subprocess.run(
             target.command or (),
-            input=text.encode(),
+            input=said.text.encode(),
             env=os.environ | named,
             timeout=target.timeout_seconds,
             check=True,
@@ -64,7 +69,7 @@ def _by_command(target: NotifySettings, notices: list[Notice], text: str) -> Non
         raise NoticeError(f"command: {error}") from error
 
 
-def _by_mqtt(target: NotifySettings, notices: list[Notice], text: str) -> None:
+def _by_mqtt(target: NotifySettings, said: Message) -> None:
     try:
         from paho.mqtt import MQTTException  # an extra
         from paho.mqtt.client import Client
@@ -82,7 +87,7 @@ def _by_mqtt(target: NotifySettings, notices: list[Notice], text: str) -> None:
         client.connect(place.hostname or "", place.port or _MQTT_PORTS[place.scheme])
         client.loop_start()
         topic = unquote(place.path).strip("/") or "modalwatch"
-        sent = client.publish(topic, json.dumps(_content(notices, text)), qos=1)
+        sent = client.publish(topic, json.dumps(_content(said)), qos=1)
         sent.wait_for_publish(target.timeout_seconds)
         if not sent.is_published():
             raise NoticeError(f"mqtt: the broker has not taken it within {target.timeout_seconds:g} s")

@@ -125,7 +125,7 @@ def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
 
 
 def test_webhook_gets_json_with_headers(server: Server) -> None:
-    make_sender(NotifySettings(webhook=server.url, headers={"Authorization": "Bearer x"}))([NOTICE, NOTICE])
+    make_sender(NotifySettings(webhook=server.url, headers={"Authorization": "Bearer x"}))([NOTICE, NOTICE], 0)
     [got] = server.got
     assert (got["text"], got["kind"], got["alarm"]) == ("bridge, then: 200 g\nbridge, then: 200 g", "alarm", 4)
     assert len(got["notices"]) == 2
@@ -137,7 +137,7 @@ def test_command_gets_text_and_fields(tmp_path: Path) -> None:
     target = NotifySettings(
         command=(sys.executable, "-c", script, str(tmp_path / "got")), template="{{ notice.text }}!"
     )
-    make_sender(target)([NOTICE])
+    make_sender(target)([NOTICE], 0)
     assert (tmp_path / "got").read_text() == "alarm|200 g!"
 
 
@@ -174,7 +174,7 @@ def broker(answer: bool, got: list[bytes]) -> tuple[int, threading.Thread]:
 def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
     got: list[bytes] = []
     port, thread = broker(answer=True, got=got)
-    make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/site/alarms"))([NOTICE])
+    make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/site/alarms"))([NOTICE], 0)
     thread.join(5.0)
     assert got[0] == b"site/alarms"
     assert json.loads(got[1])["text"] == "bridge, then: 200 g"
@@ -183,7 +183,7 @@ def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
 def test_mqtt_broker_that_never_answers_is_given_up() -> None:
     port, thread = broker(answer=False, got=[])
     with pytest.raises(NoticeError, match=r"has not taken it within 0\.3 s"):
-        make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE])
+        make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE], 0)
     thread.join(5.0)
 
 
@@ -204,7 +204,7 @@ def test_mqtt_broker_that_never_answers_is_given_up() -> None:
 )
 def test_what_cannot_be_delivered_says_why(target: NotifySettings, says: str) -> None:
     with pytest.raises(NoticeError, match=says):
-        make_sender(target)([NOTICE])
+        make_sender(target)([NOTICE], 0)
 
 
 def test_server_that_is_down_gets_everything_later_in_one_message(server: Server, tmp_path: Path) -> None:
@@ -270,6 +270,10 @@ def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> Non
         ({"webhook": "ftp://a/b"}, "expected http://HOST"),
         ({"mqtt": "a/b"}, "expected mqtt://HOST"),
         ({"webhook": "http://a/b", "template": "{{ notice.nothing }}"}, "has no attribute 'nothing'"),
+        (
+            {"webhook": "http://a/b", "template": "{% if notice.kind == 'recovery' %}{{ notice.no }}{% endif %}"},
+            "has no attribute 'no'",
+        ),
         ({"webhook": "http://a/b", "template": "{% if %}"}, "expected a jinja2 template"),
         ({"webhook": "http://a/b", "on": ["alarms"]}, "'alarm'"),
         ({"command": []}, "at least 1"),
@@ -285,3 +289,96 @@ def test_template_sees_no_program() -> None:
     """It is text from a file: it may not reach into the interpreter."""
     with pytest.raises(SecurityError, match="unsafe"):
         render([NOTICE], "{{ notices.__class__.__mro__ }}")
+
+
+def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Server, tmp_path: Path) -> None:
+    """That comes for the first time years after the settings were read: the notice is what counts."""
+    server.answer = 503
+    template = "{% if notices|length > 1 %}{{ notice.nothing }}{% else %}{{ notice.text }}{% endif %}"
+    target = NotifySettings(webhook=server.url, template=template)
+    with Courier(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
+        courier.put(ALARM)
+        courier.put(change(20, "normal", "over", lasted=10.0))
+        until(lambda: (tmp_path / "n.jsonl").exists() and len((tmp_path / "n.jsonl").read_text().splitlines()) == 2)
+        server.answer = 200
+        until(lambda: server.got)
+    assert "ALARM: a mass" in server.got[0]["text"]
+    assert "has no attribute 'nothing'" in server.got[0]["text"]
+
+
+def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> None:
+    """A name with a zero byte fits into no environment of a program."""
+    script = "import os, sys; open(sys.argv[1], 'a').write(os.environ['MODALWATCH_TEXT'] + '|')"
+    target = NotifySettings(command=(sys.executable, "-c", script, str(tmp_path / "got")))
+    with Courier(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
+        courier.put(change(10, "alarm", "ALARM: a \0 mass"))
+        until(lambda: courier.problem)
+        courier.put(change(20, "normal", "over", lasted=10.0))
+        until(lambda: (tmp_path / "got").exists() and "over" in (tmp_path / "got").read_text())
+
+
+def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:
+    """Nothing else may have to be told for years: the page would say all the while that notices are in trouble."""
+    server.answer = 503
+    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
+    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+        courier.put(make_block("left", 0))
+        until(lambda: courier.problem)
+        server.answer = 200
+        until(lambda: courier.problem is None)
+    assert [topic for topic, _ in courier.said()] == [TOPIC_FAILED, TOPIC_BACK]
+
+
+def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:
+    server.answer = 503
+    with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0) as courier:
+        courier.put(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
+        until(lambda: courier.problem)
+        server.answer = 200
+        courier.put(ALARM)
+        until(lambda: server.got)
+
+
+def test_years_of_trouble_make_one_short_message_and_an_alarm_is_in_it(server: Server, tmp_path: Path) -> None:
+    """Chat servers refuse long texts: one that grew while they were away would never be taken."""
+    server.answer = 503
+    spool = tmp_path / "n.jsonl"
+    with Courier(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as courier:
+        for k in range(20_000):
+            courier.put(Event(topic="/event/device_lost", time=k, payload={"device": "left"}))
+            if k == 7:
+                courier.put(ALARM)
+        until(lambda: courier.dropped)
+        server.answer = 200
+        until(lambda: server.got)
+        until(lambda: courier.problem is None)
+    [got] = server.got
+    assert len(got["text"]) < 4000
+    assert "ALARM: a mass" in got["text"]
+    told = len(got["notices"])
+    assert told <= 200
+    assert f"{20_001 - told} others" in got["text"]
+    assert not spool.exists()
+
+
+def test_webhook_whose_answer_never_ends_has_taken_it() -> None:
+    """Its status says so; what else it says nobody reads."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    release = threading.Event()
+
+    def drip() -> None:
+        connection, _ = listener.accept()
+        with listener, connection:
+            connection.recv(65536)
+            connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n")
+            while not release.wait(0.02):
+                connection.sendall(b"x")
+
+    thread = threading.Thread(target=drip, daemon=True)
+    thread.start()
+    begun = time.monotonic()
+    target = NotifySettings(webhook=f"http://127.0.0.1:{listener.getsockname()[1]}/", timeout_seconds=1.0)
+    make_sender(target)([NOTICE], 0)
+    assert time.monotonic() - begun < 5.0
+    release.set()
+    thread.join(5.0)
