@@ -20,7 +20,7 @@ from monitor.result_events import result_event
 from monitor.service_manager import SignsOfLife
 from monitor.site import Site
 from monitor.thermometer import Thermometer, thermometer
-from monitor.vitals import NAME, Vitals
+from monitor.vitals import NAME, Pace, Vitals
 from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Result, Told, Worker
 from updater import parse_structure
 
@@ -64,7 +64,7 @@ class Running:
         self._outlets = Outlets(site, live)
         self._thermometer = ExitStack()
         self._reads: Thermometer | None = None
-        self.vitals = Vitals(site.state / NAME, _names(site), _step(site), self._clock)
+        self.vitals = Vitals(site.state / NAME, _names(site), _pace(site), self._clock)
         seconds = site.settings.recorder.chunk_seconds
         self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
         self._devices = Devices(self._clock, self._log.put)
@@ -171,7 +171,7 @@ class Running:
         """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""
         alike = analysed_alike(old, self._site)
         stopped = self._devices.stop(changed)
-        self.vitals.follow(_names(self._site), _step(self._site))
+        self.vitals.follow(_names(self._site), _pace(self._site))
         if not alike:
             self._renew_analysis("other settings")
         self._devices.resume(drivers, stopped if alike else {})
@@ -305,10 +305,10 @@ def _names(site: Site) -> tuple[str, ...]:
     return tuple(device.name for device in site.settings.device)
 
 
-def _step(site: Site) -> float:
-    """Return the wall time between windows [s]."""
-    clock = site.settings.clock
-    return site.settings.step_seconds / (clock.speed if clock else 1.0)
+def _pace(site: Site) -> Pace:
+    settings = site.settings
+    speed = settings.clock.speed if settings.clock else 1.0
+    return Pace(step=settings.step_seconds / speed, window=settings.analysis.window_seconds / speed)
 
 
 def _free(folder: Path) -> int:

@@ -5,16 +5,26 @@ import json
 import os
 import threading
 import time
-from dataclasses import asdict, dataclass, field
+from collections import deque
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from daq import Block, Event, HostClock, Item
 from monitor.result_events import event_result
-from monitor.results import TOPIC_ALARM, TOPIC_SELF_TEST, TOPIC_WINDOW, AlarmResult, SelfTestResult, WindowResult
+from monitor.results import (
+    TOPIC_ALARM,
+    TOPIC_REFERENCE,
+    TOPIC_SELF_TEST,
+    TOPIC_WINDOW,
+    AlarmResult,
+    SelfTestResult,
+    WindowResult,
+)
 
 NAME = "status.json"
 _EVERY = 1.0  # s
+_RATE_LOOKS = 10  # that a rate is the mean over: blocks come a few a second, and in pieces
 
 
 @dataclass
@@ -24,31 +34,53 @@ class DeviceVitals:
     scans: int = 0
     gaps: int = 0
     lost: bool = False
-    heard: float | None = None  #: wall time of the last block [s since 1970]
-    rate: float = 0.0  #: scans a second of wall time since the last look [Hz]
-    seen: int = field(default=0, repr=False)  #: scans at the last look
+    heard: float | None = None  #: when the last block came [s, monotonic]
+    looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: when, scans
+
+    def look(self, now: float) -> dict[str, Any]:
+        """Return what others are told at a time [s, monotonic]."""
+        self.looks.append((now, self.scans))
+        then, scans = self.looks[0]
+        return {
+            "scans": self.scans,
+            "gaps": self.gaps,
+            "lost": self.lost,
+            "silent": None if self.heard is None else now - self.heard,
+            "rate": (self.scans - scans) / max(now - then, 1e-3),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How often windows come, in wall time."""
+
+    step: float  #: from one to the next [s]
+    window: float  #: their length: the first takes that long [s]
 
 
 class Vitals:
     """Gathers the state of a run; called from the log's thread and the main one.
 
+    All ages are by the clock that nobody sets: the file has them as they were when it was written.
+
     Parameters
     ----------
     path : of the file
     devices : names
-    step_seconds : of wall time between windows
+    pace : of windows
     clock : of the data
     """
 
-    def __init__(self, path: Path, devices: tuple[str, ...], step_seconds: float, clock: HostClock) -> None:
+    def __init__(self, path: Path, devices: tuple[str, ...], pace: Pace, clock: HostClock) -> None:
         self._clock = clock
         self._late: dict[str, float] = {}  # of results: since their last sample came [s of wall time]
         self._path, self._lock, self._started = path, threading.Lock(), time.time()
         self._devices = {name: DeviceVitals() for name in devices}
-        self._step_seconds, self._windowed = step_seconds, self._started
+        self._pace, self._windowed = pace, time.monotonic()
+        self._heard_first = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
+        self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         self._self_test = self_test_of(path)
-        self._written = self._started
         self._due = 0.0
 
     def take(self, item: Item) -> None:
@@ -60,14 +92,16 @@ class Vitals:
                 self._analysed(item)
             elif item.topic == TOPIC_SELF_TEST:
                 self._tested(item)
+            elif item.topic == TOPIC_REFERENCE:
+                self._learnt = True
             else:
                 self._happened(item)
 
-    def follow(self, devices: tuple[str, ...], step_seconds: float) -> None:
-        """Follow these devices from now on; what is known of those that stay is kept."""
+    def follow(self, devices: tuple[str, ...], pace: Pace) -> None:
+        """Follow these devices from now on, whose first window begins now; what is known of those that stay is kept."""
         with self._lock:
             self._devices = {name: self._devices.get(name, DeviceVitals()) for name in devices}
-            self._step_seconds = step_seconds
+            self._pace, self._windowed = pace, time.monotonic()
 
     @property
     def lost(self) -> list[str]:
@@ -80,7 +114,7 @@ class Vitals:
         """Since a block of any device was logged, or since the start [s]."""
         with self._lock:
             heard = [device.heard for device in self._devices.values() if device.heard is not None]
-            return time.time() - max(heard, default=self._started)
+            return time.monotonic() - max(heard, default=self._heard_first)
 
     @property
     def line(self) -> str:
@@ -112,28 +146,26 @@ class Vitals:
 
     def _content(self) -> dict[str, Any]:
         with self._lock:
-            now = time.time()
-            for device in self._devices.values():
-                device.rate = (device.scans - device.seen) / max(now - self._written, 1e-3)
-                device.seen = device.scans
-            self._written = now
+            now = time.monotonic()
             return {
-                "time": now,
+                "time": time.time(),
                 "started": self._started,
                 "pid": os.getpid(),
-                "step_seconds": self._step_seconds,
-                "windowed": self._windowed,
+                "state": self._state if self._learnt else "learning",
+                "step_seconds": self._pace.step,
+                "window_age": now - self._windowed,
+                "window_overdue": now - self._windowed > self._pace.window + 2 * self._pace.step,
                 "window": self._window,
                 "late": self._late,
                 "self_test": self._self_test,
-                "devices": {name: asdict(device) for name, device in self._devices.items()},
+                "devices": {name: device.look(now) for name, device in self._devices.items()},
             }
 
     def _heard(self, block: Block) -> None:
         device = self._devices.get(block.device)
         if device is not None:
             device.scans += len(block.counts)
-            device.heard, device.lost = time.time(), False
+            device.heard, device.lost = time.monotonic(), False
 
     def _tested(self, event: Event) -> None:
         result = event_result(event)
@@ -149,11 +181,14 @@ class Vitals:
     def _analysed(self, event: Event) -> None:
         result = event_result(event)
         late = (self._clock.now() - event.time) * 1e-9 / self._clock.speed
-        if isinstance(result, AlarmResult) and result.raised:
-            self._late["alarm"] = late
+        if isinstance(result, AlarmResult):
+            self._state = result.state
+            if result.raised:
+                self._late["alarm"] = late
         if isinstance(result, WindowResult):
             self._late["window"] = late
-            self._windowed = time.time()
+            self._windowed = time.monotonic()
+            self._learnt = result.phase != "learning"
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}

@@ -13,6 +13,7 @@ from rich.table import Table
 from monitor.alarm_words import duration_text
 from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
+from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, database_url
 from monitor.site import load_site
 from monitor.words import utc
@@ -134,23 +135,24 @@ def _say(found: Found) -> None:
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
     console.print(f"{n} windows, {judged} judged, {over} over the limit")
     console.print(f"state: {found.state}")
-    console.print(_alarms(found.alarms) if found.alarms else "alarms: none", soft_wrap=not found.alarms)
+    _say_alarms(found.alarms)
     if any(found.trends.values()):
         console.print(_trends(found.trends))
     if found.events:
         console.print(_events(found.events))
 
 
-def _alarms(alarms: list[AlarmRow]) -> Table:
-    table = Table(title="alarms", title_justify="left", box=SIMPLE_HEAD)
-    for name in ("raised", "lasted", "acknowledged", "what"):
-        table.add_column(name, no_wrap=name != "what")
+def _say_alarms(alarms: list[AlarmRow]) -> None:
+    """Print a line an alarm, and below it what is known: as long as that is, in no column of a table."""
+    console.print("\nalarms" if alarms else "alarms: none")
     for alarm in alarms[-_MOST:]:
-        lasted = "stands" if alarm.cleared is None else duration_text(alarm.lasted or 0.0)
-        again = f" (went on {alarm.reopened} times)" if alarm.reopened else ""
-        known = utc(alarm.acknowledged) if alarm.acknowledged else "no"
-        table.add_row(utc(alarm.raised), lasted + again, known, escape(alarm.text))
-    return table
+        lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
+        again = f", went on {alarm.reopened} times" if alarm.reopened else ""
+        known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
+        console.print(f"  {utc(alarm.raised)}   {lasted}{again}, {known}", soft_wrap=True)
+        console.print(f"    {escape(alarm.text)}", soft_wrap=True)
+    if alarms:
+        console.print()
 
 
 def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
@@ -173,9 +175,8 @@ def _events(events: list[EventRow]) -> Table:
     for name in ("time", "what", "device", ""):
         table.add_column(name, no_wrap=bool(name))
     for event in events[-_MOST:]:
-        said = ", ".join(f"{k} {v}" for k, v in json.loads(event.json).items() if k != "device" and v not in ("", None))
-        topic = event.topic.rpartition("/")[2].replace("_", " ")
-        table.add_row(utc(event.time), escape(topic), escape(event.device), escape(said))
+        said = event_said(json.loads(event.json), without="device")
+        table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(said))
     return table
 
 

@@ -169,7 +169,7 @@ def _write_window(connection: Connection, window: WindowResult) -> int:
         found = {"end": window.end, "verdict": window.diagnosis.verdict, "text": text}
         _put(connection, schema.diagnoses, [found | {"json": window.diagnosis.model_dump_json()}])
         if window.phase == "alarm":
-            _update_last(connection, window.end, text=text)
+            _update_standing(connection, window.end, text=text)
     return window.end // schema.DAY
 
 
@@ -212,6 +212,13 @@ def _update_last(connection: Connection, time: int, **values: object) -> None:
     table = schema.alarms
     last = select(table.c.raised).where(table.c.raised <= time).order_by(table.c.raised.desc()).limit(1)
     connection.execute(update(table).where(table.c.raised == last.scalar_subquery()).values(**values))
+
+
+def _update_standing(connection: Connection, time: int, text: str) -> None:
+    """Say what is known by now of the alarm that stands; a window that raises one comes before it, and changes none."""
+    table = schema.alarms
+    standing = table.c.raised <= time, table.c.cleared.is_(None) | (table.c.cleared > time)
+    connection.execute(update(table).where(*standing).values(text=text))
 
 
 def _put(connection: Connection, table: Table, rows: Iterable[dict[str, Any]]) -> None:

@@ -1,6 +1,7 @@
 """Which of the things that stand in the log are news to a person: a pure function of what came before."""
 
 from daq import Block, Event, Item
+from monitor.event_words import event_name, event_said
 from monitor.notice_text import Notice, NoticeKind
 from monitor.result_events import event_result
 from monitor.results import (
@@ -57,9 +58,10 @@ class News:
         what = event.topic.removeprefix("/event/")
         if what in _ROUTINE or what == event.topic:
             return None
-        what = what.replace("_", " ")
-        said = ", ".join(f"{name} {value}" for name, value in event.payload.items())
-        return self._notice("trouble", event.time, f"{what}: {said}" if said else what)
+        said = event_said(event.payload)
+        return self._notice(
+            "trouble", event.time, f"{event_name(event.topic)}: {said}" if said else event_name(event.topic)
+        )
 
     def _change(self, change: AlarmResult) -> Notice | None:
         before, self._state = self._state, change.state

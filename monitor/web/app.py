@@ -31,8 +31,7 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> Starlette:
         return JSONResponse({"healthy": not found, "problems": found}, 503 if found else 200)
 
     def figures(_: Request) -> Response:
-        past = source.past()
-        return Response(metrics(source.vitals(), past.state if past else None), media_type="text/plain; version=0.0.4")
+        return Response(metrics(source.vitals()), media_type="text/plain; version=0.0.4")
 
     def acknowledge(request: Request) -> Response:
         by = request.query_params.get("by", "")[:100] or "status page"

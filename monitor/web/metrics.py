@@ -10,7 +10,7 @@ from monitor.web.source import TROUBLES, problems
 _STATES = ("learning", "normal", "watch", "alarm")
 
 
-def metrics(vitals: dict[str, Any] | None, state: str | None) -> bytes:
+def metrics(vitals: dict[str, Any] | None) -> bytes:
     """Return the figures; of a monitor that never ran, only that it is not well."""
     registry = CollectorRegistry()
     _gauge(registry, "healthy", "1 if nothing is stale or lost", float(not problems(vitals)))
@@ -20,10 +20,9 @@ def metrics(vitals: dict[str, Any] | None, state: str | None) -> bytes:
         _of_devices(registry, vitals["devices"])
         _of_window(registry, vitals["window"])
         _of_self_test(registry, vitals.get("self_test"))
-    if state is not None:
         gauge = Gauge("modalwatch_state", "1 for the state of the alarm", ["state"], registry=registry)
         for name in _STATES:
-            gauge.labels(name).set(name == state)
+            gauge.labels(name).set(name == vitals["state"])
     return generate_latest(registry)
 
 
@@ -31,7 +30,9 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     now = time.time()
     _gauge(registry, "start_time_seconds", "Start of the monitor", vitals["started"])
     _gauge(registry, "vitals_age_seconds", "Since the monitor last said how it is", now - vitals["time"])
-    _gauge(registry, "window_age_seconds", "Since a window was last analysed", now - vitals["windowed"])
+    _gauge(
+        registry, "window_age_seconds", "Since a window was last analysed", now - vitals["time"] + vitals["window_age"]
+    )
     _gauge(registry, "dropped_items", "Items that did not reach the log", vitals["dropped"])
     _gauge(registry, "history_dropped_items", "Items that the history had no room for", vitals["not_in_history"])
     _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])

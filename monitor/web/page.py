@@ -2,7 +2,6 @@
 
 import json
 import math
-import time
 from datetime import UTC, datetime
 from typing import Any
 
@@ -10,12 +9,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from monitor.alarm_words import duration_text
+from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
 from monitor.web.drawings import course_svg, structure_svg
 from monitor.web.source import Past, Source, problems
 from monitor.words import utc
 
 _ENVIRONMENT = Environment(loader=PackageLoader("monitor.web"), undefined=StrictUndefined, autoescape=True)
+_SILENT = 3.0  # s
 _SAID = {
     "learning": "Learning the baseline",
     "normal": "Normal",
@@ -37,7 +38,7 @@ def state_html(source: Source) -> str:
 def _content(source: Source) -> dict[str, Any]:
     vitals, past = source.vitals(), source.past()
     standing = [alarm for alarm in past.alarms if alarm.cleared is None] if past else []
-    state = past.state if past else "learning"
+    state = vitals["state"] if vitals else "learning"  # the history may lag behind, or be down
     return {
         "name": source.name,
         "state": state,
@@ -91,25 +92,22 @@ def _modes(past: Past) -> list[dict[str, Any]]:
 
 
 def _devices(vitals: dict[str, Any]) -> list[dict[str, Any]]:
-    now = time.time()
     return [
         {
             "name": name,
             "rate": f"{device['rate']:.0f}",
             "gaps": device["gaps"],
-            "state": "lost" if device["lost"] else _age(device["heard"], now),
+            "state": "lost" if device["lost"] else _age(device["silent"]),
         }
         for name, device in vitals["devices"].items()
     ]
 
 
-def _age(heard: float | None, now: float) -> str:
-    if heard is None:
+def _age(silent: float | None) -> str:
+    if silent is None:
         return "nothing yet"
-    return "ok" if now - heard < 3 else f"silent {duration_text(now - heard)}"
+    return "ok" if silent < _SILENT else f"silent {duration_text(silent)}"
 
 
 def _event(event: EventRow) -> dict[str, str]:
-    payload = json.loads(event.json)
-    said = ", ".join(f"{name} {value}" for name, value in payload.items() if value not in ("", None))
-    return {"time": utc(event.time), "what": event.topic.rpartition("/")[2].replace("_", " "), "said": said}
+    return {"time": utc(event.time), "what": event_name(event.topic), "said": event_said(json.loads(event.json))}

@@ -13,7 +13,6 @@ from updater import Diagnosis
 
 _STALE_SECONDS = 10.0  # without a new file of vitals
 _SILENT_SECONDS = 5.0  # without data of a device
-_WINDOWS_LATE = 3.0  # steps without a window
 _SHOWN = 300  # windows
 
 
@@ -21,7 +20,6 @@ _SHOWN = 300  # windows
 class Past:
     """What the history holds of late."""
 
-    state: str
     windows: list[WindowRow]
     trends: dict[int, list[TrendPoint]]
     alarms: list[AlarmRow]
@@ -47,12 +45,12 @@ class Source:
         return self.state / "web_token" if file is None else self.state.parent / file
 
     def vitals(self) -> dict[str, Any] | None:
-        """Return the newest vitals; None where no monitor has ever run."""
+        """Return the newest vitals; None where no monitor of this version has ever run."""
         try:
             found: dict[str, Any] = json.loads((self.state / NAME).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return found
+        return found if isinstance(found, dict) and "window_overdue" in found else None
 
     def past(self) -> Past | None:
         """Return what the history holds of the last windows; None where it cannot be asked."""
@@ -68,7 +66,6 @@ class Source:
                 standing = [alarm.raised for alarm in alarms if alarm.cleared is None]
                 found = reader.diagnosis(standing[-1]) if standing else None
                 return Past(
-                    state=reader.state(),
                     windows=windows,
                     trends={mode: reader.trend(mode, late, "window") for mode in reader.modes()},
                     alarms=alarms,
@@ -91,9 +88,9 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
     now = time.time()
     if (age := now - vitals["time"]) > _STALE_SECONDS:
         return [f"the monitor has not said anything for {age:.0f} s"]
-    found = [problem for name, device in vitals["devices"].items() for problem in _device_problems(name, device, now)]
-    step = vitals["step_seconds"]
-    if (late := now - vitals["windowed"]) > _WINDOWS_LATE * step:
+    found = [problem for name, device in vitals["devices"].items() for problem in _device_problems(name, device)]
+    if vitals["window_overdue"]:
+        late, step = vitals["window_age"], vitals["step_seconds"]
         found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
@@ -103,10 +100,10 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
     return found
 
 
-def _device_problems(name: str, device: dict[str, Any], now: float) -> list[str]:
+def _device_problems(name: str, device: dict[str, Any]) -> list[str]:
     if device["lost"]:
         return [f"device {name} is lost"]
-    if device["heard"] is None:
+    silent = device["silent"]
+    if silent is None:
         return [f"device {name} has sent nothing yet"]
-    silent = now - device["heard"]
     return [f"device {name} has been silent for {silent:.0f} s"] if silent > _SILENT_SECONDS else []

@@ -15,7 +15,7 @@ from monitor.pipeline import Result
 from monitor.result_events import result_event
 from monitor.results import SelfTestResult
 from monitor.self_test import DRAWS, with_mass
-from monitor.vitals import NAME, Vitals, self_test_of
+from monitor.vitals import NAME, Pace, Vitals, self_test_of
 from monitor.web import Source
 from monitor.web.metrics import metrics
 from monitor.web.page import state_html
@@ -126,10 +126,10 @@ def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
     state |= {"dropped": 0, "disk_free": 5e9, "not_in_history": 0, "waiting": {}, "bad_bytes": {}}
     source = Source(name="frame", state=tmp_path, url=f"sqlite:///{tmp_path / 'history.sqlite'}")
     for test, ratio, count in ((TEST, 20 / 24, 1), (failed, 3 / 24, 2)):
-        vitals = Vitals(tmp_path / NAME, (), 600.0, SystemClock())
+        vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
         vitals.take(result_event(test))
         vitals.write(state)
-        text = metrics(source.vitals(), "normal").decode()
+        text = metrics(source.vitals()).decode()
         assert f"modalwatch_self_test_detection_ratio {ratio}" in text
         assert "modalwatch_self_test_success_age_seconds" in text
         assert (test.text in problems(source.vitals())) == (not test.passed)

@@ -20,7 +20,7 @@ from daq import Event, SystemClock
 from monitor.errors import StartError
 from monitor.history import HistoryStore
 from monitor.inbox import taken
-from monitor.vitals import NAME, Vitals
+from monitor.vitals import NAME, Pace, Vitals
 from monitor.web import Source, make_app, web_process
 
 PORT = 20_000 + os.getpid() % 20_000
@@ -33,6 +33,7 @@ WELL |= {"waiting": {"log": 3, "analysis": 40}, "bad_bytes": {"left": 21, "right
 
 
 EVENTS = run_events()
+PACE = Pace(step=600.0, window=600.0)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def source(tmp_path: Path, history: Path) -> Source:
     """Return what a run leaves behind that goes on."""
     shutil.copytree(history, tmp_path, dirs_exist_ok=True)
-    vitals = Vitals(tmp_path / NAME, ("left", "right"), 600.0, SystemClock())
+    vitals = Vitals(tmp_path / NAME, ("left", "right"), PACE, SystemClock())
     for name in ("left", "right"):
         vitals.take(make_block(name, 0))
     for event in EVENTS:
@@ -93,13 +94,16 @@ def test_running_monitor_is_healthy(source: Source) -> None:
     ("fields", "says"),
     [
         ({"time": time.time() - 60}, "has not said anything for"),
-        ({"windowed": time.time() - 4000}, "no window has been analysed for"),
+        (
+            {"window_age": 4000.0, "window_overdue": True},
+            "no window has been analysed for 4000 s; one is due every 600 s",
+        ),
         ({"dropped": 3}, "3 items did not reach the log"),
         ({"disk": "No space left"}, "disk: No space left"),
         ({"history": "database is locked"}, "history: database is locked"),
-        ({"devices": {"left": {"lost": True, "heard": 1.0}}}, "device left is lost"),
-        ({"devices": {"left": {"lost": False, "heard": None}}}, "device left has sent nothing yet"),
-        ({"devices": {"left": {"lost": False, "heard": 1.0}}}, "device left has been silent for"),
+        ({"devices": {"left": {"lost": True, "silent": 9.0}}}, "device left is lost"),
+        ({"devices": {"left": {"lost": False, "silent": None}}}, "device left has sent nothing yet"),
+        ({"devices": {"left": {"lost": False, "silent": 9.0}}}, "device left has been silent for"),
     ],
 )
 def test_what_is_stale_is_named(source: Source, fields: dict[str, Any], says: str) -> None:
@@ -117,13 +121,72 @@ def test_site_that_never_ran_has_a_page_all_the_same(tmp_path: Path) -> None:
 
 
 def test_vitals_follow_devices(tmp_path: Path) -> None:
-    vitals = Vitals(tmp_path / NAME, ("left",), 600.0, SystemClock())
+    vitals = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock())
     vitals.take(make_block("left", 0))
     vitals.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
     vitals.take(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
     vitals.write(WELL)
     device = json.loads((tmp_path / NAME).read_text())["devices"]["left"]
     assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
+
+
+def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """NTP may set it by hours, to and fro: what flows goes on flowing, and a device that falls silent is told."""
+    wall, ages = [1e9], [0.0]
+    monkeypatch.setattr("monitor.vitals.time", FakeTime(wall, ages))
+    vitals = Vitals(tmp_path / NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
+    for step in (7200.0, -9000.0):
+        vitals.take(make_block("left", 0))
+        wall[0] += step
+        assert vitals.silence == 0.0
+        ages[0] += 30.0
+        vitals.write(WELL)
+        said = json.loads((tmp_path / NAME).read_text())
+        assert said["devices"]["left"]["silent"] == vitals.silence == 30.0
+        assert not said["window_overdue"]  # a first window may take its length and two steps
+    ages[0] += 700.0
+    vitals.write(WELL)
+    assert json.loads((tmp_path / NAME).read_text())["window_overdue"]
+
+
+class FakeTime:
+    """The two clocks that there are."""
+
+    def __init__(self, wall: list[float], ages: list[float]) -> None:
+        self._wall, self._ages = wall, ages
+
+    def time(self) -> float:
+        return self._wall[0]
+
+    def monotonic(self) -> float:
+        return self._ages[0]
+
+
+def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks come in pieces: of each second alone it would be 750 one time and 1250 the next."""
+    ages = [0.0]
+    monkeypatch.setattr("monitor.vitals.time", FakeTime([1e9], ages))
+    vitals, first = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
+    for second in range(60):
+        for _ in range(3 if second % 2 else 5):
+            vitals.take(make_block("left", first, n=250))
+            first += 250
+        ages[0] += 1.0
+        vitals.write(WELL)
+        rate = json.loads((tmp_path / NAME).read_text())["devices"]["left"]["rate"]
+        if second > 10:
+            assert rate == pytest.approx(1000.0, abs=30.0)
+
+
+def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tmp_path: Path) -> None:
+    """It may be locked, or damaged, or behind: that is said, and no wrong state."""
+    looked = Client(Source(name="bridge", state=source.state, url="sqlite:////proc/nowhere/history.sqlite"))
+    page = looked.get("/").text
+    assert "ALARM: the structure has changed" in page
+    assert "Acknowledge" in page
+    assert 'modalwatch_state{state="alarm"} 1.0' in looked.get("/metrics").text
 
 
 class FastClock:
@@ -141,7 +204,7 @@ class FastClock:
 def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
     """A result 5 s of data after the end of its window came 0.5 s of wall time after it."""
     raised = next(e for e in EVENTS if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
-    vitals = Vitals(tmp_path / NAME, ("left",), 600.0, FastClock(raised.time + 5_000_000_000))
+    vitals = Vitals(tmp_path / NAME, ("left",), PACE, FastClock(raised.time + 5_000_000_000))
     vitals.take(raised)
     vitals.take(next(e for e in EVENTS if e.topic == "/result/window" and e.time == raised.time))
     vitals.write(WELL)

@@ -1,5 +1,6 @@
 """What is logged stands in the history once, in full, and is found through an index."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from history_helpers import HOUR, START, change, rows, run_events, sqlite_url, w
 from sqlalchemy import create_engine
 from sqlalchemy.dialects import sqlite
 
+from daq import Event
 from monitor.history import HistoryError, HistoryStore, Reader, Span, schema
 from monitor.history.migrations import NEWEST, STEPS
 from monitor.history.queries import daily_trend_query, events_query, trend_query, windows_query
@@ -82,6 +84,29 @@ def test_alarm_is_one_row_from_raised_to_cleared(url: str) -> None:
     assert (first.raised, first.acknowledged, first.cleared, first.lasted) == (at[1], at[2], at[5], 14400.0)
     assert (first.text, first.reopened) == ("first", 1)
     assert (second.raised, second.cleared, second.reopened) == (at[7], None, 0)
+
+
+def explained(time: int, cause: str) -> Event:
+    """Return a window in alarm that names a cause."""
+    window = next(e for e in EVENTS if e.payload.get("phase") == "alarm")
+    found = {"cause": cause, "probability": 1.0, "where": None, "cannot_be_told_from": []}
+    found |= {"parameters": {"mass": {"value": 0.2, "std": 0.01, "unit": "kg"}}}
+    diagnosis = {"verdict": "explained", "causes": [found], "rejected": [], "modes": [], "gain": None}
+    diagnosis |= {"extended_model": None, "next_measurement": ""}
+    return replace(window, time=time, payload=window.payload | {"end": time, "diagnosis": diagnosis})
+
+
+def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str) -> None:
+    """It is analysed, and stands in the log, before the alarm that it raises."""
+    at = [START + i * HOUR for i in range(6)]
+    story = [change(at[0], "alarm", "first"), explained(at[1], "added_mass")]
+    story += [change(at[2], "normal", kind="accepted", text="accepted as 'pump'", lasted=7200.0)]
+    story += [explained(at[3], "sensor_dead"), change(at[3], "alarm", "second"), explained(at[4], "added_mass")]
+    write(url, story)
+    with Reader(url) as reader:
+        first, second = reader.alarms(Span(start=at[0], end=at[5]))
+    assert first.text == "accepted as 'pump'"
+    assert "200 ± 10 g" in second.text
 
 
 def test_older_history_is_brought_up_to_date(url: str) -> None:
