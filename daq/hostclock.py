@@ -18,15 +18,29 @@ class HostClock(Protocol):
         ...
 
 
-@dataclass(frozen=True)
 class SystemClock:
-    """The wall clock."""
+    """The wall clock as it was when it was asked last what it is: from then on it goes evenly, set or not.
 
-    speed: float = 1.0
+    Scans are told the time by their arrivals: a clock that is set by hours amid them would cut them apart, or have them
+    arrive before they were sent. NTP's small corrections are in it all the same; only steps are not.
+    """
+
+    def __init__(self) -> None:
+        self.speed = 1.0
+        self.follow()
 
     def now(self) -> int:
         """Return the time [ns UTC]."""
-        return time.time_ns()
+        return time.monotonic_ns() + self._ahead
+
+    @property
+    def off(self) -> int:
+        """By how much the wall clock is ahead of this one, as it has been set since [ns]."""
+        return time.time_ns() - self.now()
+
+    def follow(self) -> None:
+        """Go on from what the wall clock says now."""
+        self._ahead = time.time_ns() - time.monotonic_ns()
 
 
 @dataclass(frozen=True, kw_only=True)

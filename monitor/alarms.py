@@ -77,7 +77,8 @@ class Alarm:
 
         Parameters
         ----------
-        time : end of the window [ns UTC]; not before that of the last one
+        time : end of the window [ns UTC]; where it is before that of the last one, the clock has been set back:
+            what lies ahead of it is forgotten, lest an alarm be quiet for as long
         level : its novelty over the limit [-]; not-a-number decides nothing, but breaks every run
         """
         over, calm = level > 1, level < self.rules.clear_ratio
@@ -100,7 +101,7 @@ class Alarm:
 
     def accept(self, time: int) -> tuple["Alarm", Change]:
         """Return the condition once what raised the alarm is the new normal; the next alarm is a new one."""
-        lasted = None if self.raised is None else time - self.raised
+        lasted = self._lasted(time)
         after = replace(self, condition="normal", run=0, raised=None, cleared=None)
         return after, Change(kind="accepted", state="normal", lasted=lasted)
 
@@ -115,7 +116,7 @@ class Alarm:
         return after, said
 
     def _raise(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
-        again = self.cleared is not None and time - self.cleared < self.rules.cooldown
+        again = self.cleared is not None and 0 <= time - self.cleared < self.rules.cooldown  # no end lies ahead of it
         raised = self.raised if again else time
         after = replace(self, condition="alarm", run=0, raised=raised, flips=(*self.flips, time))
         return after, (Change(kind="reopened" if again else "state", state="alarm", quiet=again or self.flapping),)
@@ -130,8 +131,11 @@ class Alarm:
 
     def _clear(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
         after = replace(self, condition="normal", run=0, cleared=time, flips=(*self.flips, time))
-        lasted = None if self.raised is None else time - self.raised
+        lasted = self._lasted(time)
         return after, (Change(kind="state", state="normal", lasted=lasted, quiet=self.flapping),)
+
+    def _lasted(self, time: int) -> int | None:
+        return None if self.raised is None else max(0, time - self.raised)
 
     def _relapse(self, *, over: bool) -> tuple["Alarm", tuple[Change, ...]]:
         run = self.run + 1 if over else 0
@@ -140,7 +144,7 @@ class Alarm:
         return replace(self, condition="alarm", run=0), (Change(kind="reopened", state="alarm", quiet=True),)
 
     def _look_for_flapping(self, time: int, changes: tuple[Change, ...]) -> tuple["Alarm", tuple[Change, ...]]:
-        flips = tuple(flip for flip in self.flips if time - flip < self.rules.flapping_span)
+        flips = tuple(flip for flip in self.flips if 0 <= time - flip < self.rules.flapping_span)
         flapping = len(flips) >= self.rules.flapping_changes
         if flapping != self.flapping:
             changes = (*changes, Change(kind="flapping" if flapping else "steady", state=self.state))

@@ -75,21 +75,31 @@ class Devices:
         """Device -> bytes that no whole frame held, since it was opened first."""
         return {name: reader.bad_bytes for name, reader in self._readers.items()}
 
-    def start(self, drivers: Drivers) -> None:
+    def start(self, drivers: Drivers, *, missing_is_lost: bool = False) -> None:
         """Open devices and start their threads.
+
+        Parameters
+        ----------
+        drivers : of the devices
+        missing_is_lost : whether one that does not answer counts as lost, and is waited for, as long as others do:
+            a watch that has begun is not to end with one of its devices
 
         Raises
         ------
         StartError
-            If one does not answer: all that were started are stopped.
+            If one does not answer, or none does: all that were started are stopped.
         """
+        silent = {}
         for name, (device, driver) in drivers.items():
             reader = DeviceReader(name, driver, device.rate, self._clock, self._sink, delay=device.delay)
             try:
                 reader.connect()
             except DriverError as error:
-                self.stop()
-                raise StartError(f"device {name}: {error}") from error
+                silent[name] = error
+                reader.lose(error)
+                if not missing_is_lost or len(silent) == len(drivers):
+                    self.stop()
+                    raise StartError("; ".join(f"device {n}: {why}" for n, why in silent.items())) from error
             self._readers[name] = reader
             reader.start()
 

@@ -4,6 +4,7 @@ A file needs no port and no rights but those on the folder, outlives a restart, 
 """
 
 import os
+import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,28 +53,74 @@ _SAID: TypeAdapter[Said] = TypeAdapter(Annotated[Said, Field(union_mode="left_to
 
 
 def leave(state: Path, said: Said) -> Path:
-    """Put a word where the monitor of that state folder takes it; it appears whole or not at all."""
-    folder = state / "inbox"
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{uuid.uuid4().hex}.json"
+    """Put a word where the monitor of that state folder takes it; it appears whole or not at all.
+
+    What several people say while no monitor runs is taken in the order in which they said it.
+
+    Raises
+    ------
+    OSError
+        If this user may not.
+    """
+    folder = inbox_of(state)
+    path = folder / f"{time.time_ns():020}_{uuid.uuid4().hex}.json"
     unfinished = path.with_suffix(".part")
     unfinished.write_text(said.model_dump_json(), encoding="utf-8")
+    _give(unfinished, state)
     os.replace(unfinished, path)
     return path
 
 
-def taken(state: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield topic and payload of what was left since the last time; each file is gone once it is yielded."""
-    for path in sorted((state / "inbox").glob("*.json"), key=lambda p: p.name):
-        try:
-            with path.open("rb") as file:
-                text = file.read(_LONGEST + 1)
-            path.unlink()
-        except OSError:
-            continue  # not ours to read, or gone: the next look will tell
-        try:
-            said = _SAID.validate_json(text)
-        except ValidationError as error:
-            yield TOPIC_REFUSED, {"file": path.name, "why": str(error).splitlines()[0]}
-        else:
-            yield _TOPICS[said.kind], said.model_dump(exclude={"kind"})
+def inbox_of(state: Path) -> Path:
+    """Return the folder that words are left in, made if need be."""
+    folder = state / "inbox"
+    if not folder.is_dir():
+        folder.mkdir(parents=True, exist_ok=True)
+        _give(folder, state)
+    return folder
+
+
+def _give(path: Path, state: Path) -> None:
+    """Have what the superuser makes belong to whom the state folder does: the monitor has to be able to take it."""
+    if os.geteuid() == 0:
+        owner = state.stat()
+        os.chown(path, owner.st_uid, owner.st_gid)
+
+
+class Inbox:
+    """What was left for a monitor.
+
+    Parameters
+    ----------
+    state : its folder
+    """
+
+    def __init__(self, state: Path) -> None:
+        self._folder = state / "inbox"
+        self._stuck: set[str] = set()
+
+    def taken(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield topic and payload of what was left since the last time; each file is gone once it is yielded.
+
+        One that cannot be read or removed is refused once: obeyed, it would be obeyed again at each start.
+        """
+        for path in sorted(self._folder.glob("*.json"), key=lambda p: p.name):
+            if path.name in self._stuck:
+                continue
+            try:
+                with path.open("rb") as file:
+                    text = file.read(_LONGEST + 1)
+                path.unlink()
+            except OSError as error:
+                self._stuck.add(path.name)
+                yield TOPIC_REFUSED, {"file": path.name, "why": f"it cannot be taken: {error.strerror}"}
+                continue
+            yield _said(path.name, text)
+
+
+def _said(name: str, text: bytes) -> tuple[str, dict[str, Any]]:
+    try:
+        said = _SAID.validate_json(text)
+    except ValidationError as error:
+        return TOPIC_REFUSED, {"file": name, "why": str(error).splitlines()[0]}
+    return _TOPICS[said.kind], said.model_dump(exclude={"kind"})

@@ -42,6 +42,20 @@ class Message:
     notices: list[Notice]  #: in the order of time
     text: str
 
+    @property
+    def foremost(self) -> Notice:
+        """The notice whose fields are the message's: whoever looks at one alone is to see the alarm."""
+        return foremost(self.notices)
+
+
+def foremost(notices: list[Notice]) -> Notice:
+    """Return the last that changes the alarm; without one the last update, without that the last."""
+    for passed_over in (("trouble", "update"), ("trouble",), ()):
+        left = [notice for notice in notices if notice.kind not in passed_over]
+        if left:
+            return left[-1]
+    raise ValueError("notices: expected at least one")
+
 
 def message(notices: list[Notice], template: str | None = None, others: int = 0) -> Message:
     """Return what tells notices in so few words that it is taken; beyond that troubles are only counted, oldest first.
@@ -56,7 +70,7 @@ def message(notices: list[Notice], template: str | None = None, others: int = 0)
     """
     most = _MOST
     while True:
-        shown = _foremost(notices, most)
+        shown = _worth_telling(notices, most)
         left_out = others + len(notices) - len(shown)
         text = _rendered(shown, template, left_out)
         if len(text) <= _LONGEST or len(shown) == 1:
@@ -64,7 +78,7 @@ def message(notices: list[Notice], template: str | None = None, others: int = 0)
         most = len(shown) // 2
 
 
-def _foremost(notices: list[Notice], most: int) -> list[Notice]:
+def _worth_telling(notices: list[Notice], most: int) -> list[Notice]:
     """Return the newest, troubles only where there is room for them."""
     numbers = sorted(range(len(notices)), key=lambda i: (notices[i].kind == "trouble", -i))[:most]
     return [notices[i] for i in sorted(numbers)]
@@ -78,7 +92,7 @@ def _rendered(notices: list[Notice], template: str | None, others: int) -> str:
 
 
 def render(notices: list[Notice], template: str | None = None, others: int = 0) -> str:
-    """Return the text that tells notices; templates see `notices`, the last one as `notice`, and `others`, a number.
+    """Return the text that tells notices; templates see `notices`, the foremost as `notice`, and `others`, a number.
 
     Raises
     ------
@@ -86,7 +100,7 @@ def render(notices: list[Notice], template: str | None = None, others: int = 0) 
         If the template asks for what there is not.
     """
     made = _ENVIRONMENT.from_string(template or DEFAULT_TEMPLATE)
-    return made.render(notices=notices, notice=notices[-1], others=others).strip()
+    return made.render(notices=notices, notice=foremost(notices), others=others).strip()
 
 
 def check_template(template: str) -> None:

@@ -3,16 +3,16 @@
 import shutil
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from daq import Event, Item, LogError, LogThread
+from daq import Event, Item, LogError, LogThread, SystemClock
 from monitor.analysing import Analysis, analysed_alike, blocks_a_second, logs_of, most_waiting, new_analysis
 from monitor.devices import Devices, Drivers, site_clock, site_drivers
 from monitor.errors import SettingsError
-from monitor.inbox import taken
+from monitor.inbox import Inbox, inbox_of
 from monitor.live import LiveView
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
 from monitor.outlets import Outlets
@@ -26,6 +26,8 @@ from updater import parse_structure
 
 _POLL = 0.2  # s
 _LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
+_LAST_WORDS = 20.0  # s that one which gives way to another is waited for: the watchdog is fed four times a minute
+_STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which on it is followed; s until it is again
 _REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
 
 
@@ -57,7 +59,7 @@ class Running:
         self._clock = site_clock(site.settings)
         self._mended = mended
         self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
-        self._memory = MemoryFile(site.state / MEMORY)
+        self._memory, self._inbox = MemoryFile(site.state / MEMORY), Inbox(site.state)
         self._analysis = new_analysis(site, self._clock, self._take, self._kept)
         self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
         self._keepers = [self._analysis.keeper]  # of all logs so far
@@ -69,6 +71,7 @@ class Running:
         self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
         self._devices = Devices(self._clock, self._log.put)
         self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
+        self._step_due = 0.0  # monotonic time from which on the clock may be followed again [s]
 
     def __enter__(self) -> Self:
         """Start everything; undo it if something does not start."""
@@ -79,11 +82,14 @@ class Running:
             stack.callback(lambda: self._thermometer.close())
             self._read_temperature()
             stack.enter_context(self._memory)
+            with suppress(OSError):  # a state folder that takes nothing is told elsewhere
+                inbox_of(self._site.state)
             stack.enter_context(self._log)
             if self._mended:
                 self._say("unclean_end", {"why": "; ".join(self._mended)})
             self._say_refused()
-            self._devices.start(site_drivers(self._site.settings.device, self._clock.speed))
+            drivers = site_drivers(self._site.settings.device, self._clock.speed)
+            self._devices.start(drivers, missing_is_lost=bool(self._kept))
             self._undo = stack.pop_all()
         return self
 
@@ -95,25 +101,32 @@ class Running:
     def turn(self) -> bool:
         """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
         self._report()
-        for topic, payload in (*taken(self._site.state), *self._outlets.said()):
+        for topic, payload in (*self._inbox.taken(), *self._outlets.said()):
             self._log.put(Event(topic=topic, time=self._clock.now(), payload=payload))
         for reading in self._reads.read() if self._reads else ():
             self._log.put(reading)
         if self._revive_at and time.monotonic() >= self._revive_at:
             self._renew_analysis("the analysis had died")
         self._keep_up()
+        self._follow_clock()
         return self.vitals.write(self._state())
 
     def finish(self) -> None:
         """Let what has arrived be logged, and analysed as far as that goes in a while: service managers do not wait."""
         self._devices.stop()
         self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped}))
-        end = time.monotonic() + _LAST_SECONDS
+        self._hear_out(_LAST_SECONDS)
+
+    def _hear_out(self, seconds: float) -> None:
+        """Wait for the analysis to say its last word, so long at most; what it leaves out then stands in the log."""
+        end = time.monotonic() + seconds
         while self._report():
             if time.monotonic() > end:
-                waiting = self._analysis.worker.waiting
-                self._say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self._site), 1)})
+                self._say_behind(self._analysis.worker.waiting)
                 return
+
+    def _say_behind(self, waiting: int) -> None:
+        self._say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self._site), 1)})
 
     @property
     def signs(self) -> SignsOfLife:
@@ -181,10 +194,23 @@ class Running:
         waiting = self._worker.waiting if self._worker else 0
         if waiting <= most_waiting(self._site):
             return
-        self._say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self._site), 1)})
+        self._say_behind(waiting)
         self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped, "why": "the analysis was behind"}))
         self._worker = None
         self._renew_analysis("the analysis was behind")
+
+    def _follow_clock(self) -> None:
+        """Go on by the host's clock where that has been set: all devices are told their time anew, in another log."""
+        clock = self._clock
+        if not isinstance(clock, SystemClock) or abs(clock.off) < _STEP or time.monotonic() < self._step_due:
+            return
+        self._step_due = time.monotonic() + _STEP_AGAIN
+        self._say("clock_set", {"by_s": round(clock.off * 1e-9, 1)})
+        drivers = site_drivers(self._site.settings.device, clock.speed)
+        self._devices.stop()
+        clock.follow()
+        self._renew_analysis("the clock was set")
+        self._devices.resume(drivers, {})
 
     def _renew_analysis(self, why: str) -> None:
         """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.
@@ -194,8 +220,7 @@ class Running:
         old = self._analysis
         if self._worker is not None:
             self._log.put(self._event(TOPIC_STOPPED, {"dropped": self._log.dropped, "why": why}))
-            while self._report():
-                pass
+            self._hear_out(_LAST_WORDS)
         try:
             new = new_analysis(self._site, self._clock, self._take, self._remembered())
         except LogError as error:

@@ -11,8 +11,9 @@ from rich.markup import escape
 
 from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
+from monitor.cli.telling import standing_if_known, tell
 from monitor.daemon import reload_on_signal, run, stop_on_signals
-from monitor.inbox import Acknowledgement, leave
+from monitor.inbox import Acknowledgement
 from monitor.live import LiveView, live_view
 from monitor.memory import recall
 from monitor.mending import mend_logs
@@ -20,6 +21,7 @@ from monitor.processes import give_back_memory
 from monitor.replay import replay
 from monitor.results import AlarmResult
 from monitor.site import Site, load_site
+from monitor.words import utc
 from monitor.worker import Result
 from updater import parse_structure
 
@@ -53,6 +55,7 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
         journal(as_json=as_json) as lines,
     ):
         tell_live(console, live)
+        _tell_page(site)
         report = run(
             site,
             stop,
@@ -71,6 +74,15 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     return 0
 
 
+def _tell_page(site: Site) -> None:
+    """Say where the pages are."""
+    web = site.settings.web
+    if web:
+        console.print(
+            f"status page: http://{f'[{web.bind}]' if ':' in web.bind else web.bind}:{web.port}", soft_wrap=True
+        )
+
+
 def _reread(hangup: Event, path: Path, given: Sequence[str]) -> Site | None:
     """Return the settings as they are now, if a signal has asked for that."""
     if not hangup.is_set():
@@ -85,8 +97,11 @@ def _nothing(_: Result) -> None:
 
 def acknowledge_command(path: Path, by: str, note: str) -> int:
     """Leave word for the monitor of a site that a person knows of its alarm."""
-    leave(load_site(path).state, Acknowledgement(by=by, note=note))
-    console.print("left for the monitor; it takes it within a second, or when it starts")
+    site = load_site(path)
+    found = standing_if_known(site)
+    known = f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history knows of no alarm that stands"
+    console.print(escape(known), soft_wrap=True)
+    tell(site, Acknowledgement(by=by, note=note))
     return 0
 
 

@@ -35,8 +35,8 @@ def make_sender(target: NotifySettings) -> Sender:
 
 
 def _content(said: Message) -> dict[str, Any]:
-    """Return what programs read: the last notice's fields, `text` of all of them, and each one."""
-    return said.notices[-1].values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
+    """Return what programs read: the foremost notice's fields, `text` of all of them, and each one."""
+    return said.foremost.values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
 
 
 def _by_webhook(target: NotifySettings, said: Message) -> None:
@@ -53,7 +53,7 @@ def _by_webhook(target: NotifySettings, said: Message) -> None:
 
 
 def _by_command(target: NotifySettings, said: Message) -> None:
-    values = said.notices[-1].values()
+    values = said.foremost.values()
     named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
     try:
         subprocess.run(

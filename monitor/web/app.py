@@ -5,11 +5,11 @@ from pathlib import Path
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from monitor.inbox import Acknowledgement, leave
-from monitor.web.guard import Guard
+from monitor.web.guard import Guard, user_of
 from monitor.web.metrics import metrics
 from monitor.web.page import page_html, state_html
 from monitor.web.source import Source, problems
@@ -34,8 +34,11 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> Starlette:
         return Response(metrics(source.vitals()), media_type="text/plain; version=0.0.4")
 
     def acknowledge(request: Request) -> Response:
-        by = request.query_params.get("by", "")[:100] or "status page"
-        leave(source.state, Acknowledgement(by=by, note=request.query_params.get("note", "")[:1000]))
+        by = (request.query_params.get("by") or user_of(request) or "status page")[:100]
+        try:
+            leave(source.state, Acknowledgement(by=by, note=request.query_params.get("note", "")[:1000]))
+        except OSError as error:
+            return PlainTextResponse(f"the state folder takes nothing: {error.strerror}\n", 503)
         return JSONResponse({"told": True}, 202)
 
     def static(request: Request) -> Response:

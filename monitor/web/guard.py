@@ -74,11 +74,21 @@ class Guard:
         return None
 
 
+def user_of(request: Request) -> str:
+    """Return the name that a visitor has given beside the token; empty for none."""
+    return _basic(request)[0]
+
+
 def _given(request: Request) -> str:
     kind, _, rest = request.headers.get("authorization", "").partition(" ")
-    if kind.lower() == "bearer":
-        return rest.strip()
+    return rest.strip() if kind.lower() == "bearer" else _basic(request)[1]
+
+
+def _basic(request: Request) -> tuple[str, str]:
+    """Return user and password; empty where none are given."""
+    kind, _, rest = request.headers.get("authorization", "").partition(" ")
     try:
-        return base64.b64decode(rest, validate=True).decode().partition(":")[2] if kind.lower() == "basic" else ""
+        user, _, password = base64.b64decode(rest, validate=True).decode().partition(":")
     except (binascii.Error, UnicodeDecodeError):
-        return ""
+        return "", ""
+    return (user, password) if kind.lower() == "basic" else ("", "")

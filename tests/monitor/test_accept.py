@@ -9,7 +9,7 @@ from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from daq import Event
 from monitor.history import HistoryStore, Reader, Span, database_url
-from monitor.inbox import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, Acceptance, Undoing, leave, taken
+from monitor.inbox import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, Acceptance, Inbox, Undoing, leave
 from monitor.memory import memory_text, parse_memory
 from monitor.pipeline import Pipeline, Result
 from monitor.result_events import result_event
@@ -190,12 +190,12 @@ def test_other_alarm_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_words_of_the_inbox(tmp_path: Path) -> None:
     leave(tmp_path, Acceptance(cause="pump", by="Ada", alarm=5))
-    assert list(taken(tmp_path)) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump", "alarm": 5})]
+    assert list(Inbox(tmp_path).taken()) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump", "alarm": 5})]
     leave(tmp_path, Undoing(by="Bob"))
-    assert list(taken(tmp_path)) == [(TOPIC_UNDO, {"by": "Bob", "note": ""})]
+    assert list(Inbox(tmp_path).taken()) == [(TOPIC_UNDO, {"by": "Bob", "note": ""})]
     path = leave(tmp_path, Undoing())
     path.write_text('{"kind": "accept", "by": "Ada"}')  # as what?
-    assert [topic for topic, _ in taken(tmp_path)] == [TOPIC_REFUSED]
+    assert [topic for topic, _ in Inbox(tmp_path).taken()] == [TOPIC_REFUSED]
 
 
 @pytest.fixture
@@ -219,9 +219,10 @@ def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Pat
     done = modalwatch("accept", site, "2001-09-09 01:46", "--as", "pump, 150 g", "--by", "Ada")
     assert (done.code, done.err) == (0, "")
     assert "ALARM: 198 g" in done.out
-    assert list(taken(state)) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump, 150 g", "alarm": 10**18})]
+    assert "no monitor runs here now: it takes it when it starts" in done.out
+    assert list(Inbox(state).taken()) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump, 150 g", "alarm": 10**18})]
     assert modalwatch("accept", site, "--undo", "--by", "Bob").code == 0
-    assert [topic for topic, _ in taken(state)] == [TOPIC_UNDO]
+    assert [topic for topic, _ in Inbox(state).taken()] == [TOPIC_UNDO]
 
     text = "accepted by Ada as 'pump, 150 g'"
     closed = AlarmResult(time=10**18 + minute, state="normal", text=text, window=9, kind="accepted", lasted=60.0)

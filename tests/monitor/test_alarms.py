@@ -199,3 +199,24 @@ class AnySequence(RuleBasedStateMachine):
 
 TestAnySequence = AnySequence.TestCase
 TestAnySequence.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+
+
+def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
+    """A host without a battery may wake up years ago: an alarm is not one that goes on, and flaps no more."""
+    alarm = Alarm(rules=RULES)
+    for minute in range(1000, 1000 + 10 * 15, 10):
+        alarm, _ = alarm.consider(minute * MINUTE, [OVER, OVER, CALM, CALM, CALM][minute // 10 % 5])
+    assert alarm.flapping
+    for minute, told in ((10, ["steady"]), (20, ["state"])):
+        alarm, changes = alarm.consider(minute * MINUTE, OVER)
+        assert [(c.kind, c.quiet) for c in changes if c.state != "watch" or c.kind != "state"] == [
+            (k, False) for k in told
+        ]
+    assert (alarm.condition, alarm.raised) == ("alarm", 20 * MINUTE)
+
+
+def test_alarm_that_ends_before_it_was_raised_lasted_no_time() -> None:
+    alarm, _ = play(RULES, RAISED)
+    for minute in (3, 2, 1):
+        alarm, changes = alarm.consider(minute * MINUTE, CALM)
+    assert [change.lasted for change in changes] == [0]

@@ -1,17 +1,21 @@
 """What a person tells a running monitor arrives once, whole, and reaches the alarm."""
 
+import errno
+import os
+import threading
 from pathlib import Path
 
 import pytest
-from cli_helpers import Commands
+from cli_helpers import Commands, assert_refused
 
-from daq import Event
+from daq import Event, SystemClock
 from monitor.alarm_words import acknowledged_said, duration_text
 from monitor.alarms import Alarm, AlarmRules, Change
-from monitor.inbox import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, Acknowledgement, leave, taken
+from monitor.inbox import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, Acknowledgement, Inbox, leave
 from monitor.pipeline import Pipeline
 from monitor.results import AlarmResult
 from monitor.settings import parse_settings
+from monitor.vitals import NAME, Pace, Vitals
 from updater import parse_structure, t_structure_toml
 
 SITE = """
@@ -33,21 +37,78 @@ def site(tmp_path: Path) -> Path:
 
 
 def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path) -> None:
-    assert list(taken(site.parent / "state")) == []
+    assert list(Inbox(site.parent / "state").taken()) == []
     done = modalwatch("acknowledge", site, "--by", "Ada", "--note", "a crane")
     assert done.code == 0, done.err
     expected = [(TOPIC_ACKNOWLEDGE, {"by": "Ada", "note": "a crane"})]
-    assert list(taken(site.parent / "state")) == expected
-    assert list(taken(site.parent / "state")) == []
+    assert list(Inbox(site.parent / "state").taken()) == expected
+    assert list(Inbox(site.parent / "state").taken()) == []
 
 
 @pytest.mark.parametrize("text", ["", "not json", "[1, 2]", '{"by": 5}', '{"who": "x"}', "9" * 5000, "\udcff\x00"])
 def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, text: str) -> None:
     path = leave(tmp_path, Acknowledgement())
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
-    [(topic, payload)] = taken(tmp_path)
+    [(topic, payload)] = Inbox(tmp_path).taken()
     assert (topic, payload["file"]) == (TOPIC_REFUSED, path.name)
     assert not path.exists()
+
+
+def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
+    """Accepted, undone, accepted again while no monitor ran: in another order something else would stand."""
+    for k in range(12):
+        leave(tmp_path, Acknowledgement(by=str(k)))
+    assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
+
+
+def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else's folder: obeyed each time it would do what nobody said, and unheard nobody would know why."""
+
+    def forbidden(_: Path) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    path, inbox = leave(tmp_path, Acknowledgement()), Inbox(tmp_path)
+    monkeypatch.setattr(Path, "unlink", forbidden)
+    assert list(inbox.taken()) == [(TOPIC_REFUSED, {"file": path.name, "why": "it cannot be taken: Permission denied"})]
+    assert list(inbox.taken()) == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives files away")
+def test_what_the_superuser_says_belongs_to_whom_the_state_does(tmp_path: Path) -> None:
+    os.chown(tmp_path, 1234, 1234)
+    path = leave(tmp_path, Acknowledgement())
+    assert {path.stat().st_uid, path.parent.stat().st_uid} == {1234}
+
+
+def test_folder_that_takes_no_word_is_told_in_a_line(
+    modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (site.parent / "state").write_text("a file stands where the folder should")
+    assert_refused(modalwatch("acknowledge", site), "state: ", "expected a user who may write there")
+
+
+def test_command_waits_until_the_word_is_taken(
+    modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A monitor that runs takes it at once; one that stands still is told of."""
+    state = site.parent / "state"
+    Vitals(state / NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write({})
+    monkeypatch.setattr("monitor.cli.telling._WAIT", 0.2)
+    assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
+    monkeypatch.setattr("monitor.cli.telling._WAIT", 10.0)
+    stop, inbox = threading.Event(), Inbox(state)
+
+    def take() -> None:
+        while not stop.wait(0.01):
+            list(inbox.taken())
+
+    thread = threading.Thread(target=take)
+    thread.start()
+    try:
+        assert "the monitor has taken it" in modalwatch("acknowledge", site).out
+    finally:
+        stop.set()
+        thread.join()
 
 
 def test_acknowledgement_in_the_log_changes_the_alarm(

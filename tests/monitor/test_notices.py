@@ -20,7 +20,7 @@ from jinja2.exceptions import SecurityError
 from pydantic import ValidationError
 
 from daq import Event
-from monitor.notice_text import Notice, render
+from monitor.notice_text import Notice, message, render
 from monitor.notices import Courier, News, NoticeError, make_sender
 from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
@@ -315,6 +315,21 @@ def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> Non
         until(lambda: courier.problem)
         courier.put(change(20, "normal", "over", lasted=10.0))
         until(lambda: (tmp_path / "got").exists() and "over" in (tmp_path / "got").read_text())
+
+
+@pytest.mark.parametrize(
+    ("kinds", "index"),
+    [
+        (["alarm", "update", "trouble"], 0),
+        (["alarm", "update", "recovery", "trouble"], 2),
+        (["trouble", "update", "trouble"], 1),
+        (["trouble", "trouble"], 1),
+    ],
+)
+def test_fields_of_a_message_are_those_of_what_matters_most(kinds: list[Any], index: int) -> None:
+    """A program that pages somebody on `kind` alone, or a template of `notice` alone, is not to miss the alarm."""
+    said = message([replace(NOTICE, kind=kind, text=str(k)) for k, kind in enumerate(kinds)], "{{ notice.text }}")
+    assert (said.foremost.text, said.text) == (str(index), str(index))
 
 
 def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:

@@ -2,134 +2,22 @@
 
 import json
 import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 from process_helpers import script_process
+from run_helpers import QuietWorker, Watched, blocks, watched_site
 from service_helpers import Listener
 
-from daq import Block, Event, Flag, Item, read_log
-from monitor.daemon import RunReport, reload_on_signal, run
-from monitor.site import Site, load_site
-from monitor.worker import AnalysisError
-from updater import t_structure_toml
-
-SITE = """structure = "t_structure.toml"
-[recorder]
-min_free_gb = 0
-"""
-DEVICE = """[[device]]
-name = "{name}"
-driver = "epson-uart"
-port = "{port}"
-rate = {rate}
-channels = {{y = "{name}_y"}}
-"""
-
-
-class QuietWorker:
-    """Stands for the analysis, which is not asked for anything here: it says its last word when it is told to."""
-
-    made: ClassVar[list["QuietWorker"]] = []
-
-    def __init__(self, *_: str, keep: bool) -> None:
-        self._stopped, self.died = threading.Event(), False
-        self.waiting = 0
-        self.made.append(self)
-
-    def __enter__(self) -> "QuietWorker":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End."""
-
-    def feed(self, item: Item) -> None:
-        if isinstance(item, Event) and item.topic == "/event/stopped":
-            self._stopped.set()
-
-    def results(self, timeout: float) -> Iterator[None]:
-        if self.died:
-            raise AnalysisError("the analysis process ended with code -9")
-        if self._stopped.wait(timeout):
-            yield None
-
-
-class Watched:
-    """A run in a thread of its own, and the settings that it is given."""
-
-    def __init__(self, path: Path) -> None:
-        self.path, self._stop, self._again = path, threading.Event(), threading.Event()
-        self.items: list[Item] = []
-
-    def write(self, devices: dict[str, tuple[str, float]], more: str = "") -> None:
-        text = (
-            SITE
-            + more
-            + "".join(DEVICE.format(name=name, port=port, rate=rate) for name, (port, rate) in devices.items())
-        )
-        self.path.write_text(text, encoding="utf-8")
-
-    def reread(self) -> Site | None:
-        if not self._again.is_set():
-            return None
-        self._again.clear()
-        return load_site(self.path)
-
-    @contextmanager
-    def running(self) -> Iterator[Future[RunReport]]:
-        with ThreadPoolExecutor(1) as pool:
-            ended = pool.submit(
-                run, load_site(self.path), self._stop, print, takers=(self.items.append,), reread=self.reread
-            )
-            try:
-                yield ended
-            finally:
-                self._stop.set()
-
-    def stop(self) -> None:
-        self._stop.set()
-
-    def reload(self) -> None:
-        self._again.set()
-
-    def events(self, what: str) -> list[Event]:
-        return [item for item in tuple(self.items) if isinstance(item, Event) and item.topic == f"/event/{what}"]
-
-    def until(self, true: Callable[[], object], seconds: float = 20.0) -> None:
-        end = time.monotonic() + seconds
-        while not true():
-            assert time.monotonic() < end, [item for item in self.items if isinstance(item, Event)]
-            time.sleep(0.02)
-
-    def until_told(self, what: str, times: int) -> None:
-        self.until(lambda: len(self.events(what)) == times)
-
-    def scans(self, device: str) -> int:
-        return sum(len(item.counts) for item in tuple(self.items) if isinstance(item, Block) and item.device == device)
-
-    def flows(self, device: str) -> None:
-        """Wait until so much more of a device has come as a second of it."""
-        before = self.scans(device)
-        self.until(lambda: self.scans(device) > before + 100)
+from daq import Flag
+from monitor.daemon import reload_on_signal
 
 
 @pytest.fixture
 def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
-    monkeypatch.setattr("monitor.analysing.Worker", QuietWorker)
-    QuietWorker.made.clear()
-    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
-    return Watched(tmp_path / "site.toml")
-
-
-def blocks(paths: tuple[Path, ...], device: str) -> list[Block]:
-    return [item for path in paths for item in read_log(path) if isinstance(item, Block) and item.device == device]
+    return watched_site(tmp_path, monkeypatch)
 
 
 @pytest.mark.live

@@ -19,7 +19,7 @@ from history_helpers import run_events, sqlite_url
 from daq import Event, SystemClock
 from monitor.errors import StartError
 from monitor.history import HistoryStore
-from monitor.inbox import taken
+from monitor.inbox import Inbox
 from monitor.vitals import NAME, Pace, Vitals
 from monitor.web import Source, make_app, web_process
 
@@ -250,12 +250,20 @@ def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> N
 def test_acknowledging_takes_the_token(source: Source, headers: dict[str, str], code: int) -> None:
     answer = Client(source).post("/acknowledge?by=Ada", headers=headers)
     assert answer.status_code == code
-    assert [payload["by"] for _, payload in taken(source.state)] == (["Ada"] if code == 202 else [])
+    assert [payload["by"] for _, payload in Inbox(source.state).taken()] == (["Ada"] if code == 202 else [])
 
 
 def test_password_of_any_user_is_the_token(source: Source) -> None:
     answer = Client(source).post("/acknowledge", headers={"X-Modalwatch": "test"}, auth=("ada", TOKEN))
     assert answer.status_code == 202
+    assert [payload["by"] for _, payload in Inbox(source.state).taken()] == ["ada"]
+
+
+def test_folder_that_takes_no_word_is_told(source: Source) -> None:
+    shutil.rmtree(source.state / "inbox", ignore_errors=True)
+    (source.state / "inbox").write_text("a file")
+    answer = Client(source).post("/acknowledge", headers=ACT)
+    assert (answer.status_code, "takes nothing" in answer.text) == (503, True)
 
 
 def test_beyond_this_machine_looking_takes_the_token_too(source: Source) -> None:
@@ -284,7 +292,7 @@ def test_server_draws_a_token_that_only_its_owner_reads(served: str, history: Pa
     assert token.stat().st_mode & 0o777 == 0o600
     answer = httpx.post(f"{served}/acknowledge", headers={"X-Modalwatch": "x"}, auth=("", token.read_text().strip()))
     assert answer.status_code == 202
-    assert len(list(taken(history))) == 1
+    assert len(list(Inbox(history).taken())) == 1
 
 
 @pytest.mark.live

@@ -1,0 +1,133 @@
+"""What befalls a site that is left alone for years: power cuts, clocks that are set, an analysis that hangs."""
+
+import json
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from process_helpers import script_process
+from run_helpers import QuietWorker, Watched, blocks, watched_site
+
+from daq import SystemClock
+from monitor.errors import StartError
+from monitor.memory import Recalled
+
+PORTS = Path(__file__).parents[1] / "emulated_ports.py"
+HOUR = 3600 * 10**9  # ns
+
+
+@pytest.fixture
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+    return watched_site(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def ports() -> Iterator[list[str]]:
+    """Return where two devices stream."""
+    now = time.time_ns()
+    with script_process(PORTS, 2, 1, now, now) as (_, said):
+        yield json.loads(said)
+
+
+@pytest.mark.live
+def test_restart_goes_on_without_a_device_that_is_gone(watched: Watched, ports: list[str]) -> None:
+    """After a power cut one of two is dead: the other one is watched, and that is told."""
+    watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": (ports[1], 500.0)})
+    watched.recalled = Recalled(text="of a run before")
+    with watched.running() as ended:
+        watched.until_told("device_lost", 1)
+        watched.flows("beam_right")
+        watched.stop()
+        ended.result()
+    assert watched.events("device_lost")[0].payload["device"] == "beam_left"
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("text", [None, "of a run before"])
+def test_start_without_any_device_is_no_start(watched: Watched, text: str | None) -> None:
+    watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": ("/dev/nothing", 500.0)})
+    watched.recalled = Recalled(text=text)
+    with watched.running() as ended, pytest.raises(StartError, match=r"device beam_left: .*nowhere"):
+        ended.result()
+
+
+@pytest.mark.live
+def test_first_start_wants_every_device(watched: Watched, ports: list[str]) -> None:
+    watched.write({"beam_left": (ports[0], 500.0), "beam_right": ("/dev/nowhere", 500.0)})
+    with watched.running() as ended, pytest.raises(StartError, match=r"device beam_right: .*nowhere"):
+        ended.result()
+
+
+class SetClock:
+    """The host's clocks, of which the wall clock can be set."""
+
+    def __init__(self) -> None:
+        self.ahead = 0  #: [ns]
+
+    def time_ns(self) -> int:
+        return time.time_ns() + self.ahead
+
+    @staticmethod
+    def monotonic_ns() -> int:
+        return time.monotonic_ns()
+
+
+def test_clock_goes_evenly_until_it_is_told_to_follow(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = SetClock()
+    monkeypatch.setattr("daq.hostclock.time", host)
+    clock = SystemClock()
+    before = clock.now()
+    host.ahead = -3 * HOUR
+    assert 0 <= clock.now() - before < HOUR
+    assert clock.off == pytest.approx(-3 * HOUR, abs=0.1 * HOUR)
+    clock.follow()
+    assert before - clock.now() > 2 * HOUR
+    assert abs(clock.off) < 10**9
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("hours", [-3, 5])
+def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
+    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch, hours: int
+) -> None:
+    """Within a log times go evenly; the devices are set up anew, and the shift is told once."""
+    host = SetClock()
+    monkeypatch.setattr("daq.hostclock.time", host)
+    watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
+    with watched.running() as ended:
+        watched.flows("beam_left")
+        host.ahead = hours * HOUR
+        watched.until(lambda: len(QuietWorker.made) == 2)
+        watched.flows("beam_left")
+        watched.flows("beam_right")
+        watched.stop()
+        report = ended.result()
+    [told] = watched.events("clock_set")
+    assert told.payload["by_s"] == pytest.approx(3600 * hours, abs=1.0)
+    before, after = ([b.pair_time for b in blocks((log,), "beam_left")] for log in report.logs)
+    assert after[0] - before[-1] == pytest.approx(hours * HOUR, abs=10 * 10**9)
+    for times in (before, after):
+        assert all(0 < later - earlier < 10**9 for earlier, later in pairwise(times))
+
+
+@pytest.mark.live
+def test_analysis_that_says_no_last_word_holds_up_no_reload(
+    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be amid a diagnosis: the watchdog is not to be left without food for as long."""
+    monkeypatch.setattr("monitor.running._LAST_WORDS", 0.3)
+    devices = {"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)}
+    watched.write(devices)
+    with watched.running() as ended:
+        watched.flows("beam_left")
+        QuietWorker.made[0].hangs = True
+        watched.write(devices, "[analysis]\nwindow_seconds = 30\n")
+        watched.reload()
+        watched.until_told("reloaded", 1)
+        watched.flows("beam_left")
+        watched.stop()
+        ended.result()
+    assert len(watched.events("analysis_behind")) == 1
+    assert watched.events("gap") == []
