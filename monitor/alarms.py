@@ -18,6 +18,7 @@ Kind = Literal[
     "undone",
     "seen_again",
     "refused",
+    "failed",
 ]
 
 

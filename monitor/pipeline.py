@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from monitor.alarms import Alarm, Change, Kind
 from monitor.answering import answer, sensors
 from monitor.backlog import SKIPPED, Skip, none
 from monitor.describe import mode_results, reference_result, spectrum_result
+from monitor.extras import Extras
 from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory, matters
@@ -68,6 +70,7 @@ class Pipeline:
         self._wanted: Wanted | None = None
         self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
         self._weather = Weather(settings.temperature.stale_minutes) if settings.temperature else None
+        self._extras = Extras()
         self._resumed = False  # from a memory, which has not been said yet
         if memory is not None:
             self._resume(memory)
@@ -184,18 +187,27 @@ class Pipeline:
         self._calm = [] if over else [*self._calm, window]
         result = result.model_copy(update={"novelty": score, "phase": self._phase()})
         if self._alarm.state == "alarm" and over:
-            result = result.model_copy(update=answer(watch, self._pure(), self._devices, self._structure))
+            found = self._extras.found("the diagnosis", lambda: self._answer(watch)) or {}
+            result = result.model_copy(update=found)
         calm: list[Window] = []
         if len(self._calm) >= self._settings.analysis.baseline_windows:
             calm, self._calm = self._calm, []
-            result = result.model_copy(update={"sensors": sensors(watch, calm, self._devices)})
+            health = self._extras.found("the look at the sensors", lambda: sensors(watch, calm, self._devices))
+            result = result.model_copy(update={"sensors": health or {}})
         yield result
         nodes = watch.reference.calibration.model.nodes
         yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
         yield from self._accept(window.end, watch)
-        yield from self._tests.after(watch, self._alarm, window, over=over)
+        yield from self._extras.found("the self-test", lambda: self._test(watch, window, over=over)) or ()
+        yield from (self._notice(window.end, "failed", text) for text in self._extras.failed())
         if calm and self._alarm.state == "normal":
             yield from self._watch_again(window.end, watch, calm)
+
+    def _answer(self, watch: Watch) -> dict[str, Any]:
+        return answer(watch, self._pure(), self._devices, self._structure)
+
+    def _test(self, watch: Watch, window: Window, *, over: bool) -> tuple[Result, ...]:
+        return tuple(self._tests.after(watch, self._alarm, window, over=over))
 
     def _heard(self, event: Event) -> Iterator[Result]:
         """Obey a person."""

@@ -59,8 +59,9 @@ class SelfTests:
         since = watch.learnt if self.state.last is None else self.state.last
         due = days > 0 and abs(window.end - since) >= days * _DAY  # a clock that is set back by years ends no tests
         if due and alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
+            self.state = replace(self.state, last=window.end)  # also of one that fails: the next is as far away
             result = self_test(watch, alarm, tuple(self._recent), self._settings, window.end, self.state.passed)
-            self.state = Tested(last=window.end, passed=result.last_passed)
+            self.state = replace(self.state, passed=result.last_passed)
             yield result
 
     def forget(self) -> None:

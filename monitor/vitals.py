@@ -21,6 +21,7 @@ from monitor.results import (
     SelfTestResult,
     WindowResult,
 )
+from monitor.sightless import Sight
 
 NAME = "status.json"
 _EVERY = 1.0  # s
@@ -79,6 +80,7 @@ class Vitals:
         self._pace, self._windowed = pace, time.monotonic()
         self._heard_first = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
+        self._sight = Sight()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         self._self_test = self_test_of(path)
         self._due = 0.0
@@ -156,6 +158,7 @@ class Vitals:
                 "window_age": now - self._windowed,
                 "window_overdue": now - self._windowed > self._pace.window + 2 * self._pace.step,
                 "window": self._window,
+                "blind": self._sight.blind,
                 "late": self._late,
                 "self_test": self._self_test,
                 "devices": {name: device.look(now) for name, device in self._devices.items()},
@@ -187,7 +190,7 @@ class Vitals:
                 self._late["alarm"] = late
         if isinstance(result, WindowResult):
             self._late["window"] = late
-            self._windowed = time.monotonic()
+            self._windowed, self._sight = time.monotonic(), self._sight.after(result)
             self._learnt = result.phase != "learning"
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)

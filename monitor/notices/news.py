@@ -12,6 +12,7 @@ from monitor.results import (
     SelfTestResult,
     WindowResult,
 )
+from monitor.sightless import MOST, Sight
 from monitor.words import change_text, utc
 
 _ROUTINE = (
@@ -40,6 +41,8 @@ class News:
         self._raised: int | None = None
         self._causes: tuple[str, ...] = ()
         self._behind = False  # windows are left out
+        self._sight = Sight()
+        self._failed = ""  # what the analysis could not find beside the verdict, and why
 
     def of(self, item: Item) -> Notice | None:
         """Return the notice that an item of the log is worth; items in the log's order."""
@@ -69,6 +72,8 @@ class News:
             self._raised = change.time
         elif change.since is not None:
             self._raised = change.since
+        if change.kind == "failed":
+            return self._failure(change)
         if change.quiet or change.state == "watch":
             return None
         if change.kind in ("flapping", "steady"):
@@ -82,7 +87,19 @@ class News:
         over = before == "alarm" and change.state == "normal"
         return self._notice("recovery", change.time, change.text) if over else None
 
+    def _failure(self, change: AlarmResult) -> Notice | None:
+        """Tell what has failed, once until it is something else."""
+        known, self._failed = self._failed, change.text
+        return None if change.text == known else self._notice("trouble", change.time, change.text)
+
     def _of_window(self, window: WindowResult) -> Notice | None:
+        before, self._sight = self._sight, self._sight.after(window)
+        if self._sight.dark == MOST:
+            return self._notice("trouble", window.end, self._sight.blind or "")
+        if before.blind and not self._sight.dark:
+            return self._notice(
+                "trouble", window.end, f"windows tell of the structure again, after {before.dark} that did not"
+            )
         behind, self._behind = self._behind, window.skipped
         if window.skipped and not behind:
             return self._notice("trouble", window.end, "windows are left out: the analysis has fallen behind")

@@ -50,7 +50,7 @@ class Source:
             found: dict[str, Any] = json.loads((self.state / NAME).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return found if isinstance(found, dict) and "window_overdue" in found else None
+        return found if isinstance(found, dict) and "blind" in found else None
 
     def past(self) -> Past | None:
         """Return what the history holds of the last windows; None where it cannot be asked."""
@@ -92,6 +92,8 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
     if vitals["window_overdue"]:
         late, step = vitals["window_age"], vitals["step_seconds"]
         found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
+    if vitals["blind"]:
+        found.append(vitals["blind"])
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
     if (test := vitals.get("self_test")) and not test["passed"]:

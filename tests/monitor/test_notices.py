@@ -124,6 +124,23 @@ def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
     assert [notice.kind for event in events if (notice := news.of(event))] == kinds
 
 
+def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
+    """Sensors that hang on nothing send data all the while: no device is lost, and no window overdue."""
+    good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
+    bad = replace(good, payload=good.payload | {"novelty": None, "modes": [], "problem": "no resonance stands out"})
+    news = News("bridge")
+    told = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
+    assert [i for i, notice in enumerate(told) if notice] == [6, 9]
+    assert "the last 3 windows say nothing of the structure: no resonance stands out" in told[6].text  # type: ignore[union-attr]
+    assert "again, after 5 that did not" in told[9].text  # type: ignore[union-attr]
+
+
+def test_failure_beside_the_verdict_is_told_once() -> None:
+    news = News("bridge")
+    events = [change(k, "alarm", text, kind="failed", quiet=True) for k, text in enumerate("aab")]
+    assert [bool(news.of(event)) for event in events] == [True, False, True]
+
+
 def test_webhook_gets_json_with_headers(server: Server) -> None:
     make_sender(NotifySettings(webhook=server.url, headers={"Authorization": "Bearer x"}))([NOTICE, NOTICE], 0)
     [got] = server.got

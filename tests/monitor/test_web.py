@@ -2,12 +2,14 @@
 
 import asyncio
 import json
+import math
 import os
 import re
 import shutil
 import subprocess
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +164,22 @@ class FakeTime:
 
     def monotonic(self) -> float:
         return self._ages[0]
+
+
+def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> None:
+    """Data flow and windows are analysed, yet none says anything: that is worth as little as no watch."""
+    window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
+    unseen: dict[str, Any] = dict.fromkeys(("t2", "limit"), math.nan) | {"modes": [], "detectors": []}
+    vitals = Vitals(source.state / NAME, (), PACE, SystemClock())
+    for nothing, well in ((0, True), (2, True), (3, False), (0, True)):
+        vitals.take(replace(window, payload=window.payload | {"problem": None}))
+        for _ in range(nothing):
+            vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": unseen}))
+        vitals._due = 0.0
+        vitals.write(WELL)
+        found = Client(source).get("/healthz").json()
+        assert found["healthy"] == well, found
+        assert well or "no mode that is watched is seen" in found["problems"][0]
 
 
 def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

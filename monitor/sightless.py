@@ -1,0 +1,34 @@
+"""Windows that say nothing of the structure: a few in a row, and the watch is blind, though data flow."""
+
+import math
+from dataclasses import dataclass
+
+from monitor.results import WindowResult
+
+MOST = 3  #: windows in a row from which on it is
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How many windows in a row have said nothing by now, and why the last did not."""
+
+    dark: int = 0
+    why: str = ""
+
+    def after(self, window: WindowResult) -> "Sight":
+        """Return the same after one more window."""
+        why = _why(window)
+        return Sight(self.dark + 1, why) if why else Sight()
+
+    @property
+    def blind(self) -> str | None:
+        """What is to be told of it; None while all is well."""
+        return f"the last {self.dark} windows say nothing of the structure: {self.why}" if self.dark >= MOST else None
+
+
+def _why(window: WindowResult) -> str:
+    """Return why a window says nothing, or nothing."""
+    if window.problem:
+        return window.problem
+    judged = window.phase == "learning" or (window.novelty is not None and math.isfinite(window.novelty.t2))
+    return "" if judged else "no mode that is watched is seen in it"
