@@ -118,18 +118,38 @@ class CsvThermometer(Thermometer):
         for line in lines:
             try:
                 fields = next(csv.reader([line]))
-                self._put(_time(fields[0]), float(fields[number]), path.name)
-            except (ValueError, IndexError) as error:
+                self._put(self._near(_time(fields[0])), float(fields[number]), path.name)
+            except (ValueError, IndexError, OverflowError, csv.Error) as error:
                 self.problem = f"{path}: {line!r:.60}: {error}"  # the next line may be better
+
+    def _near(self, when: int) -> int:
+        """Return a time of which a reading may say something now.
+
+        Raises
+        ------
+        ValueError
+            If it is stale or lies ahead: a logger that writes its local time is of no use for as long as that is off.
+        """
+        ahead = (when - self._clock.now()) / 60e9
+        if abs(ahead) > self._settings.stale_minutes:
+            side = "ahead of" if ahead > 0 else "behind"
+            raise ValueError(
+                f"its time is {abs(ahead) / 60:.3g} h {side} now: expected UTC, in ISO 8601 or seconds of 1970"
+            )
+        return when
 
 
 class MqttThermometer(Thermometer):
     """A topic on which a number is said, or an object with one; its time is that of its arrival."""
 
     def _run(self) -> None:
-        from paho.mqtt.client import Client, MQTTMessage  # an extra
-        from paho.mqtt.enums import CallbackAPIVersion
-
+        try:
+            from paho.mqtt.client import Client, MQTTMessage  # an extra
+            from paho.mqtt.enums import CallbackAPIVersion
+            from paho.mqtt.reasoncodes import ReasonCode
+        except ImportError:
+            self.problem = "paho-mqtt is not installed: pip install 'modalwatch[fleet]'"
+            return
         place = urlsplit(self._settings.mqtt or "")
         topic = unquote(place.path).strip("/")
         client = Client(CallbackAPIVersion.VERSION2)
@@ -144,11 +164,14 @@ class MqttThermometer(Thermometer):
             except (ValueError, KeyError, TypeError) as error:
                 self.problem = f"{topic}: expected a number, or an object with {self._settings.column!r}: {error}"
 
-        def connected(*_: object) -> None:
-            client.subscribe(topic)
+        def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
+            if reason.is_failure:
+                self.problem = f"mqtt://{place.hostname}: {reason}"
+            else:
+                client.subscribe(topic)
 
         def parted(*_: object) -> None:
-            self.problem = f"mqtt://{place.hostname}: the connection is lost"
+            self.problem = self.problem or f"mqtt://{place.hostname}: the connection is lost"
 
         client.on_message, client.on_connect, client.on_disconnect = taken, connected, parted
         while not self._stop.is_set():

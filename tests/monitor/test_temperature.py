@@ -23,6 +23,7 @@ from monitor.weather import Weather, reading
 from updater import parse_structure, t_structure_toml
 
 MINUTE = 60_000_000_000  # ns
+EVER = 1e9  # min
 SITE = """structure = "t_structure.toml"
 [analysis]
 window_seconds = 2
@@ -93,7 +94,7 @@ class Csv:
     def __init__(self, folder: Path, head: str = "time,humidity,temperature\n") -> None:
         self.path = folder / "air.csv"
         self.path.write_text(head)
-        self.reader = CsvThermometer(TemperatureSettings(csv=str(self.path)), SystemClock())
+        self.reader = CsvThermometer(TemperatureSettings(csv=str(self.path), stale_minutes=EVER), SystemClock())
         self._place = 0
 
     def add(self, text: str) -> list[tuple[int, float]]:
@@ -120,7 +121,19 @@ def test_file_is_followed_line_by_line(tmp_path: Path) -> None:
     assert file.read() == [(10**9, 8.0)]
 
 
-@pytest.mark.parametrize("line", ["yesterday,50,3", "5,50", "5,50,warm", "5,50,nan", "5,50,4000"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "yesterday,50,3",
+        "5,50",
+        "5,50,warm",
+        "5,50,nan",
+        "5,50,4000",
+        "inf,50,3",
+        "-1e300,50,3",
+        "5,50,'" + "9" * 200_000,
+    ],
+)
 def test_line_that_says_no_temperature_is_told_and_passed(tmp_path: Path, line: str) -> None:
     file = Csv(tmp_path)
     file.add("1,50,8.0\n")
@@ -129,6 +142,25 @@ def test_line_that_says_no_temperature_is_told_and_passed(tmp_path: Path, line: 
     assert str(file.path) in file.reader.problem
     assert file.add("2,50,8.5\n") == [(2 * 10**9, 8.5)]
     assert file.reader.problem is None
+
+
+@pytest.mark.parametrize(
+    ("shift", "says"),
+    [(-5 * 3600.0, "5 h behind now: expected UTC"), (2 * 3600.0, "2 h ahead of now"), (None, "ahead of now")],
+)
+def test_time_that_is_not_of_now_is_told(tmp_path: Path, shift: float | None, says: str) -> None:
+    """A logger by local time, or in milliseconds: its readings would never be used, or not fit into any log."""
+    path = tmp_path / "air.csv"
+    when = time.time() * 1000 if shift is None else time.time() + shift
+    path.write_text(f"t,temperature\n{when:.0f},3\n{time.time():.0f},4\n{when:.0f},5\n")
+    reader = CsvThermometer(TemperatureSettings(csv=str(path)), SystemClock())
+    place = reader.follow(path, 14)
+    assert [event.payload["celsius"] for event in reader.read() if event.topic == "/measured/temperature"] == [4.0]
+    assert says in str(reader.problem)
+    with path.open("a") as file:
+        file.write(f"{time.time():.0f},6\n")
+    reader.follow(path, place)
+    assert reader.problem is None
 
 
 def test_column_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -154,7 +186,7 @@ def test_source_that_fails_is_told_once_and_again_when_it_is_back(
         said.extend(source.read())
         return any(event.topic == topic for event in said)
 
-    with thermometer(TemperatureSettings(csv=str(path)), SystemClock()) as source:
+    with thermometer(TemperatureSettings(csv=str(path), stale_minutes=EVER), SystemClock()) as source:
         until(lambda: heard("/event/temperature_failed", source))
         path.write_text("t,temperature\n5,6.5\n")
         until(lambda: heard("/event/temperature_back", source))
@@ -163,7 +195,14 @@ def test_source_that_fails_is_told_once_and_again_when_it_is_back(
     assert "No such file" in said[0].payload["why"]
 
 
-def broker(*payloads: bytes) -> int:
+def test_broker_that_refuses_is_told_with_its_reason() -> None:
+    url = f"mqtt://127.0.0.1:{broker(answer=5)}/site/air"
+    with thermometer(TemperatureSettings(mqtt=url), SystemClock()) as source:
+        until(lambda: source.problem)
+        assert "Not authorized" in str(source.problem)
+
+
+def broker(*payloads: bytes, answer: int = 0) -> int:
     """Speak as much MQTT 3.1.1 as a subscriber needs: CONNACK, SUBACK, then a PUBLISH of each payload."""
     listener = socket.create_server(("127.0.0.1", 0))
 
@@ -171,7 +210,9 @@ def broker(*payloads: bytes) -> int:
         connection, _ = listener.accept()
         with listener, connection:
             connection.recv(1024)
-            connection.sendall(b"\x20\x02\x00\x00")
+            connection.sendall(bytes([0x20, 2, 0, answer]))
+            if answer:
+                return
             subscribed = connection.recv(1024)
             connection.sendall(b"\x90\x03" + subscribed[2:4] + b"\x00")
             for payload in payloads:
@@ -226,5 +267,6 @@ def test_check_reads_the_last_line(tmp_path: Path) -> None:
     (tmp_path / "air.csv").write_text("t,temperature\n")
     assert said() == (False, f"{tmp_path / 'air.csv'}: has no reading")
     (tmp_path / "air.csv").write_text("t,temperature\n1767225600,-3.25\n")
-    assert said()[0] is True
-    assert "-3.25 degC at 2026-01-01" in said()[1]
+    assert (said()[0], "behind now" in said()[1]) == (False, True)
+    (tmp_path / "air.csv").write_text(f"t,temperature\n{time.time():.0f},-3.25\n")
+    assert (said()[0], "-3.25 degC at 20" in said()[1]) == (True, True)
