@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from monitor.accepted import Accepted, Wanted
@@ -10,7 +11,7 @@ from monitor.alarms import Alarm
 from monitor.memory.codec import CodecError, decode, encode
 from monitor.novelty import DetectorState
 from monitor.self_test import Tested
-from monitor.settings import Settings
+from monitor.settings import Settings, TemperatureSettings
 from monitor.window import Window
 from updater import Structure, dump_structure
 
@@ -41,11 +42,16 @@ def matters(structure: Structure, settings: Settings) -> dict[str, str]:
         "the structure file": hashlib.sha256(dump_structure(structure).encode()).hexdigest()[:16],
         "the channels": ", ".join(f"{c.name} = {c.device} {'xyz'[c.axis]}" for c in settings.channels),
         "the devices": ", ".join(f"{d.name} ({d.driver}, {d.rate:g} Hz)" for d in settings.device),
-        "the thermometer": "the devices'" if temperature is None else temperature.csv or temperature.mqtt or "",
+        "the thermometer": "the devices'" if temperature is None else _thermometer(temperature),
         "analysis.window_seconds": f"{analysis.window_seconds:g}",
         "analysis.overlap": f"{analysis.overlap:g}",
         "analysis.band": "unset" if analysis.band is None else "{:g} to {:g} Hz".format(*analysis.band),
     }
+
+
+def _thermometer(settings: TemperatureSettings) -> str:
+    """Return which one it is: a file by its name, wherever the site lies."""
+    return Path(settings.csv).name if settings.csv else settings.mqtt or ""
 
 
 def memory_text(memory: Memory) -> str:

@@ -13,6 +13,7 @@ from daq_helpers import START, make_block
 
 from daq import Channel, Event, Recording, SystemClock
 from monitor.errors import SettingsError
+from monitor.memory import matters
 from monitor.pipeline import Pipeline
 from monitor.results import WindowResult
 from monitor.settings import TemperatureSettings, parse_settings
@@ -253,6 +254,18 @@ def test_settings_that_make_no_sense(section: str, says: str) -> None:
     with pytest.raises(SettingsError) as caught:
         parse_settings(SITE + section)
     assert says in str(caught.value)
+
+
+def test_baseline_is_of_the_thermometer_wherever_the_site_lies(tmp_path: Path) -> None:
+    """The analysis knows the file as the settings name it, a start as it is found: a restart is not to learn anew."""
+    structure = parse_structure(t_structure_toml())
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(SITE + '[temperature]\ncsv = "air.csv"\n', encoding="utf-8")
+    site = load_site(tmp_path / "site.toml")
+    known = matters(structure, parse_settings(site.site_text))
+    assert matters(structure, site.settings) == known
+    other = parse_settings(SITE + '[temperature]\ncsv = "other.csv"\n')
+    assert matters(structure, other) != known
 
 
 def test_check_reads_the_last_line(tmp_path: Path) -> None:
