@@ -270,8 +270,12 @@ class Pipeline:
         yield self._notice(time, "seen_again", seen_again_said(watch.accepted[-1], again.accepted[-1]))
 
     def _undo(self, event: Event) -> Iterator[Result]:
-        """Watch by what was the reference before the last acceptance."""
-        watch = self._watch
+        """Watch by what was the reference before the last acceptance; or take one back that waits for windows."""
+        watch, wanted = self._watch, self._wanted
+        if wanted is not None:
+            self._wanted = None
+            yield self._notice(event.time, "undone", f"{wanted.cause!r} is not to be accepted any more")
+            return
         if watch is None or not watch.accepted:
             yield self._notice(event.time, "refused", "nothing is undone: no change has been accepted")
             return

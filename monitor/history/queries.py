@@ -10,9 +10,10 @@ from sqlalchemy.exc import SQLAlchemyError
 from monitor.history import schema
 from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
-from monitor.history.store import open_engine, said, shown_url
+from monitor.history.store import reading_engines, said, shown_url
 
 Every = Literal["window", "day"]
+_NO_WRITING = "readonly database", "unable to open"  # what SQLite says where a user may only read
 _FINE_DAYS = 14  # a longer trend is told by the day
 
 
@@ -106,16 +107,23 @@ class Reader:
 
     def __init__(self, url: str) -> None:
         self.url = shown_url(url)
-        self._engine = open_engine(url)
-        file = self._engine.url.database
-        if self._engine.dialect.name == "sqlite" and file and not Path(file).exists():
-            raise HistoryError(self.url, "there is no history yet")
-        try:
-            with self._engine.begin() as connection:
-                migrate(connection, self.url)
-        except SQLAlchemyError as error:
-            self._engine.dispose()
-            raise HistoryError(self.url, said(error)) from error
+        refused: SQLAlchemyError | None = None
+        for engine in reading_engines(url):
+            file = engine.url.database
+            if refused is None and engine.dialect.name == "sqlite" and file and not Path(file).exists():
+                raise HistoryError(self.url, "there is no history yet")
+            try:
+                with engine.begin() as connection:
+                    migrate(connection, self.url)
+            except SQLAlchemyError as error:
+                engine.dispose()
+                refused = refused or error
+                if not any(word in said(error) for word in _NO_WRITING):
+                    break
+            else:
+                self._engine = engine
+                return
+        raise HistoryError(self.url, said(refused) if refused else "cannot be opened") from refused
 
     def __enter__(self) -> Self:
         return self

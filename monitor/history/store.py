@@ -2,9 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
+from urllib.parse import quote
 
 from pydantic import ValidationError
 from sqlalchemy import Connection, Engine, ScalarSelect, Table, create_engine, event, func, select, update
@@ -52,6 +53,19 @@ def open_engine(url: str) -> Engine:
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _set_pragmas)
     return engine
+
+
+def reading_engines(url: str) -> Iterator[Engine]:
+    """Yield engines for questions, each where the last one could not: as for writing, read only, and as a copy.
+
+    A SQLite file that a user may not write to is read all the same; where nobody else writes either, as it lies.
+    """
+    engine = open_engine(url)
+    yield engine
+    if engine.dialect.name == "sqlite" and engine.url.database:
+        place = f"sqlite:///file:{quote(str(Path(engine.url.database).absolute()))}"
+        for how in ("mode=ro", "immutable=1"):
+            yield create_engine(f"{place}?{how}&uri=true")
 
 
 def _set_pragmas(connection: Any, _record: object) -> None:  # noqa: ANN401 - sqlite3's or another driver's

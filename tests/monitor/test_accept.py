@@ -181,6 +181,18 @@ def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) 
     assert refused.payload()["text"] == "nothing is undone: no change has been accepted"
 
 
+def test_acceptance_that_waits_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undone before there were windows enough, it does not come true when there are."""
+    without_answers(monkeypatch)
+    played, pipeline, _ = changed(16, monkeypatch, 3)
+    [waits] = accept(pipeline)
+    [undone] = pipeline.push(Event(topic=TOPIC_UNDO, time=8, payload={"by": "Ada", "note": ""}))
+    assert [waits.payload()["kind"], undone.payload()["kind"]] == ["accepting", "undone"]
+    later = run(pipeline, played.windows(6))
+    assert not any(isinstance(result, AlarmResult) and result.kind == "accepted" for result in later)
+    assert judged(later)[-1].phase == "alarm"
+
+
 def test_other_alarm_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     _, pipeline, _ = changed(16, monkeypatch, 3)

@@ -1,5 +1,6 @@
 """What is logged stands in the history once, in full, and is found through an index."""
 
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -150,6 +151,23 @@ def test_address_that_leads_nowhere_is_named_without_its_password(url: str, says
     assert says in str(caught.value)
     assert "secret" not in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("waiting", [True, False])
+def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.MonkeyPatch, waiting: bool) -> None:
+    """Another user's, or a copy on a disk that takes nothing: what SQLite says there, whoever runs this test."""
+
+    def refuse(*_: object) -> None:
+        raise sqlite3.OperationalError("attempt to write a readonly database")
+
+    store = HistoryStore(url)
+    store.write(EVENTS)
+    if not waiting:
+        store.__exit__()
+    monkeypatch.setattr("monitor.history.store._set_pragmas", refuse)
+    with Reader(url) as reader:
+        assert len(reader.modes()) == 6
+    store.__exit__()
 
 
 def test_year_of_windows_is_asked_through_an_index(url: str) -> None:
