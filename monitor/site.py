@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import make_driver
+from daq import driver_names, make_driver
 from monitor.errors import SettingsError
 from monitor.history import database_url
-from monitor.settings import Settings, overrides, read_settings
+from monitor.settings import Settings, nearest, overrides, read_settings
 from monitor.web import Source
 from updater import load_structure, portable_text
 
@@ -63,11 +63,15 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
         try:
             make_driver(device.driver, device.place, device.rate)
         except ValueError as error:
-            raise SettingsError(path, f"device {device.name!r}: {error}") from error
+            meant = "" if device.driver in driver_names() else nearest(device.driver, driver_names())
+            raise SettingsError(path, f"device {device.name!r}: {error}{meant}") from error
     for channel in settings.channels:
         if channel.name not in structure.channels:
             known = ", ".join(structure.channels)
-            raise SettingsError(path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {known}")
+            near = nearest(channel.name, structure.channels)
+            raise SettingsError(
+                path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {known}{near}"
+            )
     return Site(
         path=path,
         settings=settings,

@@ -4,7 +4,7 @@ from monitor.settings.annotated import EXAMPLE, annotated, json_schema
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overrides
-from monitor.settings.reading import load_settings, parse_settings, read_settings
+from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
 from monitor.settings.site import RecorderSettings, Settings, TemperatureSettings
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "annotated",
     "json_schema",
     "load_settings",
+    "nearest",
     "overrides",
     "parse_settings",
     "read_settings",

@@ -74,8 +74,8 @@ class LogSettings(Section):
 class DeviceSettings(Section):
     """One accelerometer; as many of these as there are."""
 
-    name: Annotated[str, Field(examples=["beam_left"])]
-    """of each `[[device]]`; a name of yours, unique"""
+    name: Annotated[str, Field(examples=["beam_left"], pattern=r"^[\w.-]{1,64}$")]
+    """of each `[[device]]`; a name of yours, unique: letters, digits, `_`, `-` and `.`"""
     driver: Annotated[str, Field(examples=["epson-uart"])]
     """how to talk to it: a name of the table of drivers"""
     port: Annotated[str | None, Field(examples=["/dev/serial/by-id/usb-FTDI_A352-if00-port0"])] = None

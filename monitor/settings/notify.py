@@ -49,6 +49,14 @@ class NotifySettings(Section):
             check_template(template)
         return template
 
+    @field_validator("headers")
+    @classmethod
+    def _can_be_sent(cls, headers: Mapping[str, str]) -> Mapping[str, str]:
+        for name, value in headers.items():
+            if not (name + value).isascii() or not (name + value).isprintable():
+                raise ValueError(f"{name}: expected ASCII without line breaks")  # what servers may be sent
+        return headers
+
     @field_validator("webhook", "mqtt")
     @classmethod
     def _address(cls, url: str | None, info: ValidationInfo) -> str | None:

@@ -90,7 +90,7 @@ def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]
         As for `parse_settings`; naming the variable or argument where a value was given there.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
         tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(path, f"cannot be read: {error}") from error
@@ -130,15 +130,20 @@ def _explained(error: ValidationError, path: Path | str, origins: Mapping[tuple[
     first: Any = min(error.errors(), key=lambda e: e["type"] != _NO_SUCH)
     place = tuple(str(part) for part in first["loc"])
     origin = next((said for keys, said in origins.items() if place[: len(keys)] == keys), path)
-    return SettingsError(origin, f"{'.'.join(place)}: {_what(first, place)}" if place else _what(first, place))
+    shown = ".".join(part for part in place if part != "[key]")  # a key of a table is named by itself
+    return SettingsError(origin, f"{shown}: {_what(first, place)}" if place else _what(first, place))
 
 
 def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of pydantic's errors
     if first["type"] == _NO_SUCH:
-        return "no such setting" + _nearest(place[-1], _near(place))
-    found = f"{first['msg']}, found {first['input']!r:.80}"
+        return "no such setting" + nearest(place[-1], _near(place))
+    if first["type"] == "missing":
+        return "is missing"
+    said = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    whole = isinstance(first["input"], dict) or "found" in said  # a section says enough by its name
+    found = said if whole else f"{said.partition(', unable')[0]}, found {first['input']!r:.80}"
     if first["type"] == "literal_error":
-        return found + _nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])
+        return found + nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])
     return found
 
 
@@ -146,7 +151,7 @@ def _words(expected: str) -> list[str]:
     return expected.replace(" or ", ", ").split(", ")
 
 
-def _nearest(word: str, known: Sequence[str]) -> str:
+def nearest(word: str, known: Sequence[str]) -> str:
     """Return the question whether another word was meant; the last part of dotted ones is compared."""
     by_end = {name.rpartition(".")[2]: name for name in reversed(known)}
     near = difflib.get_close_matches(word, by_end, 1)
@@ -160,7 +165,7 @@ def _near(place: tuple[str, ...]) -> list[str]:
         if section is not None and not key.isdigit():
             section = section_of(section.model_fields[key].annotation) if key in section.model_fields else None
     own = list(section.model_fields) if section else []
-    return own if _nearest(place[-1], own) else list(_all_keys(Settings))
+    return own if nearest(place[-1], own) else list(_all_keys(Settings))
 
 
 def _all_keys(section: type[BaseModel], prefix: str = "") -> Iterator[str]:

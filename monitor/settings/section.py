@@ -14,4 +14,4 @@ class Section(BaseModel):
     the table of docs/monitor.md. A field without a default of its own has an example.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)

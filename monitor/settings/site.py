@@ -37,9 +37,9 @@ class RecorderSettings(Section):
 class AnalysisSettings(Section):
     """How windows are cut and analysed."""
 
-    window_seconds: Positive = 600.0
+    window_seconds: Annotated[float, Field(ge=1)] = 600.0
     """length of a window"""
-    overlap: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    overlap: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """share of a window that the next one repeats"""
     band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
     """[low, high] in Hz; chosen from rate and window unless given"""
@@ -50,7 +50,7 @@ class AnalysisSettings(Section):
 class AlarmSettings(Section):
     """When to wake somebody."""
 
-    false_alarms_per_year: Positive = 1.0
+    false_alarms_per_year: Annotated[float, Field(gt=0, le=1000)] = 1.0
     """that all detectors together may give; sets their limits"""
     hold_windows: Annotated[int, Field(ge=1)] = 2
     """windows in a row over the limit that raise the alarm"""
@@ -119,9 +119,19 @@ class HistorySettings(Section):
     url: Annotated[str | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
     """`postgresql://USER@HOST/NAME`; a SQLite file in the state folder unless given"""
 
+    @field_validator("url")
+    @classmethod
+    def _known(cls, url: str | None) -> str | None:
+        if url is not None and urlsplit(url).scheme.partition("+")[0] not in ("sqlite", "postgresql"):
+            raise ValueError("expected postgresql://USER@HOST/NAME or sqlite:///FILE")
+        return url
+
 
 def _address(host: str) -> str:
-    ip_address(host)  # raises ValueError
+    try:
+        ip_address(host)
+    except ValueError:
+        raise ValueError("expected an address such as 127.0.0.1, ::1 or 0.0.0.0") from None
     return host
 
 
@@ -173,6 +183,22 @@ class Settings(Section):
     web: WebSettings | None = None
     viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None
+
+    @model_validator(mode="after")
+    def _band_that_is_measured(self) -> Self:
+        band, rate = self.analysis.band, min(device.rate for device in self.device)
+        if band is not None and not 0 < band[0] < band[1] <= rate / 2:
+            raise ValueError(
+                f"analysis.band: expected 0 < low < high <= {rate / 2:g} Hz, half the slowest rate, found {list(band)}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _ports_differ(self) -> Self:
+        web, viewer = self.web, self.viewer
+        if web and viewer and web.port in (viewer.port, viewer.port + 1):
+            raise ValueError(f"web.port: the viewer serves on {viewer.port} and {viewer.port + 1}, found {web.port}")
+        return self
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -38,10 +38,10 @@ WRONG_SETTINGS = {
     "no such node": (
         "node = 2",
         "node = 128",
-        "device.1.can.node: Input should be less than or equal to 127, found 128",
+        "device.1.can.node: expected less than or equal to 127, found 128",
     ),
     "one node twice": ("node = 2", "node = 1", "device: two are connected to slcan:PORT node 1"),
-    "no such interface": ('"slcan"', '"slcann"', "device.0.can.interface: Value error, expected one of "),
+    "no such interface": ('"slcan"', '"slcann"', "device.0.can.interface: expected one of "),
     "two bit rates": (
         "node = 2",
         "node = 2, bitrate = 500000",
@@ -53,7 +53,7 @@ WRONG_SETTINGS = {
         "device: slcan:PORT node 2 and slcan:PORT node 1 both produce SYNC, expected one on a bus",
     ),
     "misspelt": ("node = 2", "nod = 2", "device.1.can.nod: no such setting, did you mean 'node'?"),
-    "missing": ('channel = "PORT", ', "", "device.0.can.channel: Field required"),
+    "missing": ('channel = "PORT", ', "", "device.0.can.channel: is missing"),
     "two places": (
         "node = 1}",
         'node = 1}\nport = "PORT"',

@@ -7,6 +7,8 @@ import pytest
 from daq import CanAddress, DbcAddress, DbcSensor
 from monitor.errors import SettingsError
 from monitor.settings import load_settings, parse_settings
+from monitor.site import load_site
+from updater import t_structure_toml
 
 GOOD = """
 structure = "t_structure.toml"
@@ -61,17 +63,29 @@ def test_channels_keep_device_and_axis() -> None:
         ("structure = \n", "line 1"),
         (
             GOOD.replace("port =", "# port ="),
-            "device.0: Value error, expected one of `port`, `can` and `log`, found none",
+            "device.0: expected one of `port`, `can` and `log`, found none",
         ),
-        (GOOD + CAN, "device.0: Value error, expected one of `port`, `can` and `log`, found port and can"),
+        (GOOD + CAN, "device.0: expected one of `port`, `can` and `log`, found port and can"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node = 3", "node = 200"), "device.0.can.node"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
         (WITH_DBC.replace(', channel = "/dev/ttyACM0"', ', channel = "/dev/ttyACM0", node = 1'), "`dbc`, found both"),
-        (WITH_DBC.replace("dbc = {", "# "), "device.0: Value error, expected one of `can.node` and `dbc`, found none"),
-        (GOOD + DBC.splitlines()[2], "device.0: Value error, expected `can` beside `dbc`, found `port`"),
+        (WITH_DBC.replace("dbc = {", "# "), "device.0: expected one of `can.node` and `dbc`, found none"),
+        (GOOD + DBC.splitlines()[2], "device.0: expected `can` beside `dbc`, found `port`"),
         (WITH_DBC.replace(', z = "accZ"', ""), "channels: axis z is none of `dbc.signals`, x, y"),
         (WITH_DBC.replace('x = "accX", ', ""), "signals: expected those of x, of x and y, or of x, y and z"),
         (WITH_DBC.replace("counter", "countr"), "device.0.dbc.countr: no such setting, did you mean 'counter'?"),
+        (GOOD + "[analysis]\nband = [400.0, 5.0]\n", "analysis.band: expected 0 < low < high <= 500 Hz"),
+        (GOOD + "[analysis]\nband = [5.0, 900.0]\n", "half the slowest rate, found [5.0, 900.0]"),
+        (GOOD + "[analysis]\noverlap = 0.9999\n", "analysis.overlap: expected less than or equal to 0.95"),
+        (GOOD + "[analysis]\nwindow_seconds = inf\n", "analysis.window_seconds: expected a finite number, found inf"),
+        (GOOD + "[alarm]\nfalse_alarms_per_year = 1e9\n", "alarm.false_alarms_per_year: expected less than"),
+        (GOOD + "[web]\nport = 9877\n[viewer]\n", "web.port: the viewer serves on 9876 and 9877, found 9877"),
+        (GOOD + '[web]\nbind = "localhost"\n', "web.bind: expected an address such as 127.0.0.1"),
+        (GOOD + '[history]\nurl = "postgres://me@h/n"\n', "history.url: expected postgresql://USER@HOST/NAME"),
+        (GOOD.replace('"beam_left"', '"../left"'), "device.0.name: "),
+        (GOOD + '[[notify]]\nwebhook = "http://a/b"\nheaders = {A = "\u00e4"}\n', "headers: A: expected ASCII"),
+        (GOOD.replace("{y =", "{q ="), "device.0.channels.q: expected 'x', 'y' or 'z', found 'q'"),
+        ("", "site.toml: structure: is missing"),
         (GOOD + OTHER, "device: two are connected to /dev/ttyUSB0"),
     ],
 )
@@ -80,6 +94,17 @@ def test_errors_name_file_and_key(text: str, says: str) -> None:
         parse_settings(text, "site.toml")
     assert str(caught.value).startswith("site.toml: ")
     assert says in str(caught.value)
+
+
+def test_nearest_driver_and_sensor_are_named_and_a_mark_at_the_beginning_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "site.toml"
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    path.write_text(GOOD, encoding="utf-8-sig")
+    assert load_site(path).settings.device[0].name == "beam_left"
+    for wrong, meant in (("epson-urt", "epson-uart"), ("beam_lft_y", "beam_left_y")):
+        path.write_text(GOOD.replace(meant, wrong), encoding="utf-8")
+        with pytest.raises(SettingsError, match=f"did you mean '{meant}'"):
+            load_site(path)
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_site_reads_the_environment(site: Path, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("ANALYSIS__OVERLAP", "1.5", "analysis.overlap: Input should be less than 1, found 1.5"),
+        ("ANALYSIS__OVERLAP", "1.5", "analysis.overlap: expected less than or equal to 0.95, found 1.5"),
         ("ANALYSIS__OVERLP", "0.5", "analysis.overlp: no such setting, did you mean 'overlap'?"),
         ("WINDOW_SECONDS__", "5", "window_seconds: no such setting, did you mean 'analysis.window_seconds'?"),
         ("DEVICE__BEAM_LFT__RATE", "500", "device: expected one of beam_left, col_074, found 'beam_lft'"),
