@@ -1,6 +1,7 @@
 """`install-service` and `health`: a site under a service manager."""
 
 import json
+import os
 from pathlib import Path
 
 import httpx
@@ -26,7 +27,9 @@ def install_command(path: Path, *, of_user: bool, only_print: bool) -> int:
     site = load_site(path.absolute())
     writable = (site.state.absolute(), (site.folder / site.settings.recorder.folder).absolute())
     for folder in writable:
-        folder.mkdir(parents=True, exist_ok=True)  # systemd mounts what may be written to: it must be there
+        if not folder.is_dir():  # systemd mounts what may be written to: it must be there
+            folder.mkdir(parents=True)
+            _give_to_owner(folder, site)
     unit = unit_of(site.path, tuple(dict.fromkeys(writable)), of_user=of_user)
     if only_print:
         typer.echo(unit.text, nl=False)
@@ -38,6 +41,13 @@ def install_command(path: Path, *, of_user: bool, only_print: bool) -> int:
     if of_user:
         typer.echo("to have it run while nobody is logged in: loginctl enable-linger")
     return _WELL
+
+
+def _give_to_owner(folder: Path, site: Site) -> None:
+    """Have what the superuser makes belong to the owner of the site's folder, as whom the unit runs."""
+    if os.geteuid() == 0:
+        owner = site.path.parent.stat()
+        os.chown(folder, owner.st_uid, owner.st_gid)
 
 
 def health_command(path: Path) -> int:

@@ -1,7 +1,7 @@
 """`run` and `replay`."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -17,6 +17,7 @@ from monitor.inbox import Acknowledgement
 from monitor.live import LiveView, live_view
 from monitor.memory import recall
 from monitor.mending import mend_logs
+from monitor.only_one import only_one
 from monitor.processes import give_back_memory
 from monitor.replay import replay
 from monitor.results import AlarmResult
@@ -44,6 +45,11 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     """
     give_back_memory()
     site = load_site(path, given)
+    with only_one(site.state):
+        return _watch(site, partial(load_site, path, given), as_json=as_json)
+
+
+def _watch(site: Site, read_again: Callable[[], Site], *, as_json: bool) -> int:
     mended = list(mend_logs(site.folder / site.settings.recorder.folder))
     for said in mended:
         console.print(escape(said), soft_wrap=True)
@@ -64,7 +70,7 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
             takers=(lines.take,),
             recalled=recalled,
             mended=mended,
-            reread=partial(_reread, hangup, path, given),
+            reread=partial(_reread, hangup, read_again),
         )
     tell_live_end(console, live)
     for path in report.logs:
@@ -83,12 +89,12 @@ def _tell_page(site: Site) -> None:
         )
 
 
-def _reread(hangup: Event, path: Path, given: Sequence[str]) -> Site | None:
+def _reread(hangup: Event, read_again: Callable[[], Site]) -> Site | None:
     """Return the settings as they are now, if a signal has asked for that."""
     if not hangup.is_set():
         return None
     hangup.clear()
-    return load_site(path, given)
+    return read_again()
 
 
 def _nothing(_: Result) -> None:

@@ -1,6 +1,7 @@
 """What befalls a site that is left alone for years: power cuts, clocks that are set, an analysis that hangs."""
 
 import json
+import os
 import time
 from collections.abc import Iterator
 from itertools import pairwise
@@ -13,6 +14,7 @@ from run_helpers import QuietWorker, Watched, blocks, watched_site
 from daq import SystemClock
 from monitor.errors import StartError
 from monitor.memory import Recalled
+from monitor.only_one import only_one
 
 PORTS = Path(__file__).parents[1] / "emulated_ports.py"
 HOUR = 3600 * 10**9  # ns
@@ -58,6 +60,18 @@ def test_first_start_wants_every_device(watched: Watched, ports: list[str]) -> N
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": ("/dev/nowhere", 500.0)})
     with watched.running() as ended, pytest.raises(StartError, match=r"device beam_right: .*nowhere"):
         ended.result()
+
+
+def test_site_has_one_monitor(tmp_path: Path) -> None:
+    """A second one is refused with the first one's process, for as long as that lives."""
+    state = tmp_path / "state"
+    with only_one(state), pytest.raises(StartError, match=f"runs already, process {os.getpid()}$"), only_one(state):
+        pass
+    with only_one(state):
+        pass
+    (tmp_path / "file").write_text("")
+    with only_one(tmp_path / "file"):
+        pass  # a state folder that cannot be: that is told elsewhere
 
 
 class SetClock:

@@ -119,3 +119,11 @@ def test_unit_is_written_anew_but_never_over_anothers(
     assert_refused(modalwatch("install-service", site, "--user"), str(unit), "not written by this program")
     site.write_text("structure = 3")
     assert_refused(modalwatch("install-service", site, "--user"), site, "structure")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives folders away")
+def test_unit_may_write_to_what_the_superuser_made(modalwatch: Commands, site: Path) -> None:
+    """It runs as the owner of the site's folder, whoever has installed it."""
+    os.chown(site.parent, 1234, 1234)
+    assert modalwatch("install-service", site, "--print").code == 0
+    assert {(site.parent / name).stat().st_uid for name in ("state", "log")} == {1234}
