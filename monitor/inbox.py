@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 TOPIC_ACKNOWLEDGE = "/event/acknowledge"
 TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undo"
@@ -18,25 +18,33 @@ TOPIC_REFUSED = "/event/refused"  # a file that says nothing sensible
 _LONGEST = 4096  # bytes
 
 
+def _one_line(text: str) -> str:
+    """Return words without what is no letter: line breaks part the lines of logs, and a zero no database takes."""
+    return "".join(letter if letter.isprintable() else " " for letter in text).strip()
+
+
+Words = Annotated[str, AfterValidator(_one_line)]
+
+
 class Word(BaseModel):
     """What somebody says."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    by: str = ""
+    by: Words = ""
 
 
 class Acknowledgement(Word):
     """A person knows of the alarm."""
 
     kind: Literal["acknowledge"] = "acknowledge"
-    note: str = ""
+    note: Words = ""
 
 
 class Acceptance(Word):
     """What raised the alarm is intended, or explained, and is the new normal."""
 
     kind: Literal["accept"] = "accept"
-    cause: Annotated[str, Field(min_length=1)]  #: what it is, in a person's words
+    cause: Annotated[Words, Field(min_length=1)]  #: what it is, in a person's words
     alarm: int | None = None  #: when the alarm that is meant was raised [ns UTC]; the one that stands
 
 
@@ -44,7 +52,7 @@ class Undoing(Word):
     """The last acceptance was wrong."""
 
     kind: Literal["undo"] = "undo"
-    note: str = ""
+    note: Words = ""
 
 
 Said = Acknowledgement | Acceptance | Undoing

@@ -245,6 +245,11 @@ class _Pace:
         return found if self._told else None
 
 
+def _why(error: Exception) -> str:
+    """Say why a device is lost; what no driver should raise with its kind."""
+    return str(error) if isinstance(error, DriverError) else f"{type(error).__name__}: {error}"
+
+
 class DeviceReader(threading.Thread):
     """Reads one device for as long as asked, and takes it back by itself when it was lost.
 
@@ -324,10 +329,10 @@ class DeviceReader(threading.Thread):
                 if self._lost is not None:
                     raise self._lost
                 self._stream()
-            except DriverError as error:
+            except Exception as error:  # noqa: BLE001 - a driver that stumbles is not to end its device for good
                 self._lost = None
                 self._flush()
-                self._sink(self._event("device_lost", {"why": str(error)}))
+                self._sink(self._event("device_lost", {"why": _why(error)}))
                 self._driver.close()
                 self._reconnect()
         self._flush()
@@ -375,7 +380,7 @@ class DeviceReader(threading.Thread):
         while not self._ending.wait(_RETRY_SECONDS):
             try:
                 identity = self._driver.open()
-            except DriverError:
+            except Exception:  # noqa: BLE001 - likewise; it is tried again
                 self._driver.close()
                 continue
             if self._identity and identity != self._identity:

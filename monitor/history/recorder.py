@@ -37,7 +37,7 @@ class HistoryRecorder:
         self._store: HistoryStore | None = None
         self._due = 0.0  # monotonic time of the next look at the database
         self.problem: str | None = None  #: why the database takes nothing now
-        self.dropped = 0  #: items that found no room, in memory or on disk
+        self.dropped = 0  #: items that found no room, in memory or on disk, or that no database takes
 
     def put(self, item: Item) -> None:
         """Take what was logged, from any thread; what was measured is not for the history."""
@@ -95,9 +95,9 @@ class HistoryRecorder:
             return
         try:
             store = self._open()
-            kept = self._spool.deliver(lambda lines: store.write(_from_lines(lines)), _BATCH)
+            kept = self._spool.deliver(lambda lines: self._write(store, _from_lines(lines)), _BATCH)
             if batch:
-                store.write(batch)
+                self._write(store, batch)
         except (HistoryError, OSError) as error:
             self._fail(error)
             self._keep(batch)
@@ -105,6 +105,9 @@ class HistoryRecorder:
             if self.problem:
                 self._said.put((TOPIC_BACK, {"brought_in": kept}))
             self.problem = None
+
+    def _write(self, store: HistoryStore, items: list[Event]) -> None:
+        self.dropped += store.write(items)
 
     def _open(self) -> HistoryStore:
         if self._store is None:

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Engine, ScalarSelect, Table, create_engine, e
 from sqlalchemy.dialects.postgresql import insert as postgres_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, NoSuchModuleError, SQLAlchemyError
 
 from daq import Event
 from monitor.history import schema
@@ -25,6 +25,7 @@ from monitor.words import change_text
 from monitor.worker import Result
 
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
+_NEVER = DataError, IntegrityError, OverflowError, TypeError, ValueError, KeyError  # of one item, not of the database
 _DRIVERS = {"postgresql": "postgresql+psycopg"}
 
 
@@ -116,8 +117,8 @@ class HistoryStore:
         """Let go of the database."""
         self._engine.dispose()
 
-    def write(self, items: Sequence[Event]) -> None:
-        """Put items in, all or none.
+    def write(self, items: Sequence[Event]) -> int:
+        """Put items in, all or none; return how many no database will ever take: these are left out.
 
         Raises
         ------
@@ -129,8 +130,11 @@ class HistoryStore:
                 days = {_write(connection, item) for item in items}
                 for day in sorted(day for day in days if day is not None):
                     roll_up(connection, day)
+        except _NEVER:  # one of them would keep out all that come after it, for good
+            return 1 if len(items) == 1 else sum(self.write([item]) for item in items)
         except SQLAlchemyError as error:
             raise HistoryError(self.url, said(error)) from error
+        return 0
 
 
 def said(error: Exception) -> str:

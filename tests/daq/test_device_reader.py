@@ -29,11 +29,14 @@ class ScriptedDriver:
     opened: int = 0
     refusals: int = 0
     strangers: int = 0  #: other devices that answer at the port before this one is back
+    stumbles: bool = False  #: it raises what no driver should where the device goes, and when it is opened again
     reader: DeviceReader | None = None
     step: int = 0
 
     def open(self) -> dict[str, Any]:
         self.opened += 1
+        if self.stumbles and self.opened == 2:
+            raise KeyError("a register that nobody knows")
         if 1 < self.opened <= 1 + self.refusals:
             raise DriverError("port", "nobody there")
         if 1 < self.opened <= 1 + self.strangers:
@@ -48,6 +51,8 @@ class ScriptedDriver:
         seconds, counters = self.script[self.step]
         self.step += 1
         self.clock.time += round(seconds * 1e9)
+        if counters is None and self.stumbles:
+            raise ValueError("a field that is no number")
         if counters is None:
             raise DeviceLost("port", "gone")
         return self._scans(counters)
@@ -161,6 +166,21 @@ def test_lost_device_is_taken_back_with_a_new_origin(counter: int) -> None:
     assert [b.first_index for b in after] == [first, first + 250, first + 500]
     (gap,) = events_of(items, "gap")
     assert (gap["first_index"], gap["exact"]) == (400, False)
+
+
+def test_driver_that_stumbles_ends_its_device_for_no_longer_than_a_loss() -> None:
+    """A thread that ends with an error of the program would be silent for good."""
+    clock, items = HandClock(speed=1000.0), list[Item]()
+    script: list[Step] = [(0.25, range(250)), (0.25, None), (0.25, range(250)), (0.25, range(250, 500))]
+    driver = ScriptedDriver(clock, script, stumbles=True)
+    reader = driver.reader = DeviceReader("beam", driver, RATE, clock, items.append, block_seconds=0.25)
+    reader.connect()
+    reader.start()
+    reader.join(5.0)
+    events = [item for item in items if isinstance(item, Event)]
+    assert [event.topic for event in events[:3]] == ["/event/device_open", "/event/device_lost", "/event/device_back"]
+    assert events[1].payload["why"] == "ValueError: a field that is no number"
+    assert sum(len(item.counts) for item in items if isinstance(item, Block)) == 750
 
 
 def test_silent_device_is_lost() -> None:

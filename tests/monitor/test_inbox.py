@@ -54,6 +54,13 @@ def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, tex
     assert not path.exists()
 
 
+def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
+    """A zero byte would be refused by PostgreSQL, with everything that waits behind it, for good."""
+    leave(tmp_path, Acknowledgement(by="Ada\0", note="a crane\n2026 ALARM \u00e4"))
+    [(_, payload)] = Inbox(tmp_path).taken()
+    assert payload == {"by": "Ada", "note": "a crane 2026 ALARM \u00e4"}
+
+
 def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
     """Accepted, undone, accepted again while no monitor ran: in another order something else would stand."""
     for k in range(12):

@@ -110,6 +110,15 @@ def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str)
     assert "200 ± 10 g" in second.text
 
 
+def test_item_that_no_database_takes_keeps_out_no_other(url: str) -> None:
+    """A time beyond 64 bits: what came with it, and after it, is there."""
+    events = [Event(topic="/event/gap", time=time, payload={"device": "left"}) for time in (1, 2**70, 3)]
+    with HistoryStore(url) as store:
+        assert store.write(events) == 1
+        assert store.write(events[:1]) == 0
+    assert [row["time"] for row in rows(url, "events")] == [1, 3]
+
+
 def test_older_history_is_brought_up_to_date(url: str) -> None:
     """A database of the first version, before there were figures by the day."""
     engine = create_engine(url)
