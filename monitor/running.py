@@ -101,7 +101,7 @@ class Running:
     def turn(self) -> bool:
         """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
         self._report()
-        for topic, payload in (*self._inbox.taken(), *self._outlets.said()):
+        for topic, payload in (*self._inbox.taken(), *self._outlets.said(), *self.vitals.said()):
             self._log.put(Event(topic=topic, time=self._clock.now(), payload=payload))
         for reading in self._reads.read() if self._reads else ():
             self._log.put(reading)

@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,9 @@ from monitor.sightless import Sight
 NAME = "status.json"
 _EVERY = 1.0  # s
 _RATE_LOOKS = 10  # that a rate is the mean over: blocks come a few a second, and in pieces
+
+
+Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
 @dataclass
@@ -82,7 +86,10 @@ class Vitals:
         self._window: dict[str, Any] = {}
         self._sight = Sight()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
-        self._self_test = self_test_of(path)
+        before = last_written(path)
+        self._self_test = before.get("self_test")
+        self._identities: dict[str, Any] = before.get("identities") or {}  # of devices, over restarts
+        self._said: deque[Said] = deque()
         self._due = 0.0
 
     def take(self, item: Item) -> None:
@@ -104,6 +111,11 @@ class Vitals:
         with self._lock:
             self._devices = {name: self._devices.get(name, DeviceVitals()) for name in devices}
             self._pace, self._windowed = pace, time.monotonic()
+
+    def said(self) -> Iterator[Said]:
+        """Yield topic and payload of what is to be told of the devices since the last time."""
+        while self._said:
+            yield self._said.popleft()
 
     @property
     def lost(self) -> list[str]:
@@ -161,6 +173,7 @@ class Vitals:
                 "blind": self._sight.blind,
                 "late": self._late,
                 "self_test": self._self_test,
+                "identities": self._identities,
                 "devices": {name: device.look(now) for name, device in self._devices.items()},
             }
 
@@ -180,6 +193,17 @@ class Vitals:
         if device is not None:
             device.gaps += event.topic == "/event/gap"
             device.lost = event.topic == "/event/device_lost" or (device.lost and event.topic != "/event/device_back")
+            if event.topic == "/event/device_open":
+                self._compare(event.payload)
+
+    def _compare(self, payload: dict[str, Any]) -> None:
+        """Take note of a device that is another one than in the run before: ports may have been given out anew."""
+        name = str(payload["device"])
+        found = {key: value for key, value in payload.items() if key not in ("device", "filter_delay")}
+        known = self._identities.get(name, found)
+        if known != found:
+            self._said.append(("/event/device_replaced", {"device": name, "before": known, "now": found}))
+        self._identities[name] = found
 
     def _analysed(self, event: Event) -> None:
         result = event_result(event)
@@ -197,10 +221,10 @@ class Vitals:
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
 
 
-def self_test_of(path: Path) -> dict[str, Any] | None:
-    """Return the last self-test that a file of vitals tells of: a restart does not make it unknown."""
+def last_written(path: Path) -> dict[str, Any]:
+    """Return what a file of vitals tells of the run before; nothing if it cannot be read."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8")).get("self_test")
-    except (OSError, ValueError, AttributeError):
-        return None
-    return found if isinstance(found, dict) else None
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

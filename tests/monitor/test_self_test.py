@@ -15,7 +15,7 @@ from monitor.pipeline import Result
 from monitor.result_events import result_event
 from monitor.results import SelfTestResult
 from monitor.self_test import DRAWS, with_mass
-from monitor.vitals import NAME, Pace, Vitals, self_test_of
+from monitor.vitals import NAME, Pace, Vitals, last_written
 from monitor.web import Source
 from monitor.web.metrics import metrics
 from monitor.web.page import state_html
@@ -115,9 +115,9 @@ def test_only_a_failed_test_is_told(tmp_path: Path) -> None:
 )
 def test_last_test_outlives_a_restart(tmp_path: Path, text: str, found: object) -> None:
     path = tmp_path / "status.json"
-    assert self_test_of(path) is None
+    assert last_written(path) == {}
     path.write_text(text)
-    assert self_test_of(path) == found
+    assert last_written(path).get("self_test") == found
 
 
 def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:

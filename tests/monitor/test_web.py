@@ -207,6 +207,19 @@ def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tm
     assert 'modalwatch_state{state="alarm"} 1.0' in looked.get("/metrics").text
 
 
+def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> None:
+    """Ports may have been given out anew: whoever has two sensors swapped is to hear of it before the alarm."""
+    told = []
+    for serial in ("S1", "S1", "S2", "S2"):
+        vitals = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock())
+        payload = {"device": "left", "serial": serial, "filter_delay": 0.1}
+        vitals.take(Event(topic="/event/device_open", time=1, payload=payload))
+        told.append(list(vitals.said()))
+        vitals.write(WELL)
+    replaced = {"device": "left", "before": {"serial": "S1"}, "now": {"serial": "S2"}}
+    assert told == [[], [], [("/event/device_replaced", replaced)], []]
+
+
 class FastClock:
     """Ten seconds of data a second; stands still."""
 
