@@ -1,12 +1,14 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
+from monitor.errors import State, StateError
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
 from oma import IdentificationError, ModalEstimate, aligned
@@ -14,6 +16,7 @@ from updater import (
     Circumstances,
     Explained,
     ModalMean,
+    PairingError,
     Reference,
     SensorHealth,
     Structure,
@@ -213,24 +216,22 @@ def explain(
 
     Raises
     ------
-    PairingError, ValueError
-        If fewer than three modes can be compared.
+    StateError
+        If fewer than three modes can be compared, or modes cannot be right; says of which state.
     """
-    if before:
-        reference = learn_reference(
-            structure, before.estimates, before.tracks, before.lateness.delays, stated=before.stated
-        )
-    else:
-        devices = sorted(set(now.lateness.devices.values()))
-        reference = nominal_reference(structure, now.modes, devices, stated=now.stated)
-    event, circumstances = _event(reference, now), circumstances_of(reference, before, now)
-    explained = diagnose(
-        reference,
-        event,
-        heldout=_event(reference, heldout) if heldout else None,
-        circumstances=circumstances,
-        on_cause=on_cause,
-    )
+    with _blamed_on("reference" if before else "current"):
+        if before:
+            reference = learn_reference(
+                structure, before.estimates, before.tracks, before.lateness.delays, stated=before.stated
+            )
+        else:
+            devices = sorted(set(now.lateness.devices.values()))
+            reference = nominal_reference(structure, now.modes, devices, stated=now.stated)
+    with _blamed_on("heldout"):
+        unused = _event(reference, heldout) if heldout else None
+    with _blamed_on("current"):
+        event, circumstances = _event(reference, now), circumstances_of(reference, before, now)
+        explained = diagnose(reference, event, heldout=unused, circumstances=circumstances, on_cause=on_cause)
     return Explanation(
         explained=explained,
         reference=reference,
@@ -238,6 +239,14 @@ def explain(
         event=event,
         circumstances=circumstances,
     )
+
+
+@contextmanager
+def _blamed_on(state: State) -> Iterator[None]:
+    try:
+        yield
+    except (ValueError, PairingError) as error:
+        raise StateError(state, str(error)) from error
 
 
 def explain_change(

@@ -5,9 +5,13 @@ MonitorError
     ArgumentError   an argument that makes no sense; names it
     ResultsError    a log, folder or file of which nothing can be shown; names it
     StartError      it could not start: a device, a port, a folder
+StateError          modes of one state of the structure that cannot be compared; a ValueError, as what it comes from
 """
 
 from pathlib import Path
+from typing import Literal
+
+State = Literal["reference", "current", "heldout"]  #: of the structure: as it was, as it is, as it is but not used
 
 
 class MonitorError(Exception):
@@ -40,3 +44,11 @@ class ResultsError(MonitorError):
 
 class StartError(MonitorError):
     """Something needed to start is not there."""
+
+
+class StateError(ValueError):
+    """Modes of one state that cannot be compared."""
+
+    def __init__(self, state: State, message: str) -> None:
+        super().__init__(message)
+        self.state = state

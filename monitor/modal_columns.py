@@ -1,6 +1,5 @@
 """The columns of a file of modes, read and checked: one clear error naming file, line and column."""
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,10 +9,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, PositiveFloat, ValidationError
 
 from daq import LogError
+from monitor.modal_csv import OWN, CsvTable, read_text
 from oma import ComplexArray
 from updater import Structure
 
-_OWN = ("frequency", "frequency_std", "damping", "damping_std", "temperature", "rms")
+_MOST_DAMPING = 0.3  # [-]: what is over it are per cent
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,62 +36,40 @@ class Columns:
             if len(wrong):
                 where = f"line {self.line[wrong[0]]}, column {name}"
                 raise LogError(path, f"{where}: expected a number over 0, found {self.values[name].real[wrong[0]]:g}")
+        self._check_damping(path)
         shape = np.array([self.values[c] for c in channels])
         if channels and not shape.any(0).all():
             row = int(np.argmin(shape.any(0)))
             raise LogError(path, f"line {self.line[row]}: the shape is zero at every sensor")
 
+    def _check_damping(self, path: Path) -> None:
+        damping = self.values.get("damping", np.zeros(1)).real
+        if damping.max() > _MOST_DAMPING:
+            where = f"line {self.line[int(np.argmax(damping))]}, column damping"
+            raise LogError(path, f"{where}: expected a ratio, found {damping.max():g}; per cent are headed damping [%]")
 
-def _check_names(path: Path, names: Sequence[str], structure: Structure) -> None:
+
+def _check_names(path: Path, names: Sequence[str], structure: Structure, where: str = "modes.0") -> None:
     """Refuse columns that are no modes of the structure: before all of what may be a long record is read."""
     if "frequency" not in names:
-        raise LogError(path, f"line 1: expected a column 'frequency' [Hz], found {', '.join(names) or 'none'}")
-    known = {*_OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
+        raise LogError(path, f"{where}: expected a column 'frequency' [Hz], found {', '.join(names) or 'none'}")
+    known = {*OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
     unknown = [name for name in names if name not in known]
     if unknown:
         raise LogError(
             path,
-            f"line 1, column {unknown[0]}: expected one of {', '.join(_OWN)} or a sensor of the structure "
-            f"({', '.join(structure.channels)})",
+            f"{where}, column {unknown[0] or 'without a name'}: expected one of {', '.join(OWN)} or a sensor of the "
+            f"structure ({', '.join(structure.channels)})",
         )
 
 
 def _of_csv(path: Path, text: str, structure: Structure) -> Columns:
-    """Read the columns of a table; empty cells are allowed in columns of deviations only.
-
-    Where semicolons or tabs part the columns, a comma in a number is its decimal point.
-    """
-    header = text.split("\n", 1)[0]
-    delimiter = next((d for d in (";", "\t") if d in header), ",")
-    reader = csv.DictReader(text.splitlines(), delimiter=delimiter)
-    names = [name.strip() for name in reader.fieldnames or ()]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise LogError(path, f"line 1, column {twice[0]}: named twice")
-    _check_names(path, names, structure)
-    rows: list[dict[str, complex]] = []
-    line: list[int] = []
-    for row in reader:
-        if None in row or None in row.values():
-            raise LogError(path, f"line {reader.line_num}: expected {len(names)} columns")
-        cells = dict(zip(names, row.values(), strict=True))
-        if delimiter != ",":
-            cells = {name: cell.replace(",", ".") for name, cell in cells.items()}
-        rows.append({name: _number(path, reader.line_num, name, cell) for name, cell in cells.items()})
-        line.append(reader.line_num)
-    return Columns({name: np.array([row[name] for row in rows], dtype=complex) for name in names}, line)
-
-
-def _number(path: Path, line: int, name: str, cell: str) -> complex:
-    if not cell.strip() and name.endswith("_std"):
-        return complex("nan")
-    try:
-        value = complex(cell.strip().replace("i", "j"))
-    except ValueError:
-        value = complex("nan")
-    if not np.isfinite(value) or (name in _OWN and value.imag):
-        raise LogError(path, f"line {line}, column {name}: expected a number, found {cell.strip()!r}")
-    return value
+    """Read the columns of a table."""
+    table = CsvTable(path, text)
+    _check_names(path, table.names, structure, f"line {table.first}")
+    rows = list(table.rows())
+    values = {name: np.array([row[name] for _, row in rows], dtype=complex) for name in table.names}
+    return Columns(values, [line for line, _ in rows])
 
 
 class _Value(BaseModel):
@@ -146,12 +124,7 @@ def read_columns(path: Path, structure: Structure) -> Columns:
     LogError
         Naming line and column of what is no number, or no such column.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise LogError(path, f"cannot be read as text: {error}") from error
+    text = read_text(path)
     columns = (_of_json if path.suffix.lower() == ".json" else _of_csv)(path, text, structure)
     columns.check(path, structure)
     return columns

@@ -1,7 +1,8 @@
 """Modes from elsewhere: a CSV table, one mode a row, or what `modalwatch identify --json` writes; one file a record.
 
 Columns of a table: `frequency` [Hz]; if known `damping` [-], `frequency_std` [Hz], a column a channel with the shape's
-component and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, alike in every row.
+component and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, alike in every row. What else a
+header and a cell may say: `monitor/modal_csv.py`.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from monitor.diagnosing import Observation
 from monitor.fusion import Windows, choose_tracks
 from monitor.modal_columns import read_columns
 from oma import ComplexArray, ModalEstimate, normalise
-from updater import Structure, build_model
+from updater import Structure, build_model, doubles, mean_modes, stack_tracks
 
 _SUFFIXES = (".csv", ".json")
 _FREQUENCY_STD = 1e-3  # relative, where a table states none: what minutes of ambient vibration give
@@ -24,6 +25,7 @@ _SHAPE_STD = 0.02  # of a unit shape's components, where a table states none
 _DAMPING = 0.01  # where a table states none; its deviation says that it is not known
 _LEAST_RECORDS = 3  # from which their own scatter is learnt
 _N_MODES = 30  # of the model, which lends its shapes to a table that has none
+_MOST_SAID = 10  # of the model's frequencies in an error
 _FARTHEST = 0.3  # of ln f between a mode and the model's
 
 
@@ -95,25 +97,35 @@ def read_table(structure: Structure, path: Path) -> Table:
         shape = _lent(structure, frequency, path)
         std = np.full(shape.shape, _SHAPE_STD)
     known = "damping" in values
+    line = [columns.line[i] for i in order]
     damping = values["damping"].real if known else np.full(len(frequency), _DAMPING)
+    estimate = ModalEstimate(
+        channels=channels,
+        frequency=frequency,
+        frequency_std=_or(values.get("frequency_std"), _FREQUENCY_STD * frequency),
+        damping=damping,
+        damping_std=_or(values.get("damping_std"), (0.3 if known else 1e3) * damping),
+        shape=shape,
+        shape_std=std,
+        support=np.ones(len(frequency)),
+        law_ratio=np.ones(len(frequency)),
+        start=0,
+        end=0,
+    )
+    _refuse_doubled(path, estimate, line)
     return Table(
-        estimate=ModalEstimate(
-            channels=channels,
-            frequency=frequency,
-            frequency_std=_or(values.get("frequency_std"), _FREQUENCY_STD * frequency),
-            damping=damping,
-            damping_std=_or(values.get("damping_std"), (0.3 if known else 1e3) * damping),
-            shape=shape,
-            shape_std=std,
-            support=np.ones(len(frequency)),
-            law_ratio=np.ones(len(frequency)),
-            start=0,
-            end=0,
-        ),
+        estimate=estimate,
         shaped=any(c in values for c in structure.channels),
         temperature=_one(values.get("temperature")),
         rms=_one(values.get("rms")),
     )
+
+
+def _refuse_doubled(path: Path, estimate: ModalEstimate, line: list[int]) -> None:
+    found = doubles(mean_modes(stack_tracks([estimate], [np.arange(estimate.n_modes)])))
+    if len(found):
+        again, frequency = line[found[0]], estimate.frequency[found[0]]
+        raise LogError(path, f"line {again}: the mode at {frequency:.5g} Hz stands in the table twice")
 
 
 def _or(found: ComplexArray | None, usual: FloatArray) -> FloatArray:
@@ -136,5 +148,10 @@ def _lent(structure: Structure, frequency: FloatArray, path: Path) -> ComplexArr
     row, column = linear_sum_assignment(distance**2)  # squares keep the order of close modes
     far = distance[row, column] > _FARTHEST
     if far.any():
-        raise LogError(path, f"the mode at {frequency[row[far][0]]:.4g} Hz has no partner in the model by frequency")
+        near = ", ".join(f"{f:.4g}" for f in modes.frequency[seen][:_MOST_SAID])
+        raise LogError(
+            path,
+            f"the mode at {frequency[row[far][0]]:.4g} Hz has no partner in the model by frequency, whose modes are at "
+            f"{near} Hz; without shapes there is no telling which is which",
+        )
     return normalise(at[seen[column]].astype(complex))

@@ -12,7 +12,7 @@ from monitor.cli.diagnosis_shown import say
 from monitor.cli.drawing import draw, written
 from monitor.cli.files import write_json
 from monitor.diagnosing import Observation, explain, observe, window_seconds
-from monitor.errors import ArgumentError
+from monitor.errors import ArgumentError, StateError
 from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
 from monitor.sensors_said import health_result
@@ -52,8 +52,8 @@ def diagnose_command(
             found = explain(
                 structure, before, after, heldout, lambda name: status.update(f"weighing {plain(name)} ...")
             )
-        except ValueError as error:
-            raise LogError(_named(logs.current), str(error)) from error
+        except StateError as error:
+            raise LogError(_named(getattr(logs, error.state)), str(error)) from error
         status.update("setting measured beside simulated ...")
         sample = (heldout or after).sample
         health = health_result(found.health) if after.shaped else {}

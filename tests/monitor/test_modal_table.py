@@ -70,6 +70,21 @@ def test_an_extended_model_beside_records_from_before_it_is_remarked_on(tmp_path
     assert "earlier diagnosis" in done.out
 
 
+def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Commands) -> None:
+    now, before = table(tmp_path / "now.csv", measured(3)), tmp_path / "before.csv"
+    before.write_text("\n".join(["frequency", *(f"{2 * np.pi * f}" for f in measured(4).frequency)]), encoding="utf-8")
+    with_units = table(tmp_path / "good.csv", measured(5))
+    shaped = with_units.read_text(encoding="utf-8").splitlines()
+    wrong = [shaped[0], *(f"{float(r.split(',')[0]) / 1000},{r.split(',', 1)[1]}" for r in shaped[1:])]
+    (tmp_path / "khz.csv").write_text("\n".join(wrong), encoding="utf-8")
+    path = structure(tmp_path)
+    assert f"{before}: the mode at" in modalwatch("diagnose", path, now, "--reference", before).err
+    for option in ("--reference", "--holdout"):
+        rest = () if option == "--reference" else ("--reference", with_units)
+        said = " ".join(modalwatch("diagnose", path, now, *rest, option, tmp_path / "khz.csv").err.split())
+        assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in said
+
+
 def test_nothing_between_two_tables_is_nothing(tmp_path: Path, modalwatch: Commands) -> None:
     before, after = table(tmp_path / "a.csv", measured(3)), table(tmp_path / "b.csv", measured(4))
     out = tmp_path / "found.json"
@@ -94,6 +109,11 @@ def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tm
     ("text", "where"),
     [
         ("f\n1\n2\n3\n", "line 1: expected a column 'frequency'"),
+        ("", "line 1: expected a column 'frequency' [Hz], found none"),
+        ("10.8,1\n11,1\n38,1\n", "line 1: expected names of columns, found numbers"),
+        ("# by hand\n\nfrequency [min]\n1\n2\n3\n", "line 3, column frequency [min]: expected the unit Hz"),
+        ("frequency,damping\n10,0.4\n11,0.5\n38,0.3\n", "line 3, column damping: expected a ratio, found 0.5"),
+        ("frequency,\n10,a\n11,b\n38,c\n", "line 1, column without a name: expected one of"),
         ("frequency,colour\n1,2\n2,2\n3,2\n", "line 1, column colour"),
         ("frequency\n10\neleven\n30\n", "line 3, column frequency: expected a number, found 'eleven'"),
         ("frequency\n10\n-11\n30\n", "line 3, column frequency: expected a number over 0"),
@@ -104,6 +124,14 @@ def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tm
         ("frequency,beam_mid_x\n10,1\n11,1\n30,1\n", "expected shapes at 2 sensors or more"),
         ("frequency,beam_mid_x,beam_mid_y\n10,1,1\n11,0,0\n30,1,1\n", "line 3: the shape is zero"),
         ("frequency\n10\n11\n5000\n", "the mode at 5000 Hz has no partner"),
+        (
+            "frequency\n67.7\n68.9\n69.5\n",
+            "Hz has no partner in the model by frequency, whose modes are at 10.78, ",
+        ),
+        (
+            "frequency,beam_mid_x,beam_mid_y,beam_left_z\n10,1,0,0\n11,0,1,0\n38,0,0,1\n10,1,0,0\n",
+            ": the mode at 10 Hz stands in the table twice",
+        ),
     ],
 )
 def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: str, where: str) -> None:
@@ -114,6 +142,37 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: str, wher
     assert str(error.value).startswith(f"{path}: ")
     assert where in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "frequency [Hz],damping [%],beam_mid_x,beam_mid_y\n10.8,0.4,1,2\n11,0.5,2,-1\n38.75,0.3,1,1\n",
+        "Frequency (kHz);Damping (%);beam_mid_x;beam_mid_y\n0,0108;0,4;1;2\n0,011;0,5;2;-1\n0,03875;0,3;1;1\n",
+        "mode,frequency,damping,beam_mid_x,beam_mid_y,\n3,38.75,0.003,1,1,\n1,10.8,0.004,1,2,\n2,11,0.005,2,-1,\n,,,,,\n",
+        "# pyOMA2\n\nfrequency\tdamping\tbeam_mid_x\tbeam_mid_y\n\n10.8\t0.004\t1 + 0i\t2 - 0i\n"
+        "11\t0.005\t-2+0j\t(1+0j)\n38.75\t.003\t7e-9\t7e-9\n\n",
+        '"frequency","damping","beam_mid_x","beam_mid_y"\n"10,8","0,004","1","2"\n"11","0,005","2","-1"\n'
+        '"38,75","0,003","1","1"\n',
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_table_is_read_as_people_write_it(tmp_path: Path, text: str, encoding: str) -> None:
+    path = tmp_path / "modes.csv"
+    path.write_bytes(text.replace("\n", "\r\n").encode(encoding))
+    found = read_table(t_frame(), path).estimate
+    np.testing.assert_allclose(found.frequency, [10.8, 11.0, 38.75])
+    np.testing.assert_allclose(found.damping, [0.004, 0.005, 0.003])
+    assert found.channels == ("beam_mid_x", "beam_mid_y")
+    expected = np.array([[1, 2], [2, -1], [1, 1]]) / np.sqrt([[5], [5], [2]])
+    np.testing.assert_allclose(np.abs((found.shape * expected).sum(1)), 1)
+
+
+def test_text_in_another_code_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "modes.csv"
+    path.write_bytes("# gemessen\n# Br\u00fccke\nfrequency\n10.8\n".encode("latin-1"))
+    with pytest.raises(LogError, match=r"line 2: expected text in UTF-8, found byte 0xfc"):
+        read_table(t_frame(), path)
 
 
 def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
