@@ -83,6 +83,7 @@ def discrepancy_result(
         signals=_signals(*heard) if heard else (),
         trends=trends,
         places=_places(densities(reference.calibration.structure, explained.parts)),
+        gain_std=explained.gained.std if explained.gained and explained.gained.significant else None,
         note=" ".join(filter(None, [note, _FAULTY if faulty else ""])),
     )
 

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
+from monitor.acting import with_acting
 from monitor.errors import State, StateError
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
@@ -194,8 +195,10 @@ class Explanation:
 
     @property
     def health(self) -> SensorHealth:
-        """Gain, polarity and delay of every channel against the reference."""
-        return sensor_health(self.reference, self.event, self.circumstances)
+        """Gain, polarity and delay of every channel against the reference, with the causes that act on it."""
+        extended = self.explained.extended
+        reference = with_acting(self.reference, extended) if extended else self.reference
+        return sensor_health(reference, self.event, self.circumstances)
 
 
 def explain(

@@ -2,6 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict
 
+from updater import Gain
+
 Vector = tuple[float, float, float]
 
 
@@ -103,4 +105,5 @@ class DiscrepancyResult(_Part):
     signals: tuple[SignalBeside, ...] = ()
     trends: tuple[TrendBeside, ...] = ()
     places: tuple[PlaceDensity, ...] = ()
+    gain_std: Gain | None = None  #: standard deviations of what the causes gain, where that is more than chance
     note: str = ""  #: why a part is missing

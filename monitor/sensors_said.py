@@ -10,6 +10,7 @@ from updater import SensorHealth
 _SURE = 4.0  # standard deviations from which a channel is named
 _GAIN = 0.03  # from which a change of gain matters [-]
 _NOTHING = 0.1  # gain under which a channel is as good as dead [-]
+_FINEST = 0.1  # % of a gain that is told
 _DELAY = 1e-4  # from which a delay matters [s]
 
 
@@ -34,7 +35,7 @@ def health_text(sensors: Mapping[str, ChannelHealth]) -> str:
     wrong = [f"{channel}: {fault}" for channel, own in sensors.items() if (fault := fault_text(own))]
     if wrong:
         return "sensors: " + "; ".join(wrong)
-    text = f"sensors: all gains within {100 * max(abs(s.gain - 1) for s in sensors.values()):.1f} %"
+    text = f"sensors: all gains within {max(_FINEST, *(100 * abs(s.gain - 1) for s in sensors.values())):.1f} %"
     delays = [abs(s.delay) for s in sensors.values() if s.delay is not None]
     return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
 

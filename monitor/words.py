@@ -9,7 +9,7 @@ from daq import FloatArray
 from monitor.discrepancy import SensorBeside
 from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
-from updater import Cause, Diagnosis, Quantity, Where
+from updater import Cause, Diagnosis, Pair, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
@@ -26,6 +26,7 @@ _NAMES = {
 }  # others are their own words
 _CLOCKS = frozenset({"sensor_delay"})  # taken out of all modes before a mass is located
 _MASSES = frozenset({"added_mass", "distributed_mass"})
+_COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: down to where it is told in whole mm, from where on in m
 _LARGE = 10.0  # kg: smaller masses are told in grams
 
 VERDICTS = {
@@ -87,11 +88,14 @@ def where_text(where: Where | None) -> str:
     if where is None:
         return ""
     parts = [f"on the {where.member}"] if where.member else []
+    std = where.position_std or 0.0
     if where.position:
-        x, y, z = where.position
-        parts.append(f"at ({x:.3f}, {y:.3f}, {z:.3f}) m")
-    if where.position_std:
-        parts.append(f"± {1000 * where.position_std:.0f} mm")
+        fine = 3 if std == 0.0 or std >= _COARSE else math.ceil(-math.log10(std))
+        parts.append(f"at ({', '.join(f'{x:.{fine}f}' for x in where.position)}) m")
+    if std >= _METRES:
+        parts.append(f"± {std:.1f} m")
+    elif std:
+        parts.append(f"± {1000 * std:.0f} mm" if std >= _COARSE else f"± {1000 * std:.1g} mm")
     if where.channels:
         parts.append(f"in {', '.join(where.channels)}")
     return " ".join(parts)
@@ -148,6 +152,16 @@ def change_text(diagnosis: Diagnosis) -> str:
 
 def _aliases(cause: Cause) -> str:
     return "".join(f" or {plain(name)}" for name in cause.cannot_be_told_from)
+
+
+def gain_text(pair: Pair, std: Pair | None, form: str) -> tuple[str, str]:
+    """Return a figure without and with the causes, each with its standard deviation where that is known."""
+    deviations = (std.before, std.after) if std else (None, None)
+    before, after = (
+        "" if value is None else number_text(value, deviation) if deviation else format(value, form)
+        for value, deviation in zip((pair.before, pair.after), deviations, strict=True)
+    )
+    return before, after
 
 
 def missed_text(sensors: Sequence[SensorBeside]) -> str:

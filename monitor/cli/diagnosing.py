@@ -17,7 +17,7 @@ from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
-from monitor.words import plain
+from monitor.words import cause_text, plain, share_text
 from oma import IdentificationError
 from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
 
@@ -60,7 +60,7 @@ def diagnose_command(
         beside = discrepancy_result(
             found.reference, found.measured, found.explained, sample, trends_beside(after), health
         )
-        diagnosis = _write(found.explained, structure_path, out, json_path)
+        diagnosis = _write(found.explained, structure_path, logs, out, json_path)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)
     say(console, diagnosis, beside)
@@ -121,7 +121,21 @@ def _recordings(structure: Structure, logs: Sequence[AnyLog], seconds: float) ->
         yield from load_recordings(log, window_seconds=seconds, channels=channels)
 
 
-def _write(found: Explained, structure_path: Path, out: Path | None, json_path: Path | None) -> Diagnosis:
+def _provenance(diagnosis: Diagnosis, structure_path: Path, logs: Logs) -> str:
+    """Return comments that say what an extended model was made of, and from what."""
+    since = f" since {_names(logs.reference)}" if logs.reference else ""
+    lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
+    lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in diagnosis.causes]
+    if logs.reference:
+        lines.append("and what was fitted to the latter: the stiffness of materials, feet and joints")
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _names(paths: Sequence[Path]) -> str:
+    return ", ".join(path.name for path in paths)
+
+
+def _write(found: Explained, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None) -> Diagnosis:
     """Write what is asked for; return the diagnosis with the path of the extended model in it."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
     try:
@@ -131,7 +145,7 @@ def _write(found: Explained, structure_path: Path, out: Path | None, json_path: 
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
             text = dump_structure(found.extended, given, note=_EXTENDED)
-            path.write_text(text, encoding="utf-8")
+            path.write_text(_provenance(diagnosis, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:
         raise ArgumentError("--out" if out else "--json", f"{folder}: cannot be written: {error.strerror}") from error

@@ -7,8 +7,8 @@ from rich.table import Table
 
 from monitor.discrepancy import DiscrepancyResult, ModeBeside
 from monitor.sensors_said import health_text
-from monitor.words import cause_text, missed_text, plain, share_text, verdict_text
-from updater import Cause, Diagnosis
+from monitor.words import cause_text, gain_text, missed_text, plain, share_text, verdict_text
+from updater import Cause, Diagnosis, Gain
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
@@ -25,7 +25,7 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> Non
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))
     health = health_text({s.channel: s.health for s in found.sensors if s.health})
-    for line in (_sensor(found), health, missed_text(found.sensors), _gain(diagnosis)):
+    for line in (_sensor(found), health, missed_text(found.sensors), _gain(diagnosis, found.gain_std)):
         if line:
             console.print(escape(line))
     _refused(console, diagnosis)
@@ -75,16 +75,18 @@ def _sensor(found: DiscrepancyResult) -> str:
     )
 
 
-def _gain(diagnosis: Diagnosis) -> str:
+def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
+    """Say what the causes gain, each figure with its standard deviation; or that it may be chance."""
     gain = diagnosis.gain
     if gain is None:
-        return ""
-    error, assurance = gain.frequency_error_percent, gain.one_minus_mac
+        return "on data that did not choose the causes they gain no more than chance may" * bool(diagnosis.causes)
     where = "held-out logs" if gain.heldout else "modes left out in turn"
-    text = f"on {where}: frequency error {_or(error.before, '.3f')} -> {_or(error.after, '.3f')} %"
-    if assurance.before is None or assurance.after is None:
+    before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent if std else None, ".3f")
+    text = f"on {where}: frequency error {before} -> {after} %"
+    if gain.one_minus_mac.before is None:
         return text
-    return f"{text}, 1 - MAC {assurance.before:.2g} -> {assurance.after:.2g}"
+    before, after = gain_text(gain.one_minus_mac, std.one_minus_mac if std else None, ".2g")
+    return f"{text}, 1 - MAC {before} -> {after}"
 
 
 def _refused(console: Console, diagnosis: Diagnosis) -> None:

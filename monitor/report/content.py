@@ -19,6 +19,7 @@ from monitor.story import Story, find_mode
 from monitor.words import (
     cause_text,
     diagnosis_text,
+    gain_text,
     headline,
     is_one_mass,
     last_state,
@@ -31,7 +32,7 @@ from monitor.words import (
     where_text,
 )
 from oma import mac_matrix
-from updater import Diagnosis, ModeFit
+from updater import Diagnosis, Gain, ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 
@@ -233,7 +234,7 @@ def diagnosis_content(
         ],
         "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
         "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
-        "gain": _gain(diagnosis),
+        "gain": _gain(diagnosis, found.gain_std if found else None),
         "extended_model": diagnosis.extended_model,
         "next_measurement": diagnosis.next_measurement,
     }
@@ -252,16 +253,20 @@ def _fit(number: int, mode: ModeFit) -> dict[str, str]:
     }
 
 
-def _gain(diagnosis: Diagnosis) -> dict[str, Any] | None:
+def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
     gain = diagnosis.gain
     if gain is None:
         return None
     rows = (
-        ("frequency error, root mean square [%]", gain.frequency_error_percent, ".3f"),
-        ("1 - MAC, mean", gain.one_minus_mac, ".5f"),
-        ("log likelihood", gain.log_likelihood, ".1f"),
+        (
+            "frequency error, root mean square [%]",
+            gain.frequency_error_percent,
+            std.frequency_error_percent if std else None,
+        ),
+        ("1 - MAC, mean", gain.one_minus_mac, std.one_minus_mac if std else None),
+        ("log likelihood", gain.log_likelihood, std.log_likelihood if std else None),
     )
     return {
         "heldout": gain.heldout,
-        "rows": [(name, optional(pair.before, form), optional(pair.after, form)) for name, pair, form in rows],
+        "rows": [(name, *gain_text(pair, off, ".4g")) for name, pair, off in rows],
     }

@@ -31,6 +31,10 @@ def test_what_is_wrong_is_named_with_its_deviation() -> None:
     assert [row["fault"] != "" for row in health_rows(found)] == [True, True, True]
 
 
+def test_no_gain_is_told_finer_than_a_tenth_of_a_per_cent() -> None:
+    assert health_text(health_result(health([1.0002, 0.9999], [np.nan] * 2))) == "sensors: all gains within 0.1 %"
+
+
 def test_what_is_not_sure_is_not_said() -> None:
     found = health_result(health([0.85, 1.0, 1.0], [np.nan] * 3, std=0.05))
     assert health_text(found) == "sensors: all gains within 15.0 %"

@@ -6,8 +6,8 @@ import pytest
 import viewer_helpers as made
 
 from monitor.viewer.cards import window_card
-from monitor.words import is_one_mass, number_text, parameter_text
-from updater import Quantity
+from monitor.words import gain_text, is_one_mass, number_text, parameter_text, where_text
+from updater import Pair, Quantity, Where
 
 
 @pytest.mark.parametrize(
@@ -52,6 +52,28 @@ def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained:
 )
 def test_parameters_are_told_in_the_units_that_are_spoken(name: str, quantity: Quantity, text: str) -> None:
     assert parameter_text(name, quantity) == text
+
+
+@pytest.mark.parametrize(
+    ("std", "text"),
+    [
+        (1.03e-3, "on the arm at (0.020, 0.000, 12.346) m ± 1 mm"),
+        (0.037, "on the arm at (0.020, 0.000, 12.346) m ± 37 mm"),
+        (2.14, "on the arm at (0.020, 0.000, 12.346) m ± 2.1 m"),
+        (3e-4, "on the arm at (0.0200, 0.0000, 12.3457) m ± 0.3 mm"),
+        (2e-5, "on the arm at (0.02000, 0.00000, 12.34568) m ± 0.02 mm"),
+        (None, "on the arm at (0.020, 0.000, 12.346) m"),
+    ],
+)
+def test_a_place_is_told_as_finely_as_it_is_known(std: float | None, text: str) -> None:
+    assert where_text(Where(member="arm", position=(0.02, 0.0, 12.345678), position_std=std)) == text
+
+
+def test_a_gain_is_told_with_its_deviations_where_they_are_known() -> None:
+    pair, std = Pair(before=2.41534, after=0.0361), Pair(before=0.021, after=0.0052)
+    assert gain_text(pair, std, ".3f") == ("2.415 ± 0.021", "0.036 ± 0.005")
+    assert gain_text(pair, None, ".3f") == ("2.415", "0.036")
+    assert gain_text(Pair(before=None, after=None), None, ".3f") == ("", "")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,28 @@
+"""A reference as it is once the causes that act on the structure are written in: what sensors are then judged by."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from updater import Reference, Structure, as_extended, match_modes
+
+_OF_THE_CHAIN = ("sensor", "sensors", "recorder")  # parts of a structure that are the measuring chain's
+
+
+def with_acting(reference: Reference, extended: Structure) -> Reference:
+    """Return a reference whose baseline has the shapes that the structure with its causes should have.
+
+    Frequencies stay: how far they have moved says how much of a change is not known. What causes do to the measuring
+    chain is left out.
+
+    Parameters
+    ----------
+    reference : that was diagnosed
+    extended : its structure with the causes written in
+    """
+    own, base = reference.calibration.structure, reference.baseline
+    acted = extended.model_copy(update={name: getattr(own, name) for name in _OF_THE_CHAIN})
+    after = as_extended(reference, acted, base)
+    partner = match_modes(base, after)
+    shape = np.where((partner >= 0)[:, None], after.shape[partner], base.shape)
+    return replace(reference, baseline=replace(base, shape=shape))

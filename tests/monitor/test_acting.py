@@ -1,0 +1,39 @@
+"""Sensors are judged by what the structure with its causes should show, not by what it was."""
+
+from dataclasses import replace
+
+import numpy as np
+from diagnosis_helpers import CHANNELS, Change, learnt
+
+from monitor.acting import with_acting
+from updater import Body, Correction, sensor_health
+
+BODY = Body(at=(0.25, 0, 1.48), mass=1.0)
+FAULTY = CHANNELS.index("beam_left_z")
+
+
+def test_a_mass_is_no_fault_of_sensors_and_hides_none() -> None:
+    """A seventh of the frame's mass turns shapes by more than sensors are named for; a gain of 0.85 stays one."""
+    reference, _, event = learnt(31)
+    now = event(Change(bodies=(BODY,), gain=(("beam_left_z", 0.85),)))
+    extended = reference.calibration.structure.with_bodies([BODY])
+    extended = extended.model_copy(update={"sensors": {"beam_left_z": Correction(gain=0.85)}})
+    true = np.where(np.arange(12) == FAULTY, 0.85, 1.0)
+    before = np.abs(sensor_health(reference, now).gain - true)
+    found = sensor_health(with_acting(reference, extended), now)
+    after = np.abs(found.gain - true)
+    print(before, after, found.gain_std)
+    assert before.max() > 0.03
+    assert after.max() < 0.02
+    assert (after < 4 * found.gain_std).all()
+
+
+def test_what_is_only_the_measuring_chains_changes_no_shape() -> None:
+    reference, _, _ = learnt(32)
+    own = reference.calibration.structure
+    extended = own.model_copy(update={"sensors": {"beam_left_z": Correction(gain=0.5)}})
+    found = with_acting(reference, extended).baseline
+    np.testing.assert_allclose(found.shape, reference.baseline.shape, atol=1e-9)
+    assert replace(found, shape=reference.baseline.shape).log_frequency.tolist() == (
+        reference.baseline.log_frequency.tolist()
+    )
