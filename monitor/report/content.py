@@ -257,16 +257,10 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
     gain = diagnosis.gain
     if gain is None:
         return None
-    rows = (
-        (
-            "frequency error, root mean square [%]",
-            gain.frequency_error_percent,
-            std.frequency_error_percent if std else None,
-        ),
-        ("1 - MAC, mean", gain.one_minus_mac, std.one_minus_mac if std else None),
-        ("log likelihood", gain.log_likelihood, std.log_likelihood if std else None),
+    names = (
+        ("frequency_error_percent", "frequency error, root mean square [%]", ".3f"),
+        ("one_minus_mac", "1 - MAC, mean", ".5f"),
+        ("log_likelihood", "log likelihood", ".1f"),
     )
-    return {
-        "heldout": gain.heldout,
-        "rows": [(name, *gain_text(pair, off, ".4g")) for name, pair, off in rows],
-    }
+    rows = [(said, *gain_text(getattr(gain, n), getattr(std, n, None), form)) for n, said, form in names]
+    return {"heldout": gain.heldout, "rows": rows}
