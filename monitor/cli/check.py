@@ -72,10 +72,12 @@ def _say_plan(site: Site) -> None:
     console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {step:g} s")
     console.print(f"baseline:  {analysis.baseline_windows} windows, {learning:.2g} h")
+    acknowledged = ", once acknowledged" if settings.alarm.latch else ""
     console.print(
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
         f"after {settings.alarm.hold_windows} windows over the limit; "
-        f"over after {settings.alarm.clear_windows} calm ones" + (", once acknowledged" if settings.alarm.latch else "")
+        f"over after {settings.alarm.clear_windows} calm ones{acknowledged}",
+        soft_wrap=True,
     )
     console.print(f"log:       {escape(str(folder))}, {free / 1e9:.1f} GB free", soft_wrap=True)
     console.print(f"disk:      {disk_plan(settings, free)}", soft_wrap=True)
