@@ -73,7 +73,7 @@ class Outlets:
         """Say once what is not served any more, and why; serve it again a minute later."""
         now = time.monotonic()
         for name, problem, again in (
-            ("viewer", self._live.problem if self._live else None, self._show_again),
+            ("viewer", self._live.problem if self._live else None, self.show_again),
             ("web", self._web_problem, self._serve_again),
         ):
             if problem and name not in self._dead:
@@ -85,8 +85,8 @@ class Outlets:
                     del self._dead[name]
                     yield f"/event/{name}_back", {}
 
-    def _show_again(self) -> str | None:
-        """Serve the live view again; return why that cannot be."""
+    def show_again(self) -> str | None:
+        """Serve the live view again, without what it has shown; return why that cannot be."""
         if self._live:
             self._live.restart(self._site.settings, self._site.structure_text, self._site.site_text)
         return self._live.problem if self._live else None

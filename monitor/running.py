@@ -210,6 +210,7 @@ class Running:
         self._devices.stop()
         clock.follow()
         self._renew_analysis("the clock was set")
+        self._outlets.show_again()  # scans are counted anew
         self._devices.resume(drivers, {})
 
     def _renew_analysis(self, why: str) -> None:

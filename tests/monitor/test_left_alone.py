@@ -107,8 +107,9 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
     watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch, hours: int
 ) -> None:
     """Within a log times go evenly; the devices are set up anew, and the shift is told once."""
-    host = SetClock()
+    host, shown = SetClock(), list[object]()
     monkeypatch.setattr("daq.hostclock.time", host)
+    monkeypatch.setattr("monitor.running.Outlets.show_again", lambda outlets: shown.append(outlets))
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
     with watched.running() as ended:
         watched.flows("beam_left")
@@ -119,6 +120,7 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
         watched.stop()
         report = ended.result()
     [told] = watched.events("clock_set")
+    assert len(shown) == 1  # a live view goes on with the new log: it ended over scans that are counted anew
     assert told.payload["by_s"] == pytest.approx(3600 * hours, abs=1.0)
     before, after = ([b.pair_time for b in blocks((log,), "beam_left")] for log in report.logs)
     assert after[0] - before[-1] == pytest.approx(hours * HOUR, abs=10 * 10**9)
