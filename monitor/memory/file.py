@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import threading
 import time
 from collections import deque
 from dataclasses import dataclass
@@ -63,29 +64,36 @@ class MemoryFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._newest: Event | None = None  # result that was handed to the log
-        self._expected: deque[tuple[Event, str]] = deque()  # not known to be in the log
+        self._path, self._lock = path, threading.Lock()
+        self._handed: deque[Event] = deque()  # results that are not known to be in the log
+        self._any = False  # whether one was ever handed to it
+        self._expected: deque[tuple[Event, str]] = deque()  # what rests on one of these
         self._logged: deque[tuple[float, str]] = deque()  # monotonic time from which on each may be written
         self.problem: str | None = None  #: why the last one is not on the disk
 
     def after(self, event: Event) -> None:
         """Take note of a result that is handed to the log."""
-        self._newest = event
+        with self._lock:
+            self._handed.append(event)
+            self._any = True
 
     def expect(self, text: str) -> None:
-        """Take a memory that may be written once the newest result is in the log."""
-        if self._newest is not None:
-            self._expected.append((self._newest, text))
+        """Take a memory that may be written once the newest result is in the log, where it may be by now."""
+        with self._lock:
+            if self._handed:
+                self._expected.append((self._handed[-1], text))
+            elif self._any:
+                self._logged.append((time.monotonic() + _SETTLE, text))
 
     def take(self, item: Item) -> None:
         """Take what was logged, in the log's thread."""
-        if self._expected and any(item is event for event, _ in tuple(self._expected)):
-            while True:
-                event, text = self._expected.popleft()
-                if event is item:
-                    break
-            self._logged.append((time.monotonic() + _SETTLE, text))
+        with self._lock:
+            if not any(item is event for event in self._handed):
+                return
+            while self._handed.popleft() is not item:
+                pass  # found the log's queue full
+            while self._expected and not any(self._expected[0][0] is event for event in self._handed):
+                self._logged.append((time.monotonic() + _SETTLE, self._expected.popleft()[1]))
 
     def write(self) -> None:
         """Write the newest that may be; called now and then."""

@@ -201,6 +201,19 @@ def test_memory_is_written_only_after_what_it_rests_on(tmp_path: Path, monkeypat
     assert [p.name for p in path.parent.iterdir()] == [MEMORY]
 
 
+def test_memory_that_comes_after_its_result_was_logged_is_written(tmp_path: Path) -> None:
+    """On a busy machine the log is quicker than the words: each memory waited for a result that had been before it."""
+    path = tmp_path / MEMORY
+    for n in range(3):
+        event = Event(topic="/result/window", time=n, payload={})
+        with MemoryFile(path) as memory:
+            memory.expect("of nothing")
+            memory.after(event)
+            memory.take(event)
+            memory.expect(f"memory {n}")
+        assert path.read_text() == f"memory {n}"
+
+
 def test_a_disk_that_takes_no_memory_is_said(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("a file where the folder should be")
     event = Event(topic="/result/window", time=0, payload={})
