@@ -19,6 +19,9 @@ _LEAST_STD = 1e-6  # of a shape's entry, whatever is stated
 _ASTRAY = 3.0  # times their wander: what the mean of a stretch of time may differ by from that of another
 _SAME_MODE = 5e-3  # by which its frequency may differ from one window to the next, relative
 _LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
+_FARTHEST = 0.01  # s, of the delays that a fit may begin at
+_BETTER = 1.001  # times as real: a device is moved for no less
+_PHASE_STEP = 0.5  # rad of the highest mode between them: a fit finds its way within one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +74,7 @@ def estimate_delays(
     """Return the delay of each device [s], relative to their mean.
 
     Least squares on phase(i, c) = theta_i - 2 pi f_i tau_device(c) modulo pi, weighted by amplitude over its standard
-    deviation; right for delays, or deviations from known constants, under a quarter period of the highest mode.
+    deviation; begun also at the delays up to 10 ms that make shapes most real, as phases repeat.
 
     Parameters
     ----------
@@ -151,7 +154,7 @@ def _typical(names: Sequence[str], removed: Sequence[Mapping[str, float]]) -> De
 
 
 def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> _Fit:
-    """Fit delays from the constants and from none, as phases repeat; return what costs less."""
+    """Fit delays from the constants, from none and from the most real shapes; return what costs least."""
     names = tuple(sorted({devices[c] for c in estimate.channels}))
     column = np.array([names.index(devices[c]) for c in estimate.channels])
     n_modes, n_channels = estimate.shape.shape
@@ -171,10 +174,10 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
         residual = (np.angle(estimate.shape).ravel() - design @ solution + np.pi / 2) % np.pi - np.pi / 2
         return np.concatenate([residual * weight, rows @ (constant - solution)])
 
-    solution = min(
-        (_settled(inverse, off, start) for start in (constant, np.zeros(len(constant)))),
-        key=lambda end: float((off(end) ** 2).sum()),
-    )
+    doubled = (weight.reshape(n_modes, -1) ** 2 * np.exp(2j * np.angle(estimate.shape))) @ np.eye(len(names))[column]
+    theta, late = _most_real(doubled, estimate.frequency, start)
+    starts = (constant, np.zeros(len(constant)), np.r_[theta, late / unit])
+    solution = min((_settled(inverse, off, begin) for begin in starts), key=lambda end: float((off(end) ** 2).sum()))
     centre = np.eye(len(names)) - 1 / len(names)
     information, pull = _said(estimate.frequency, column, weight.reshape(n_modes, -1), off(solution)[: len(weight)])
     return _Fit(
@@ -187,6 +190,32 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
         misfit=float((off(solution)[: len(weight)] ** 2).sum()),
         degrees_of_freedom=max(len(weight) - n_modes - len(names) + 1, 0),
     )
+
+
+def _most_real(doubled: ComplexArray, frequency: FloatArray, late: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the modes' phases (n_modes,) and the delays (n_devices,) [s] that make shapes most real, on a grid.
+
+    One device after another is moved, the one whose move gains most, while one gains.
+
+    Parameters
+    ----------
+    doubled : (n_modes, n_devices) sums of weight times exp(2i phase) over a device's channels
+    frequency : (n_modes,) [Hz]
+    late : (n_devices,) delays to begin at [s]
+    """
+    step = _PHASE_STEP / (2 * np.pi * float(frequency.max()))
+    grid = step * np.arange(-round(_FARTHEST / step), round(_FARTHEST / step) + 1)
+    turn = 4j * np.pi * frequency[:, None]
+    late = late.copy()
+    while True:
+        each = doubled * np.exp(turn * late)
+        total = each.sum(1)
+        others = total[:, None] - each
+        realness = np.abs(others[:, :, None] + doubled[:, :, None] * np.exp(turn * grid)[:, None]).sum(0)
+        device, row = np.unravel_index(np.argmax(realness), realness.shape)
+        if realness[device, row] <= _BETTER * np.abs(total).sum():
+            return 0.5 * np.angle(total), late
+        late[device] = grid[row]
 
 
 def _said(
