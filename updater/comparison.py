@@ -227,7 +227,7 @@ def compare(
         across=reference.across_channels(channels),
         frequency=reference.frequency,
         circumstances=circumstances,
-        new=_new_modes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency),
+        new=_new_modes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
     )
 
 
@@ -237,6 +237,7 @@ def _new_modes(
     overdispersion: float,
     at_channels: FloatArray,
     frequency: FloatArray,
+    model_error: float,
 ) -> NewModes | None:
     """Return those whose shape is known at the channels: what mixes two close modes is no new one.
 
@@ -250,9 +251,9 @@ def _new_modes(
     extra = extra.only(np.flatnonzero(known))
     if not len(extra.log_frequency):
         return None
-    variance = overdispersion * extra.shape_std**2 + SHAPE_BIAS**2 + MODEL_ERROR**2 / len(channels)
+    variance = overdispersion * extra.shape_std**2 + SHAPE_BIAS**2 + model_error**2 / len(channels)
     share = np.linalg.norm(at_channels, axis=0) * shaken(np.exp(extra.log_frequency)[:, None], frequency)
-    turned = 2 * MODEL_ERROR * np.abs(share) / np.linalg.norm(share, axis=1, keepdims=True)
+    turned = 2 * model_error * np.abs(share) / np.linalg.norm(share, axis=1, keepdims=True)
     unit = at_channels / np.maximum(np.linalg.norm(at_channels, axis=0), 1e-300)
     return NewModes(
         log_frequency=extra.log_frequency,
