@@ -28,7 +28,7 @@ from pathlib import Path
 
 import httpx
 import psutil
-from soak_faults import Spell, by_rig, played
+from soak_faults import Spell, by_rig, played, stood_still
 from soak_found import missing, named
 from soak_memory import Process, judged
 from soak_rig import places
@@ -262,7 +262,7 @@ def soaked(folder: Path, n: int, seconds: float) -> bool:
         end = time.time_ns() - int(_END * 1e9)
         code = soak.stop()
     soak.webhook(up=False)
-    spells = sorted(spells + by_rig(folder, seconds), key=lambda spell: spell.ended)
+    spells = sorted(spells + by_rig(folder, seconds) + stood_still(folder), key=lambda spell: spell.ended)
     looks = [[asdict(process) for process in life.processes.values()] for life in soak.lives]
     (folder / "looks.json").write_text(json.dumps(looks), encoding="utf-8")
     return report(soak, spells, said, (code, end, rig_cpu), n, seconds)

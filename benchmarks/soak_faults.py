@@ -1,5 +1,6 @@
 """What befalls the monitor in a soak, when, and by which word its history has to name it."""
 
+import json
 import os
 import resource
 import signal
@@ -7,14 +8,16 @@ import sqlite3
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
 import psutil
 from soak_memory import HOUR
-from soak_rig import CUT, CYCLE, LEAST, SILENCE, first_sampled
+from soak_rig import CUT, CYCLE, LEAST, LEDGER, SILENCE, first_sampled
 
 ANY = "*"  # device: all of them
+_STILL = 1.0  # s without a line of the rig's ledger, which has twenty a second
 
 
 class Soak(Protocol):
@@ -212,6 +215,14 @@ def by_rig(folder: Path, seconds: float) -> list[Spell]:
             begins = [first + int(at * 1e9) for at in _times(fault, seconds)]
             spells += [Spell(fault, begun, begun + int(fault.seconds * 1e9)) for begun in begins]
     return spells
+
+
+def stood_still(folder: Path) -> list[Spell]:
+    """Return when the rig had no processor: its devices are silent then, and drop what finds their lines full."""
+    with (folder / LEDGER).open(encoding="utf-8") as file:
+        times = [int(json.loads(line)["time"]) for line in file]
+    fault = Fault(what="the rig stood still", at=0.0, seconds=0.0, device=ANY, after=3.0)
+    return [Spell(fault, begun, ended) for begun, ended in pairwise(times) if ended - begun > _STILL * 1e9]
 
 
 def played(soak: Soak, seconds: float, look: Callable[[], None]) -> list[Spell]:

@@ -39,7 +39,7 @@ def missing(folder: Path, spells: list[Spell], n: int, end: int) -> tuple[list[s
         odd = int(np.count_nonzero(~excused)) if len(gone) else 0
         twice = int(np.count_nonzero(there > 1)) + int(np.count_nonzero((logged < 0) | (logged >= len(there))))
         well &= odd == 0 and twice == 0
-        killed = [s.begun for s in spells if s.fault.device == ANY]
+        killed = [s.begun for s in spells if "unclean_end" in s.fault.named]
         early = [(begun - t) / 1e9 for begun in killed for t in when if 0 < begun - t < 10e9]
         rows.append(f"| {name} | {last} | {len(gone)} | {odd} | {twice} | {max(early, default=0.0):.2f} |")
         for k in np.flatnonzero(~excused)[:3] if len(gone) else ():
@@ -56,7 +56,7 @@ def named(folder: Path, spells: list[Spell]) -> tuple[list[str], bool]:
     rows, well = [], True
     for spell in spells:
         fault, late = spell.fault, spell.ended + int(100e9)  # a window, and what is tried again after a minute
-        device = fault.device if fault.device not in (None, "*") else None
+        device = fault.device if fault.device not in (None, ANY) else None
         said = {
             topic.removeprefix("/event/")
             for at, topic, of in events
