@@ -19,7 +19,7 @@ from updater.errors import ModalDataError
 from updater.lags import dampings_of, lags_of, unsure_of
 from updater.modal_checks import check_event
 from updater.reference import Reference
-from updater.shape_errors import beside, foreign_modes, nearer_modes, shape_whiteners, turned_back
+from updater.shape_errors import beside, foreign_modes, nearer_modes, own_phases, shape_whiteners, turned_back
 from updater.statistics import COMMON_STD, ModalMean
 
 BoolArray = npt.NDArray[np.bool_]
@@ -196,7 +196,10 @@ def compare(
         + SHAPE_BIAS**2
         + (_blurred(event, max(reference.delays.wander, circumstances.wander))[:, None] * before) ** 2
     )
+    imaginary = np.where(shaped[:, None] & np.isfinite(event.imaginary), event.imaginary, 0.0)
     at_channels = reference.at_channels(event.channels)
+    foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error)
+    foreign = np.concatenate([foreign, own_phases(shape, imaginary, overdispersion * spread, before)], axis=1)
     expected = at_channels[:, reference.paired[tracks]].T
     return Comparison(
         channels=channels,
@@ -210,8 +213,7 @@ def compare(
         shaped=shaped,
         shape=shape,
         base=before,
-        shape_whitener=shaped[:, None, None]
-        * shape_whiteners(own, before, foreign_modes(reference, tracks, ratio, at_channels, model_error)),
+        shape_whitener=shaped[:, None, None] * shape_whiteners(own, before, foreign),
         overdispersion=overdispersion,
         **lags_of(
             base,

@@ -7,6 +7,7 @@ from updater.reference import Reference
 
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
 _LEAST_GAP = 1e-6  # of squared frequencies
+_MOST_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
 
@@ -50,6 +51,28 @@ def nearer_modes(
     before, after = _closeness(reference.frequency, paired, ratio)
     share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
     return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
+
+
+def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, base: FloatArray) -> FloatArray:
+    """Return how far the phases that make imaginary parts least are off: real parts take up as much of those.
+
+    Along an imaginary part of norm q^1/2 a real part of norm one has the variance s^2 (1 + q) / (1 - q)^2, to first
+    order in s: much where a mode is as imaginary as real, as with a channel that is a quarter period late.
+
+    Parameters
+    ----------
+    shape, imaginary : (n, n_channels) parts of measured modes, the real one of unit norm; zeros where not known
+    variance : (n, n_channels) s^2 of a component of either
+    base : (n, n_channels) unit norm
+
+    Returns
+    -------
+    (n, 1, n_channels)
+        Standard deviation of the turn times the imaginary part, as it lies beside the baseline's shape.
+    """
+    share = np.minimum((imaginary**2).sum(1), _MOST_IMAGINARY)
+    turn = np.sqrt(variance.mean(1) * (3 - share)) / (1 - share)
+    return (turn[:, None] * turned_back(beside(imaginary, shape), shape, base))[:, None]
 
 
 def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:
