@@ -26,6 +26,9 @@ from updater.statistics import ModalMean
 from updater.structure import Structure
 
 FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
+_BEYOND = 4  # modes more than were measured, that sensors should see of the model
+_SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less there is not seen
+_MOST_MODES = 120  # of the model
 _START = 1e-3  # where it begins
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
@@ -62,7 +65,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     ----------
     structure : as the file says
     measured : (n_tracks,) modes; channels name sensors of the structure
-    n_modes : model modes to keep
+    n_modes : model modes to keep, at least: more where sensors see few of them
 
     Raises
     ------
@@ -73,9 +76,8 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     """
     check_baseline(measured)
     nominal = best_model(structure)
-    n_modes = min(n_modes, int((nominal.dofs[:, :3] >= 0).sum()))
-    modes = nominal.modes(n_modes)
     rows = channel_rows(nominal, measured.channels)
+    modes = _enough(nominal, rows, n_modes, len(measured.log_frequency) + _BEYOND)
     seen = (rows @ modes.shape).T
     frequency = np.exp(measured.log_frequency)
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
@@ -98,7 +100,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     return Calibration(
         structure=fitted,
         model=model,
-        modes=model.modes(n_modes),
+        modes=model.modes(len(modes.frequency)),
         tracks=tracks,
         paired=paired,
         nominal_frequency=modes.frequency[paired],
@@ -109,6 +111,27 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         ),
         reason=fit.reason,
     )
+
+
+def _enough(model: Model, rows: FloatArray, n_modes: int, n_seen: int) -> Modes:
+    """Return modes of which sensors see some beyond what was measured: what a change does is made of those.
+
+    Of a plane frame with sensors in its plane most of the first thirty may be across it, or turn it.
+
+    Parameters
+    ----------
+    rows : (n_channels, n_dofs) that read the sensors
+    n_modes : at least
+    n_seen : that sensors should see, if the model has as many
+    """
+    most = int((model.dofs[:, :3] >= 0).sum())
+    n_modes = min(n_modes, most)
+    while True:
+        modes = model.modes(n_modes)
+        length = np.linalg.norm(rows @ modes.shape, axis=0)
+        if (length > _SEEN * length.max()).sum() >= n_seen or n_modes >= min(most, _MOST_MODES):
+            return modes
+        n_modes = min(2 * n_modes, most, _MOST_MODES)
 
 
 def _prior(knobs: list[Knob]) -> Prior:

@@ -7,7 +7,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 
 HELD = 0.95  # of the posterior, by the region
-_APART = 0.02  # m: stretches of the region nearer than this are one place
+_APART = 0.02  # m on a structure of 1.5 m: stretches of the region nearer than this are one place
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,7 +40,9 @@ def credible(
     return [(int(member[a]), float(position[a]), float(position[b])) for a, b in zip(starts, stops, strict=True)]
 
 
-def places(member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray) -> list[Place]:
+def places(
+    member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray, size: float = 1.0
+) -> list[Place]:
     """Return the separate places of a posterior, the most probable first.
 
     A mean over two places is neither: where the data cannot tell left from right it lies in the middle. So each
@@ -52,8 +54,9 @@ def places(member: IndexArray, position: FloatArray, density: FloatArray, probab
     member, position : (n,) member and distance from its start [m], ascending on each member
     density : (n,) posterior [1/m]
     probability : (n,) posterior, summing to one
+    size : of the structure, over the usual one: how near stretches of the region are one place
     """
-    stretches = _merged(credible(member, position, density, probability))
+    stretches = _merged(credible(member, position, density, probability), size * _APART)
     owner = _nearest(stretches, member, position)
     found = []
     for number, (m, a, b) in enumerate(stretches):
@@ -62,12 +65,12 @@ def places(member: IndexArray, position: FloatArray, density: FloatArray, probab
     return sorted(found, key=lambda place: -place.probability)
 
 
-def _merged(stretches: list[tuple[int, float, float]]) -> list[tuple[int, float, float]]:
+def _merged(stretches: list[tuple[int, float, float]], apart: float) -> list[tuple[int, float, float]]:
     """Return the stretches with those of one member that all but touch as one."""
     merged = stretches[:1]
     for m, a, b in stretches[1:]:
         last = merged[-1]
-        if last[0] == m and a - last[2] < _APART:
+        if last[0] == m and a - last[2] < apart:
             merged[-1] = (m, last[1], b)
         else:
             merged.append((m, a, b))

@@ -17,6 +17,7 @@ from updater.comparison import Comparison, residual
 from updater.prediction import mac_of, prediction
 from updater.reference import Reference
 from updater.shape_errors import beside
+from updater.size import size
 from updater.statistics import ModalMean
 from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected, Vector
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
 _WORTH_NAMING = 0.05  # of the best one's posterior
-_BESIDE = 0.04  # m of a foot or joint: where a stretch is one with it
+_BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
 
 
@@ -94,7 +95,11 @@ def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
         return False
     (name,), (other_name,) = own, theirs
     first, second = _position(one, name), _position(other, other_name)
-    return first is not None and second is not None and float(np.linalg.norm(np.subtract(first, second))) < _BESIDE
+    placed = [c.cause for c in (*one.chosen, *other.chosen) if isinstance(c.cause, Placed)]
+    if first is None or second is None or not placed:
+        return False
+    near = _BESIDE * size(placed[0].reference.calibration.structure)
+    return float(np.linalg.norm(np.subtract(first, second))) < near
 
 
 def _position(candidate: "Candidate", name: str) -> Vector | None:
@@ -138,10 +143,11 @@ def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
     if cause.name != "local_stiffness" or not isinstance(cause, Placed) or not where or where.position is None:
         return []
     structure = cause.reference.calibration.structure
+    near = _BESIDE * size(structure)
     ends = [("support_stiffness", s.at) for s in structure.support] + [
         ("joint_stiffness", j.at) for j in structure.joint
     ]
-    return [name for name, at in ends if np.linalg.norm(np.subtract(where.position, at)) < _BESIDE]
+    return [name for name, at in ends if np.linalg.norm(np.subtract(where.position, at)) < near]
 
 
 def _in_its_place(name: str, first: "Candidate", others: "list[Candidate]") -> list[str]:

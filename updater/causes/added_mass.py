@@ -20,6 +20,7 @@ from updater.posterior import Place, credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.screening import most_likely
+from updater.size import fineness, size
 from updater.structure import Body, Member, Structure
 from updater.verdict import Quantity, Vector, Where, vector
 
@@ -38,8 +39,8 @@ _MOST_FINE_IN_ALL = 480
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
-OFFSET_STD = 0.02  # m, prior of a body's centre beside the member's axis
-GYRATION_STD = 0.03**2  # m2, prior of its squared radius of gyration
+OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of a body's centre beside the member's axis
+GYRATION_STD = 0.03**2  # m2 on such a frame, prior of its squared radius of gyration
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,9 +67,14 @@ class AddedMass:
         return self.reference.calibration.model.total_mass()
 
     @property
+    def _fine(self) -> float:
+        return FINE * fineness(self.reference.calibration.structure)
+
+    @property
     def prior_std(self) -> FloatArray:
-        """Mass [kg], offsets [m] and squared radius of gyration [m2]."""
-        return np.array([MASS_STD * self._total, OFFSET_STD, OFFSET_STD, GYRATION_STD])
+        """Mass [kg], offsets [m] and squared radius of gyration [m2]: large structures bear large bodies."""
+        large = size(self.reference.calibration.structure)
+        return np.array([MASS_STD * self._total, large * OFFSET_STD, large * OFFSET_STD, large**2 * GYRATION_STD])
 
     @property
     def lower(self) -> FloatArray:
@@ -116,7 +122,7 @@ class AddedMass:
         most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
         for m in np.unique(self.member).tolist():
             here = self.member == m
-            spacing = max(FINE, 2 * self.gap * near[here].sum() / most)
+            spacing = max(self._fine, 2 * self.gap * near[here].sum() / most)
             grids[m] = _closer(self.position[here], near[here], self.gap, spacing)
             starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
         return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)
@@ -151,7 +157,8 @@ class AddedMass:
     def places(self, fit: "Fit[Any]") -> list[Place]:
         """Return the places that a fit leaves open, the most probable first."""
         probability = fit.probability
-        return places(self.member, self.position, probability / self.weight, probability)
+        large = size(self.reference.calibration.structure)
+        return places(self.member, self.position, probability / self.weight, probability, large)
 
     def points(self, fit: "Fit[Any]") -> FloatArray:
         """Return where each alternative is (n, 3), on its member's axis [m]."""
@@ -166,7 +173,7 @@ class AddedMass:
     def distance(self, place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the distance from the member's start at a place [m]."""
         mean = float(place.share @ self.position)
-        return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + FINE**2 / 12))
+        return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + self._fine**2 / 12))
 
     def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the mass at a place [kg]."""
@@ -192,9 +199,13 @@ class AddedMass:
         return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=vector(offset), inertia=inertia)])
 
 
-def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float = _COARSE) -> AddedMass:
-    """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes."""
+def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:
+    """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes.
+
+    A centimetre unless given, less on structures of less than a metre and a half.
+    """
     members = reference.calibration.structure.member
+    spacing = _COARSE * fineness(reference.calibration.structure) if spacing is None else spacing
     steps = [max(4, round(member.length / spacing)) for member in members]
     if sum(steps) > _MOST:
         return along(reference, comparison, *_likely_nodes(reference, comparison))

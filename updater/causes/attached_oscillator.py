@@ -23,6 +23,7 @@ from updater.hanging import hung, not_known, shaking, translations
 from updater.posterior import credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
+from updater.size import fineness, size
 from updater.structure import Oscillator, Structure
 from updater.verdict import Quantity, Where, vector
 
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.fit import Fit
 
-_COARSE = 0.02  # m between positions
-_FINE = 0.002  # m between them where the posterior is
+_COARSE = 0.02  # m between positions, less on structures of less than a metre and a half
+_FINER = 10  # times, where the posterior is
 _KEPT = 90  # of the alternatives, those that are nearest to the data to first order
 _MOST = 2000  # positions that are looked at
 _MOST_FINE = 60
@@ -63,6 +64,7 @@ class AttachedOscillator:
     translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there, along the member's local axes
     log_prior: FloatArray  #: (n,)
     start: FloatArray  #: (n, 2)
+    gap: float  #: between positions where they are not finer [m]
     name: str = "attached_oscillator"
     cannot_be_told_from: tuple[str, ...] = ()
     drifting: bool = True
@@ -114,7 +116,7 @@ class AttachedOscillator:
         """Return positions closer together about the likely ones, of the same direction and mode."""
         near = np.flatnonzero(log_density > log_density.max() - _NEAR)
         near = near[np.argsort(-log_density[near])]
-        steps = np.arange(-_COARSE, _COARSE + _FINE / 2, _FINE)
+        steps = np.linspace(-self.gap, self.gap, 2 * _FINER + 1)
         chosen: dict[tuple[int, int, int, float], int] = {}
         for row in near.tolist():
             length = self.reference.calibration.structure.member[self.member[row]].length
@@ -126,7 +128,7 @@ class AttachedOscillator:
         keys = sorted(chosen)
         columns = [np.array(column) for column in zip(*keys, strict=True)]
         source = np.array([chosen[key] for key in keys])
-        finer = self.log_prior[source] + np.log(_FINE / _COARSE)
+        finer = self.log_prior[source] + np.log(1 / _FINER)
         return replace(
             self,
             member=columns[0],
@@ -149,9 +151,9 @@ class AttachedOscillator:
         own = self._alike(fit)
         probability = fit.probability[own] / fit.probability[own].sum()
         member, position = self.member[own], self.position[own]
-        place = places(member, position, probability, probability)[0]
+        place = places(member, position, probability, probability, size(self.reference.calibration.structure))[0]
         mean = float(place.share @ position)
-        std = float(np.sqrt(place.share @ (position - mean) ** 2 + _FINE**2 / 12))
+        std = float(np.sqrt(place.share @ (position - mean) ** 2 + (self.gap / _FINER) ** 2 / 12))
         members = self.reference.calibration.structure.member
         return Where(
             member=members[place.member].name,
@@ -208,7 +210,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
         return None
     members = reference.calibration.structure.member
     length = sum(member.length for member in members)
-    gap = max(_COARSE, length / _MOST)
+    gap = max(_COARSE * fineness(reference.calibration.structure), length / _MOST)
     grids = [np.linspace(0, m.length, max(2, round(m.length / gap)) + 1) for m in members]
     member = np.repeat(np.arange(len(members)), [len(grid) for grid in grids])
     position = np.concatenate(grids)
@@ -237,6 +239,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
         translation=translation[place],
         log_prior=np.full(len(kept), alternatives),
         start=start[mode, place, axis],
+        gap=gap,
     )
 
 

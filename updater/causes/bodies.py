@@ -11,8 +11,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from daq import FloatArray, IndexArray
-from updater.causes.added_mass import GYRATION_STD, LARGEST_REMOVED, MASS_STD, OFFSET_STD, AddedMass, along
+from updater.causes.added_mass import LARGEST_REMOVED, AddedMass, along
 from updater.reanalysis import Effect, no_effect
+from updater.size import fineness
 
 _SPACING = 0.01  # m between the splines' points
 _INTERVALS = (4, 2000)  # of one member, at least and at most
@@ -37,9 +38,8 @@ class Bodies:
     @property
     def prior_std(self) -> FloatArray:
         """Those of a shift have the density, 1 / (sqrt(2 pi) std), of a position that is anywhere alike."""
-        total = self.grid.reference.calibration.model.total_mass()
         anywhere = sum(m.length for m in self.grid.reference.calibration.structure.member)
-        own = [anywhere / np.sqrt(2 * np.pi), MASS_STD * total, OFFSET_STD, OFFSET_STD, GYRATION_STD]
+        own = [anywhere / np.sqrt(2 * np.pi), *self.grid.prior_std]
         return np.tile(own, self.n_bodies)
 
     @property
@@ -86,10 +86,11 @@ class Bodies:
 
         Not at the grid's positions: of a large structure's those that are unlikely for one mass are left out.
         """
-        found = {}
+        found, structure = {}, self.grid.reference.calibration.structure
+        spacing = _SPACING * fineness(structure)
         for m in np.unique(self.member).tolist():
-            length = self.grid.reference.calibration.structure.member[m].length
-            position = np.linspace(0, length, int(np.clip(round(length / _SPACING), *_INTERVALS)) + 1)
+            length = structure.member[m].length
+            position = np.linspace(0, length, int(np.clip(round(length / spacing), *_INTERVALS)) + 1)
             here = along(self.grid.reference, self.grid.comparison, {m: position}, float(position[1]))
             values = np.concatenate([here.translation, here.rotation, *here.by_offset], axis=1)
             found[m] = CubicSpline(position, values), length
