@@ -19,6 +19,7 @@ from updater.reference import Reference
 PRIOR_NOTHING = 0.5
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
+_EQUAL = 0.02  # of log evidence, between causes that nothing tells apart
 _LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
 
 
@@ -47,6 +48,14 @@ class Candidate:
         """Tell whether all of its causes do something: a composition fits better than any of its parts does."""
         parts = [c for c in fewer if len(c.chosen) < len(self.chosen) and Counter(c.names) <= Counter(self.names)]
         return all(self.chi_square < part.chi_square - _LEAST_GAIN for part in parts)
+
+
+def ranked(found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the likeliest first; those that nothing tells apart as they stand, whatever rounding makes of them."""
+    order = sorted(range(len(found)), key=lambda k: -found[k].log_evidence)
+    steps = np.diff([-found[k].log_evidence for k in order], prepend=-np.inf) > _EQUAL
+    group = dict(zip(order, np.cumsum(steps).tolist(), strict=True))
+    return [found[k] for k in sorted(order, key=lambda k: (group[k], k))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,4 +122,4 @@ class Weighing:
             found.append(
                 Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)
             )
-        return sorted(found, key=lambda c: -round(c.log_evidence, 2))  # equals stay in the catalogue's order
+        return ranked(found)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from updater.agreement import agreeing, drift_beside
-from updater.candidates import Candidate, Weighing, say_nothing
+from updater.candidates import Candidate, Weighing, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
@@ -137,7 +137,7 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING]
     again = [several.settled(c.chosen) for c in near[:_MOST_JUDGED]]
-    judged = _stepwise(weighing, sorted(again, key=lambda c: -c.log_evidence), rough=False)
+    judged = _stepwise(weighing, ranked(again), rough=False)
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
         found[0].log_evidence + case.data.log_det_of_shapes,
@@ -156,9 +156,9 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
     """
     several = Compositions(weighing)
     for size in range(1, _MOST):
-        ranked = [c for c in found if len(c.chosen) == size]
-        seeds = ranked[:_SEEDS]
-        seeds += [c for c in ranked[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
+        as_many = [c for c in found if len(c.chosen) == size]
+        seeds = as_many[:_SEEDS]
+        seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         if not seeds or found[0] is not seeds[0] or (rough and found[0].p_value >= _DOUBTFUL):
             break
         promises = several.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
@@ -167,7 +167,7 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
             break
         more = [c for c in several.together(promises) if c.earned(found)]
-        found = sorted([*found, *more], key=lambda c: -c.log_evidence)
+        found = ranked([*found, *more])
     return found
 
 

@@ -72,7 +72,7 @@ def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, b
     """
     share = np.minimum((imaginary**2).sum(1), _MOST_IMAGINARY)
     turn = np.sqrt(variance.mean(1) * (3 - share)) / (1 - share)
-    return (turn[:, None] * turned_back(beside(imaginary, shape), shape, base))[:, None]
+    return np.asarray(turn[:, None] * turned_back(beside(imaginary, shape), shape, base))[:, None]
 
 
 def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:

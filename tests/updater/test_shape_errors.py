@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from diagnosis_helpers import Change, learnt
 
+from oma import ComplexArray
 from updater import Body
 from updater.delays import split_shape
 from updater.shape_errors import beside, own_phases, turned_back
@@ -36,7 +37,7 @@ def test_a_mode_turned_towards_another_is_off_along_that_one_alone() -> None:
 def test_a_phase_that_is_hardly_known_makes_its_mode_as_much_less_sure(degrees: float) -> None:
     """One of two channels late by about a quarter period; 4000 times tell a deviation to 1 / sqrt(8000) = 1.1 %."""
     random, noise = np.random.default_rng(9), 1e-3
-    exact = np.array([0.7, 0.7 * np.exp(-1j * np.radians(degrees)), 0.1])
+    exact: ComplexArray = np.array([0.7, 0.7, 0.1]) * np.exp(-1j * np.radians([0.0, degrees, 0.0]))
     off = noise * (random.standard_normal((4000, 3)) + 1j * random.standard_normal((4000, 3)))
     shape, imaginary = (part[:1] for part in split_shape(exact[None]))
     size = np.linalg.norm(exact) / np.sqrt(1 + (imaginary**2).sum())  # of the real part, which is given unit norm
