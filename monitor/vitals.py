@@ -26,7 +26,8 @@ from monitor.sightless import Sight
 
 NAME = "status.json"
 _EVERY = 1.0  # s
-_RATE_LOOKS = 10  # that a rate is the mean over: blocks come a few a second, and in pieces
+_RATE_LOOKS = 10  # that a rate is the mean over
+_LUMP = 2.0  # s that scans may take until they are logged: a device that is silent for longer has no rate of before
 
 
 Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
@@ -40,18 +41,19 @@ class DeviceVitals:
     gaps: int = 0
     lost: bool = False
     heard: float | None = None  #: when the last block came [s, monotonic]
-    looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: when, scans
+    looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: last block, scans
 
     def look(self, now: float) -> dict[str, Any]:
         """Return what others are told at a time [s, monotonic]."""
-        self.looks.append((now, self.scans))
+        heard = now if self.heard is None or now - self.heard > _LUMP else self.heard  # scans come in lumps
+        self.looks.append((heard, self.scans))
         then, scans = self.looks[0]
         return {
             "scans": self.scans,
             "gaps": self.gaps,
             "lost": self.lost,
             "silent": None if self.heard is None else now - self.heard,
-            "rate": (self.scans - scans) / max(now - then, 1e-3),
+            "rate": (self.scans - scans) / max(heard - then, _EVERY),
         }
 
 

@@ -43,6 +43,7 @@ def _content(source: Source) -> dict[str, Any]:
         "name": source.name,
         "state": state,
         "said": _SAID[state],
+        "so_far": _so_far(vitals) if vitals and state == "learning" else None,
         "problems": problems(vitals) + ([] if past else ["the history says nothing yet"]),
         "alarm": _alarm(standing[-1]) if standing else None,
         "alarms": [_alarm(alarm) for alarm in reversed(past.alarms)] if past else [],
@@ -55,6 +56,11 @@ def _content(source: Source) -> dict[str, Any]:
         "self_test": _self_test(vitals.get("self_test")) if vitals else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
     }
+
+
+def _so_far(vitals: dict[str, Any]) -> str:
+    n = vitals["window"].get("index", -1) + 1
+    return f"{n} window{'s' * (n != 1)} so far, nothing is judged yet"
 
 
 def _alarm(alarm: AlarmRow) -> dict[str, Any]:

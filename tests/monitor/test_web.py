@@ -182,6 +182,12 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
         assert well or "no mode that is watched is seen" in found["problems"][0]
 
 
+def test_page_says_how_far_learning_has_come(source: Source) -> None:
+    learning = changed(source, state="learning", window={"index": 6, "phase": "learning"})
+    assert "7 windows so far, nothing is judged yet" in Client(learning).get("/").text
+    assert "so far" not in Client(changed(source, state="normal")).get("/").text
+
+
 def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks come in pieces: of each second alone it would be 750 one time and 1250 the next."""
     ages = [0.0]
@@ -196,6 +202,24 @@ def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.Mo
         rate = json.loads((tmp_path / NAME).read_text())["devices"]["left"]["rate"]
         if second > 10:
             assert rate == pytest.approx(1000.0, abs=30.0)
+
+
+def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks of 0.7 s, looked at each second: over ten seconds of the clock they would be 9.8 or 10.5 s of scans."""
+    ages, rates = [0.0], []
+    monkeypatch.setattr("monitor.vitals.time", FakeTime([1e9], ages))
+    vitals, first = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
+    for tick in range(1, 601):  # tenths of a second
+        ages[0] = 0.1 * tick
+        if tick % 7 == 0 and tick < 400:
+            vitals.take(make_block("left", first, n=700))
+            first += 700
+        if tick % 10 == 0:
+            vitals.write(WELL)
+            rates.append(json.loads((tmp_path / NAME).read_text())["devices"]["left"]["rate"])
+    assert rates[15:39] == pytest.approx([1000.0] * 24, rel=1e-6)
+    assert rates[45] < 700.0
+    assert rates[-1] == 0.0
 
 
 def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tmp_path: Path) -> None:
