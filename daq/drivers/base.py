@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from daq.drivers.guarded import guarded
 from daq.errors import DeviceLost, DriverError
 from daq.hostclock import HostClock
 from daq.log import Event, Item
@@ -245,11 +246,6 @@ class _Pace:
         return found if self._told else None
 
 
-def _why(error: Exception) -> str:
-    """Say why a device is lost; what no driver should raise with its kind."""
-    return str(error) if isinstance(error, DriverError) else f"{type(error).__name__}: {error}"
-
-
 class DeviceReader(threading.Thread):
     """Reads one device for as long as asked, and takes it back by itself when it was lost.
 
@@ -328,11 +324,11 @@ class DeviceReader(threading.Thread):
             try:
                 if self._lost is not None:
                     raise self._lost
-                self._stream()
-            except Exception as error:  # noqa: BLE001 - a driver that stumbles is not to end its device for good
+                guarded(self.device, self._stream)
+            except DriverError as error:
                 self._lost = None
                 self._flush()
-                self._sink(self._event("device_lost", {"why": _why(error)}))
+                self._sink(self._event("device_lost", {"why": str(error)}))
                 self._driver.close()
                 self._reconnect()
         self._flush()
@@ -379,8 +375,8 @@ class DeviceReader(threading.Thread):
         refused: dict[str, Any] | None = None
         while not self._ending.wait(_RETRY_SECONDS):
             try:
-                identity = self._driver.open()
-            except Exception:  # noqa: BLE001 - likewise; it is tried again
+                identity = guarded(self.device, self._driver.open)
+            except DriverError:
                 self._driver.close()
                 continue
             if self._identity and identity != self._identity:

@@ -1,0 +1,35 @@
+"""Work with a driver, whatever it raises: the one place that catches all, and no reader ends by it."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from daq.errors import DriverError
+
+T = TypeVar("T")
+
+
+class StumbledError(DriverError):
+    """What no driver should raise: it loses its device, and must not end it for good."""
+
+    def __init__(self, device: str, error: Exception) -> None:
+        super().__init__(device, str(error))
+        self._error = error
+
+    def __str__(self) -> str:
+        return f"{type(self._error).__name__}: {self._error}"
+
+
+def guarded(device: str, work: Callable[[], T]) -> T:
+    """Return what work with a driver gives, whose every error is a loss.
+
+    Raises
+    ------
+    DriverError
+        Whatever it raised.
+    """
+    try:
+        return work()
+    except DriverError:
+        raise
+    except Exception as error:
+        raise StumbledError(device, error) from error
