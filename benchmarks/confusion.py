@@ -19,6 +19,7 @@ from confusion_table import Result, tables
 from sealed_cases import draw
 from sealed_path import answer
 
+from monitor.errors import StateError
 from updater.errors import UpdaterError
 
 
@@ -28,7 +29,7 @@ def judged(task: Task) -> Result:
     case, start = draw(cell, seed, noise=noise), time.process_time()
     try:
         found = answer(case, noise=noise)
-    except UpdaterError as error:
+    except (UpdaterError, StateError) as error:
         return result_of(case, noise, str(error), time.process_time() - start)
     return result_of(case, noise, found, time.process_time() - start)
 

@@ -25,6 +25,7 @@ from sealed_specimen import State, draw_state
 
 from daq import Recording, load_recordings, write_recording
 from monitor.diagnosing import Observation, explain_change, observe, window_seconds
+from monitor.errors import StateError
 from oma import OmaError
 from updater import Structure
 from updater.errors import UpdaterError
@@ -74,7 +75,7 @@ def judged(task: Task) -> Result:
         observations = before(case, solid, seconds), observed(after(case, seconds), structure_of(solid))
         start = time.process_time()
         found = explain_change(structure_of(solid), *observations).diagnosis.model_dump(mode="json")
-    except (UpdaterError, OmaError) as error:
+    except (UpdaterError, OmaError, StateError) as error:
         return result_of(case, length, str(error), time.process_time() - start)
     return result_of(case, length, found, time.process_time() - start)
 

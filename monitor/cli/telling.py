@@ -12,11 +12,8 @@ from monitor.site import Site
 
 console = Console(highlight=False)
 _EVER = Span(start=0, end=2**62)
-_FRESH, _WAIT, _LOOK = (
-    10.0,
-    3.0,
-    0.1,
-)  # s: age of a monitor's last sign of life; until it has taken a word; between looks
+_FRESH = 10.0  # s: age of a monitor's last sign of life
+_WAIT, _LOOK = 3.0, 0.1  # s: until it has taken a word; between looks
 
 
 def tell(site: Site, said: Said) -> None:
