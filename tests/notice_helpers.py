@@ -23,6 +23,8 @@ class Server:
         self.got: list[dict[str, Any]] = []
         self.headers: list[dict[str, str]] = []
         self.answer = 200
+        self.retry_after = ""  # what it asks for when it refuses
+        self.refused = 0
         outer = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -31,7 +33,10 @@ class Server:
                 if outer.answer < 300:
                     outer.got.append(json.loads(body))
                     outer.headers.append(dict(self.headers))
+                outer.refused += outer.answer >= 300
                 self.send_response(outer.answer)
+                if outer.retry_after:
+                    self.send_header("Retry-After", outer.retry_after)
                 self.end_headers()
 
             def log_message(self, *_: object) -> None:

@@ -22,6 +22,7 @@ TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_back"
 _TICK = 0.2  # s
 _HOUR = 3600.0  # s
 _RETRY_FIRST, _RETRY_LONGEST = 10.0, 600.0  # s
+_ASKED_LONGEST = _HOUR  # that a target may have us wait: one that asks for years is tried all the same
 _AT_ONCE = 10**6  # notices that go out together: all that wait
 _MUCH = 500_000  # bytes that wait, from which on troubles are only counted: there stays room for alarms
 _DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
@@ -46,7 +47,8 @@ class Courier:
         self._thread = threading.Thread(target=self._run, name="notices", daemon=True)
         self._stop = threading.Event()
         self._sent: deque[float] = deque()  # when messages went out in the last hour [s, monotonic]
-        self._retry, self._due, self._beat_due = retry_seconds, 0.0, 0.0
+        self._retry, self._beat_due = retry_seconds, 0.0
+        self.due = 0.0  #: when what waits is tried again [s, monotonic]
         self._data_seen = -math.inf
         self._urgent = False  # an alarm waits
         self.problem: str | None = None  #: why nothing goes out now
@@ -95,7 +97,7 @@ class Courier:
                 self.dropped += 1
                 continue
             if notice.kind == "alarm":
-                self._urgent, self._due = True, 0.0  # tried at once, however long nothing has been taken
+                self._urgent, self.due = True, 0.0  # tried at once, however long nothing has been taken
             self.dropped += self._spool.append([json.dumps(notice.values())])
 
     def _deliver(self, *, last: bool) -> None:
@@ -103,17 +105,18 @@ class Courier:
         while self._sent and now - self._sent[0] > _HOUR:
             self._sent.popleft()
         enough = len(self._sent) >= self._target.per_hour and not self._urgent  # an alarm never waits for the hour
-        if not self._spool.waiting or enough or (now < self._due and not last):
+        if not self._spool.waiting or enough or (now < self.due and not last):
             return
         try:
             self._spool.deliver(self._send_lines, _AT_ONCE)
         except (NoticeError, OSError) as error:
             self._fail(str(error))
-            self._due = time.monotonic() + self._retry
+            asked = min(error.wait, _ASKED_LONGEST) if isinstance(error, NoticeError) else 0.0
+            self.due = time.monotonic() + max(self._retry, asked)
             self._retry = min(2 * self._retry, _RETRY_LONGEST)
         else:
             self._succeed()
-            self._retry, self._due, self._urgent = self._first_retry, 0.0, False
+            self._retry, self.due, self._urgent = self._first_retry, 0.0, False
 
     def _send_lines(self, lines: list[str]) -> None:
         notices = [Notice(**fields) for line in lines if (fields := json.loads(line)).keys() == _FIELDS]

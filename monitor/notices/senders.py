@@ -3,7 +3,9 @@
 import json
 import os
 import subprocess
+import time
 from collections.abc import Callable
+from email.utils import parsedate_to_datetime
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -18,7 +20,17 @@ Sender = Callable[[list[Notice], int], None]  #: of notices, and how many others
 
 
 class NoticeError(MonitorError):
-    """A notice that could not be delivered."""
+    """A notice that could not be delivered.
+
+    Parameters
+    ----------
+    text : why
+    wait : that the target asks for before it is tried again [s]
+    """
+
+    def __init__(self, text: str, wait: float = 0.0) -> None:
+        super().__init__(text)
+        self.wait = wait
 
 
 def make_sender(target: NotifySettings) -> Sender:
@@ -47,9 +59,18 @@ def _by_webhook(target: NotifySettings, said: Message) -> None:
         ) as answer:
             answer.raise_for_status()  # what else it says is not waited for: it may never end
     except httpx.HTTPStatusError as error:
-        raise NoticeError(f"webhook: {error.response.status_code} {error.response.reason_phrase}") from error
+        why = f"webhook: {error.response.status_code} {error.response.reason_phrase}"
+        raise NoticeError(why, _wait(error.response.headers.get("Retry-After", ""))) from error
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         raise NoticeError(f"webhook: {type(error).__name__}: {error}") from error
+
+
+def _wait(asked: str) -> float:
+    """Return what `Retry-After` asks for [s]: a number, or a date; 0 for what is neither."""
+    try:
+        return float(asked) if asked.isdecimal() else parsedate_to_datetime(asked).timestamp() - time.time()
+    except ValueError:
+        return 0.0
 
 
 def _by_command(target: NotifySettings, said: Message) -> None:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from email.utils import formatdate
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from monitor.notices import Courier, News, NoticeError, make_sender
 from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
 
+LOST = Event(topic="/event/device_lost", time=1, payload={"device": "left"})
 LAST: dict[str, Any] = {"extended_model": None, "next_measurement": ""}
 
 
@@ -67,7 +69,7 @@ def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
         ([change(1, "alarm", quiet=True), change(2, "normal", lasted=1.0, quiet=True)], []),
         ([change(1, "alarm"), change(2, "alarm", kind="reopened", quiet=True)], ["alarm"]),
         ([change(1, "alarm", kind="flapping"), change(2, "normal", kind="steady")], ["flapping", "flapping"]),
-        ([Event(topic="/event/device_lost", time=1, payload={"device": "left"})], ["trouble"]),
+        ([LOST], ["trouble"]),
         ([Event(topic="/event/gap", time=1, payload={"device": "left"}), make_block("left", 0)], []),
     ],
 )
@@ -195,6 +197,32 @@ def test_server_that_is_down_gets_everything_later_in_one_message(server: Server
     assert not spool.exists()
 
 
+@pytest.mark.parametrize(
+    ("asked", "seconds"),
+    [
+        ("120", 120.0),
+        (formatdate(time.time() + 1800, usegmt=True), 1800.0),
+        ("9" * 400, 3600.0),  # an hour at most
+        ("soon", 0.0),
+        ("", 0.0),
+    ],
+)
+def test_webhook_that_asks_to_wait_is_not_asked_before(
+    server: Server, tmp_path: Path, asked: str, seconds: float
+) -> None:
+    """But an alarm is tried at once all the same."""
+    server.answer, server.retry_after = 429, asked
+    with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as courier:
+        courier.put(LOST)
+        until(lambda: courier.problem)
+        left = courier.due - time.monotonic()
+        assert seconds - 30.0 < left <= max(seconds, 5.0)
+        refused = server.refused
+        courier.put(ALARM)
+        until(lambda: server.refused > refused)
+    assert courier.problem == "webhook: 429 Too Many Requests"
+
+
 def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server: Server, tmp_path: Path) -> None:
     spool = tmp_path / "notices.jsonl"
     with Courier(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as courier:
@@ -208,11 +236,10 @@ def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server
 
 
 def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
-    lost = Event(topic="/event/device_lost", time=1, payload={"device": "left"})
     with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
-        courier.put(lost)
+        courier.put(LOST)
         until(lambda: len(server.got) == 1)
-        courier.put(lost)
+        courier.put(LOST)
         until(lambda: (tmp_path / "n.jsonl").exists())
         time.sleep(0.5)  # two looks at what waits
         assert len(server.got) == 1
