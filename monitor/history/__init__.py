@@ -3,10 +3,11 @@
 The logs are the record; the database answers questions over long times at once, and can be made anew from them.
 """
 
+from monitor.history.engines import database_url
 from monitor.history.errors import HistoryError
 from monitor.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
 from monitor.history.recorder import HistoryRecorder
-from monitor.history.store import HistoryStore, database_url
+from monitor.history.store import HistoryStore
 
 __all__ = [
     "AlarmRow",

@@ -8,9 +8,9 @@ from sqlalchemy import BigInteger, Row, Select, cast, func, literal, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.history import schema
+from monitor.history.engines import reading_engines, said, shown_url
 from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
-from monitor.history.store import reading_engines, said, shown_url
 
 Every = Literal["window", "day"]
 _NO_WRITING = "readonly database", "unable to open"  # what SQLite says where a user may only read

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from daq import Event, Item
+from monitor.history.engines import shown_url
 from monitor.history.errors import HistoryError
 from monitor.history.store import HistoryStore
 from monitor.spool import Spool
@@ -17,6 +18,8 @@ TOPIC_DOWN, TOPIC_BACK = "/event/history_down", "/event/history_back"
 _CAPACITY = 10_000  # items that may wait in memory
 _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
+_MUTE = 15.0  # s that a database may take over a batch: longer than it may be locked, or gone
+_LAST = 5.0  # s that an end waits for it
 
 
 class HistoryRecorder:
@@ -31,44 +34,60 @@ class HistoryRecorder:
 
     def __init__(self, url: str, spool: Path, *, retry_seconds: float = 10.0) -> None:
         self._url, self._spool, self._retry_seconds = url, Spool(spool), retry_seconds
-        self._queue: queue.Queue[Event | None] = queue.Queue(_CAPACITY)
+        self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
         self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="history")
+        self._thread = threading.Thread(target=self._run, name="history", daemon=True)
         self._store: HistoryStore | None = None
         self._due = 0.0  # monotonic time of the next look at the database
-        self.problem: str | None = None  #: why the database takes nothing now
+        self._failed: str | None = None  # why it took nothing when it was asked last
+        self._asked: float | None = None  # monotonic time since which it has owed an answer [s]
+        self._down = False  # whether that is said
+        self._at_hand: list[Event] = []  # the batch that is being brought
+        self._given_up = False  # what is at hand has been put on disk by another thread: nothing there is ours any more
         self.dropped = 0  #: items that found no room, in memory or on disk, or that no database takes
 
     def put(self, item: Item) -> None:
         """Take what was logged, from any thread; what was measured is not for the history."""
         if isinstance(item, Event) and not item.topic.startswith("/measured/"):
-            try:
-                self._queue.put_nowait(item)
-            except queue.Full:
+            if self._queue.qsize() < _CAPACITY:
+                self._queue.put(item)
+            else:
                 self.dropped += 1
+
+    @property
+    def problem(self) -> str | None:
+        """Why the database takes nothing now; None if it does."""
+        asked = self._asked
+        mute = 0.0 if asked is None else time.monotonic() - asked
+        return f"{shown_url(self._url)}: no answer for {mute:.0f} s" if mute > _MUTE else self._failed
 
     def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield topic and payload of what befell the database since the last time."""
-        while True:
-            try:
-                yield self._said.get_nowait()
-            except queue.Empty:
-                return
+        if problem := self.problem:
+            self._say_down(problem)
+        while not self._said.empty():
+            yield self._said.get()
 
     def __enter__(self) -> Self:
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Bring in what waits, or leave it on disk for the next start."""
+        """Bring in what waits, or leave it on disk for the next start: a mute database is not waited for."""
         self._queue.put(None)
-        self._thread.join()
+        self._thread.join(_LAST)
+        if self._thread.is_alive():
+            self._given_up = True
+            kept = list(self._at_hand)  # the database may have it by now: there it stands once, however often it is put
+            while not self._queue.empty():
+                kept += filter(None, (self._queue.get(),))
+            self._keep(kept)
 
     def _run(self) -> None:
         going = True
-        while going:
-            batch, going = self._gather()
-            self._bring(batch)
+        while going and not self._given_up:
+            self._at_hand, going = self._gather()
+            self._bring(self._at_hand)
         if self._store:
             self._store.__exit__()
 
@@ -90,34 +109,40 @@ class HistoryRecorder:
         """Write a batch, after what waits on disk; or put it there too."""
         if not batch and not (self._spool.waiting and time.monotonic() >= self._due):
             return
-        if self.problem and time.monotonic() < self._due:
+        if self._failed and time.monotonic() < self._due:
             self._keep(batch)
             return
         try:
-            store = self._open()
-            kept = self._spool.deliver(lambda lines: self._write(store, _from_lines(lines)), _BATCH)
+            kept = self._spool.deliver(lambda lines: self._write(_from_lines(lines)), _BATCH)
             if batch:
-                self._write(store, batch)
+                self._write(batch)
         except (HistoryError, OSError) as error:
-            self._fail(error)
-            self._keep(batch)
+            if not self._given_up:
+                self._fail(error)
+                self._keep(batch)
         else:
-            if self.problem:
+            if self._down:
                 self._said.put((TOPIC_BACK, {"brought_in": kept}))
-            self.problem = None
+            self._failed, self._down = None, False
 
-    def _write(self, store: HistoryStore, items: list[Event]) -> None:
-        self.dropped += store.write(items)
+    def _write(self, items: list[Event]) -> None:
+        self._asked = time.monotonic()
+        try:
+            self._store = self._store or HistoryStore(self._url)
+            self.dropped += self._store.write(items)
+        finally:
+            self._asked = None
+        if self._given_up:
+            raise HistoryError(shown_url(self._url), "it came too late")  # so that the spool stays as it is
 
-    def _open(self) -> HistoryStore:
-        if self._store is None:
-            self._store = HistoryStore(self._url)
-        return self._store
+    def _say_down(self, why: str) -> None:
+        if not self._down:
+            self._down = True
+            self._said.put((TOPIC_DOWN, {"why": why}))
 
     def _fail(self, error: Exception) -> None:
-        if self.problem is None:
-            self._said.put((TOPIC_DOWN, {"why": str(error)}))
-        self.problem = str(error)
+        self._failed = str(error)
+        self._say_down(self._failed)
         self._due = time.monotonic() + self._retry_seconds
         if self._store:
             self._store.__exit__()

@@ -2,20 +2,19 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Self
-from urllib.parse import quote
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, Engine, ScalarSelect, Table, create_engine, event, func, select, update
+from sqlalchemy import Connection, ScalarSelect, Table, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgres_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
-from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from daq import Event
 from monitor.history import schema
+from monitor.history.engines import open_engine, said, shown_url
 from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
 from monitor.history.rollup import roll_up
@@ -24,65 +23,7 @@ from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, Window
 from monitor.words import change_text
 from monitor.worker import Result
 
-_BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
 _NEVER = DataError, IntegrityError, OverflowError, TypeError, ValueError, KeyError  # of one item, not of the database
-_DRIVERS = {"postgresql": "postgresql+psycopg"}
-
-
-def database_url(url: str | None, state: Path) -> str:
-    """Return where the history is: what the settings say, or a SQLite file in the state folder."""
-    return url or f"sqlite:///{state / 'history.sqlite'}"
-
-
-def open_engine(url: str) -> Engine:
-    """Return an engine that nothing is asked of yet.
-
-    Raises
-    ------
-    HistoryError
-        If the address makes no sense, or is of a kind that is not installed.
-    """
-    try:
-        parsed = make_url(url)
-        parsed = parsed.set(drivername=_DRIVERS.get(parsed.drivername, parsed.drivername))
-        options = {"timeout": _BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else {"connect_timeout": 3}
-        engine = create_engine(parsed, connect_args=options, pool_pre_ping=True)
-    except (ArgumentError, NoSuchModuleError) as error:
-        raise HistoryError(url, "expected sqlite:///FILE or postgresql://USER@HOST/NAME") from error
-    except ModuleNotFoundError as error:
-        raise HistoryError(url, f"{error.name} is not installed: pip install 'modalwatch[fleet]'") from error
-    if engine.dialect.name == "sqlite":
-        event.listen(engine, "connect", _set_pragmas)
-    return engine
-
-
-def reading_engines(url: str) -> Iterator[Engine]:
-    """Yield engines for questions, each where the last one could not: as for writing, read only, and as a copy.
-
-    A SQLite file that a user may not write to is read all the same; where nobody else writes either, as it lies.
-    """
-    engine = open_engine(url)
-    yield engine
-    if engine.dialect.name == "sqlite" and engine.url.database:
-        place = f"sqlite:///file:{quote(str(Path(engine.url.database).absolute()))}"
-        for how in ("mode=ro", "immutable=1"):
-            yield create_engine(f"{place}?{how}&uri=true")
-
-
-def _set_pragmas(connection: Any, _record: object) -> None:  # noqa: ANN401 - sqlite3's or another driver's
-    """Let readers read while one writes; a power cut may cost the last transaction, never the file."""
-    cursor = connection.cursor()
-    cursor.execute("PRAGMA journal_mode=WAL")
-    cursor.execute("PRAGMA synchronous=NORMAL")
-    cursor.close()
-
-
-def shown_url(url: str) -> str:
-    """Return the address without its password."""
-    try:
-        return make_url(url).render_as_string(hide_password=True)
-    except ArgumentError:
-        return url
 
 
 class HistoryStore:
@@ -135,12 +76,6 @@ class HistoryStore:
         except SQLAlchemyError as error:
             raise HistoryError(self.url, said(error)) from error
         return 0
-
-
-def said(error: Exception) -> str:
-    """Return what a database says in one line."""
-    lines = str(getattr(error, "orig", None) or error).splitlines()
-    return lines[0] if lines else type(error).__name__
 
 
 def _write(connection: Connection, item: Event) -> int | None:

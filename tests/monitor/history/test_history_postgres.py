@@ -1,17 +1,45 @@
 """The same history on a real PostgreSQL server."""
 
+from pathlib import Path
+
 import pytest
 from history_helpers import HOUR, START, run_events, write_years
+from notice_helpers import until
 from postgres_helpers import postgres_programs, postgres_url
 from sqlalchemy import create_engine, text
 
-from monitor.history import HistoryError, HistoryStore, Reader, Span, schema
+from monitor.history import HistoryError, HistoryRecorder, HistoryStore, Reader, Span, engines, schema
 
 EVENTS = run_events()
+NEEDED = pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL server is installed")
 
 
 @pytest.mark.live
-@pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL server is installed")
+@NEEDED
+def test_table_that_a_session_has_locked_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As somebody's VACUUM FULL does: PostgreSQL itself would have us wait for hours."""
+    monkeypatch.setattr(engines, "_LOCK_SECONDS", 0.1)
+    spool = tmp_path / "spool.jsonl"
+    with postgres_url() as url:
+        HistoryStore(url).__exit__()
+        session = create_engine(url.replace("postgresql:", "postgresql+psycopg:"))
+        with HistoryRecorder(url, spool, retry_seconds=0.05) as recorder:
+            with session.begin() as connection:
+                connection.execute(text("LOCK TABLE windows"))
+                for event in EVENTS:
+                    recorder.put(event)
+                until(spool.exists)
+                assert "lock timeout" in (recorder.problem or "")
+            until(lambda: recorder.problem is None)
+            with Reader(url) as reader:
+                span = reader.span()
+                assert span is not None
+                assert len(reader.windows(span)) == 20
+        session.dispose()
+
+
+@pytest.mark.live
+@NEEDED
 def test_run_stands_in_postgres_as_in_sqlite() -> None:
     with postgres_url() as url:
         for _ in range(2):  # the second time brings nothing new

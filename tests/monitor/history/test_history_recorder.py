@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from history_helpers import change, rows, run_events, sqlite_url
 
-from monitor.history import HistoryRecorder, store
+from monitor.history import HistoryRecorder, HistoryStore, engines, recorder
 from monitor.history.recorder import TOPIC_BACK, TOPIC_DOWN
 
 EVENTS = run_events()
@@ -22,51 +22,78 @@ def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
 
 
 def test_what_is_put_in_is_there_at_the_end(tmp_path: Path) -> None:
-    with HistoryRecorder(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as recorder:
+    with HistoryRecorder(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as made:
         for event in EVENTS:
-            recorder.put(event)
+            made.put(event)
     assert len(rows(sqlite_url(tmp_path), "windows")) == 20
-    assert (list(recorder.said()), recorder.dropped) == ([], 0)
+    assert (list(made.said()), made.dropped) == ([], 0)
     assert not (tmp_path / "spool.jsonl").exists()
 
 
 def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "_BUSY_SECONDS", 0.02)
+    monkeypatch.setattr(engines, "_BUSY_SECONDS", 0.02)
     url, spool = sqlite_url(tmp_path), tmp_path / "spool.jsonl"
-    store.HistoryStore(url).__exit__()
+    HistoryStore(url).__exit__()
     lock = sqlite3.connect(tmp_path / "history.sqlite", isolation_level=None)
     lock.execute("BEGIN EXCLUSIVE")
-    with HistoryRecorder(url, spool, retry_seconds=0.05) as recorder:
+    with HistoryRecorder(url, spool, retry_seconds=0.05) as made:
         for event in EVENTS:
-            recorder.put(event)
+            made.put(event)
         until(spool.exists)
-        assert recorder.problem is not None
-        assert "locked" in recorder.problem
+        assert made.problem is not None
+        assert "locked" in made.problem
         lock.execute("ROLLBACK")
         lock.close()
-        until(lambda: recorder.problem is None)
+        until(lambda: made.problem is None)
         assert not spool.exists()
     assert len(rows(url, "windows")) == 20
-    (down, why), (back, brought) = recorder.said()
+    (down, why), (back, brought) = made.said()
     assert (down, back, brought) == (TOPIC_DOWN, TOPIC_BACK, {"brought_in": len(EVENTS)})
     assert "locked" in why["why"]
+
+
+def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it was to take waits on disk, and stands in it once if it took that after all."""
+    monkeypatch.setattr(engines, "_BUSY_SECONDS", 60.0)
+    monkeypatch.setattr(recorder, "_MUTE", 0.1)
+    monkeypatch.setattr(recorder, "_LAST", 0.1)
+    url, spool = sqlite_url(tmp_path), tmp_path / "spool.jsonl"
+    HistoryStore(url).__exit__()
+    lock = sqlite3.connect(tmp_path / "history.sqlite", isolation_level=None)
+    lock.execute("BEGIN EXCLUSIVE")
+    with HistoryRecorder(url, spool) as mute:
+        mute.put(EVENTS[0])
+        until(lambda: mute.problem)
+        for event in EVENTS[1:]:
+            mute.put(event)
+        [(topic, payload)] = mute.said()
+        assert (topic, "history.sqlite: no answer for" in payload["why"]) == (TOPIC_DOWN, True)
+    lines = spool.read_text(encoding="utf-8").splitlines()
+    assert len(lines) == len(EVENTS)
+    lock.execute("ROLLBACK")
+    lock.close()
+    until(lambda: mute.problem is None)  # it has taken what was at hand
+    assert spool.read_text(encoding="utf-8").splitlines() == lines
+    with HistoryRecorder(url, spool):
+        until(lambda: not spool.exists())
+    assert len(rows(url, "windows")) == 20
 
 
 def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
     url, spool, file = sqlite_url(tmp_path), tmp_path / "spool.jsonl", tmp_path / "history.sqlite"
     file.write_bytes(b"this is no database, and long enough not to be taken for an empty one" * 40)
-    with HistoryRecorder(url, spool, retry_seconds=0.01) as recorder:
+    with HistoryRecorder(url, spool, retry_seconds=0.01) as made:
         for event in EVENTS:
-            recorder.put(event)
+            made.put(event)
             time.sleep(0.01)
-    [(topic, payload)] = recorder.said()
-    assert (topic, recorder.dropped) == (TOPIC_DOWN, 0)
+    [(topic, payload)] = made.said()
+    assert (topic, made.dropped) == (TOPIC_DOWN, 0)
     assert "file is not a database" in payload["why"]
     file.unlink()
     with spool.open("ab") as cut:
         cut.write(b'{"topic": "/event/g')  # a kill amid a line
-    with HistoryRecorder(url, spool) as recorder:
-        recorder.put(change(1, "watch"))
+    with HistoryRecorder(url, spool) as made:
+        made.put(change(1, "watch"))
         until(lambda: not spool.exists())
     assert len(rows(url, "windows")) == 20
 
@@ -77,17 +104,17 @@ def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path
 def test_spool_that_holds_nonsense_does_no_harm(tmp_path: Path, line: str) -> None:
     spool = tmp_path / "spool.jsonl"
     spool.write_text(f"{line}\n", encoding="utf-8")
-    with HistoryRecorder(sqlite_url(tmp_path), spool) as recorder:
-        recorder.put(EVENTS[0])
+    with HistoryRecorder(sqlite_url(tmp_path), spool) as made:
+        made.put(EVENTS[0])
         until(lambda: not spool.exists())
     assert len(rows(sqlite_url(tmp_path), "windows")) == 1
-    assert recorder.problem is None
+    assert made.problem is None
 
 
 def test_what_finds_no_room_on_disk_is_counted(tmp_path: Path) -> None:
     (tmp_path / "history.sqlite").write_bytes(b"no database" * 100)
     (tmp_path / "spool").write_text("a file where a folder should be", encoding="utf-8")
-    with HistoryRecorder(sqlite_url(tmp_path), tmp_path / "spool" / "spool.jsonl") as recorder:
+    with HistoryRecorder(sqlite_url(tmp_path), tmp_path / "spool" / "spool.jsonl") as made:
         for event in EVENTS:
-            recorder.put(event)
-    assert recorder.dropped == len(EVENTS)
+            made.put(event)
+    assert made.dropped == len(EVENTS)

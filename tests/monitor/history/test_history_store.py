@@ -173,7 +173,7 @@ def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.Mon
     store.write(EVENTS)
     if not waiting:
         store.__exit__()
-    monkeypatch.setattr("monitor.history.store._set_pragmas", refuse)
+    monkeypatch.setattr("monitor.history.engines._set_pragmas", refuse)
     with Reader(url) as reader:
         assert len(reader.modes()) == 6
     store.__exit__()
