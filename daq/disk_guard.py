@@ -5,7 +5,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 
 from daq.errors import LogError
@@ -13,6 +13,7 @@ from daq.filelock import lock
 from daq.log import read_part
 from daq.parts import Part
 
+_STEP = 0.1  # of the time that files are kept: as what a pause between two of them counts at most, or a set clock
 _LOOK_SECONDS = 60.0  # of wall time between looks at the folder, of years of files; free space is asked for each time
 
 
@@ -20,7 +21,7 @@ _LOOK_SECONDS = 60.0  # of wall time between looks at the folder, of years of fi
 class Retention:
     """How much of what was recorded is kept; the first limit that is passed counts."""
 
-    seconds: float = math.inf  #: since a file was written last [s]
+    seconds: float = math.inf  #: of recording since a file was written last [s]
     size: float = math.inf  #: of all recorded files of the folder [bytes]
     least_free: float = 0.0  #: room on the disk that is left to others [bytes]
 
@@ -92,10 +93,21 @@ class DiskGuard:
             size = sum(path.stat().st_size for path in recorded)
             if size > self._retention.size:
                 return f"the logs take {size / 1e9:.3g} GB, more than {self._retention.size / 1e9:.3g}"
-        age = time.time() - oldest.stat().st_mtime
+        age = self._age(recorded)
         if age > self._retention.seconds:
-            return f"it is {age / 86400:.3g} days old, more than {self._retention.seconds / 86400:.3g}"
+            return f"{age / 86400:.3g} days were recorded since, more than {self._retention.seconds / 86400:.3g}"
         return None
+
+    def _age(self, recorded: list[Path]) -> float:
+        """Return how long others have been recorded since the oldest one [s].
+
+        From file to file, not by what the clock says now: one that is set ahead by years would have all of them go.
+        """
+        if self._retention.seconds == math.inf:
+            return 0.0
+        written = [path.stat().st_mtime for path in recorded]
+        most = _STEP * self._retention.seconds
+        return sum(min(max(after - before, 0.0), most) for before, after in pairwise(written))
 
     def _recorded(self) -> list[Path]:
         """Return the files that runs have recorded, by their age."""

@@ -139,7 +139,7 @@ class Outlets:
         if before.web != now.web:
             why = self._serve_again()
             yield f"no web: {why}" if why else "web"
-        if self._live and (before.viewer != now.viewer or not analysed_alike):
+        if self._live and (before.viewer != now.viewer or (now.viewer and not analysed_alike)):
             self._live.restart(now, site.structure_text, site.site_text)
             yield "viewer"
 

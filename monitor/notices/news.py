@@ -42,6 +42,7 @@ class News:
         self._causes: tuple[str, ...] = ()
         self._behind = False  # windows are left out
         self._sight = Sight()
+        self._passed = True  # the last self-test
         self._failed = ""  # what the analysis could not find beside the verdict, and why
 
     def of(self, item: Item) -> Notice | None:
@@ -52,7 +53,8 @@ class News:
             return self._trouble(item)
         result = event_result(item)
         if isinstance(result, SelfTestResult):
-            return None if result.passed else self._notice("trouble", result.time, result.text)
+            before, self._passed = self._passed, result.passed
+            return None if before and result.passed else self._notice("trouble", result.time, result.text)
         if isinstance(result, AlarmResult):
             return self._change(result)
         return self._of_window(result) if isinstance(result, WindowResult) else None

@@ -25,7 +25,7 @@ class RecorderSettings(Section):
     rotate_minutes: Positive = 60.0
     """of data in a log file at which the next one is begun"""
     keep_days: Annotated[Positive | None, Field(examples=[365.0])] = None
-    """log files that were written longer ago are deleted; all are kept unless given"""
+    """of recording that are kept, a pause or a set clock counting as a tenth of them at most; all unless given"""
     keep_gb: Annotated[Positive | None, Field(examples=[500.0])] = None
     """of all log files that runs have recorded in the folder; beyond it the oldest are deleted"""
     min_free_gb: Annotated[float, Field(ge=0)] = 1.0

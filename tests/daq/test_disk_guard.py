@@ -3,6 +3,7 @@
 import os
 import resource
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -52,16 +53,45 @@ def test_the_oldest_go_until_the_rest_is_small_enough_and_nothing_else(tmp_path:
     assert gone == older
 
 
-def test_what_is_too_old_goes_but_never_the_newest(tmp_path: Path) -> None:
+DAY = 86400
+
+
+def gone(guard: DiskGuard) -> list[tuple[Path, str]]:
+    """Delete what must go; return it, and why."""
+    found = []
+    while surplus := guard.surplus():
+        surplus.path.unlink()
+        found.append((surplus.path, surplus.why))
+    return found
+
+
+def written(paths: list[Path], days: Sequence[float]) -> None:
+    """Date files, in days since now."""
+    for path, day in zip(paths, days, strict=True):
+        os.utime(path, (time.time() + DAY * day,) * 2)
+
+
+def test_what_is_too_old_goes(tmp_path: Path) -> None:
+    paths = run_of(tmp_path, 30, START)
+    written(paths, [-0.15 * k for k in range(30, 0, -1)])
+    found = gone(DiskGuard(tmp_path, Retention(seconds=2 * DAY)))
+    assert [path for path, _ in found] == paths[:16]  # fourteen times 0.15 days are more than 2
+    assert found[0][1] == "4.35 days were recorded since, more than 2"
+
+
+@pytest.mark.parametrize("jump", [5000, -5000])
+def test_clock_that_is_set_by_years_costs_a_tenth_of_what_is_kept(tmp_path: Path, jump: int) -> None:
+    """Nor does a pause of years: nothing has been recorded that could take its place."""
+    paths = run_of(tmp_path, 22, START)
+    written(paths, [*(-0.095 * k for k in range(20, 0, -1)), jump, jump])
+    found = gone(DiskGuard(tmp_path, Retention(seconds=2 * DAY)))
+    assert [path for path, _ in found] == (paths[:1] if jump > 0 else [])
+
+
+def test_newest_never_goes(tmp_path: Path) -> None:
     paths = run_of(tmp_path, 3, START)
-    for path in paths:
-        os.utime(path, (time.time() - 3 * 86400,) * 2)
-    guard = DiskGuard(tmp_path, Retention(seconds=2 * 86400))
-    for path in paths[:2]:
-        surplus = guard.surplus()
-        assert surplus is not None
-        assert (surplus.path, surplus.why) == (path, "it is 3 days old, more than 2")
-        path.unlink()
+    guard = DiskGuard(tmp_path, Retention(size=1.0))
+    assert [path for path, _ in gone(guard)] == paths[:2]
     assert guard.surplus(full=True) is None
 
 

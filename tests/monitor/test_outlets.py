@@ -68,6 +68,14 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     assert outlets.problems["viewer"] is None
 
 
+def test_view_that_nobody_asked_for_is_not_said_to_be_new(site: Site) -> None:
+    outlets = Outlets(site, cast("LiveView", View()))
+    assert list(outlets.renew(site, analysed_alike=False)) == []
+    site.path.write_text(f"{SITE}[viewer]\n", encoding="utf-8")
+    for _ in range(2):  # it is asked for; then it is to show another analysis
+        assert list(outlets.renew(load_site(site.path), analysed_alike=False)) == ["viewer"]
+
+
 @pytest.mark.live
 def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     port = 22_000 + os.getpid() % 20_000

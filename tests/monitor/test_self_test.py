@@ -92,15 +92,19 @@ def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypat
 TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=True, last_passed=10**18)
 
 
-def test_only_a_failed_test_is_told(tmp_path: Path) -> None:
+def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
     assert TEST.text == "self-test passed: 150 g would raise the alarm at 20 of 24 places"
     assert TEST.probability == pytest.approx(20 / 24)
     failed = SelfTestResult(time=10**18, mass=0.15, places=24, detected=3, passed=False, last_passed=None)
     news = News("frame")
     assert news.of(result_event(TEST)) is None
-    notice = news.of(result_event(failed))
-    assert notice is not None
-    assert (notice.kind, notice.text) == ("trouble", failed.text)
+    told = [news.of(result_event(test)) for test in (failed, failed, TEST, TEST)]
+    assert [(notice.kind, notice.text) if notice else None for notice in told] == [
+        ("trouble", failed.text),
+        ("trouble", failed.text),
+        ("trouble", TEST.text),
+        None,
+    ]
     url = f"sqlite:///{tmp_path / 'history.sqlite'}"
     with HistoryStore(url) as store:
         store.write([result_event(failed)])
