@@ -64,9 +64,10 @@ class Proof:
     member: str
     found: MassChange
     found_place: FloatArray  #: (3,) [m]
+    raised: int | None  #: when the alarm was [ns UTC]
     checks: tuple[Check, ...]
     channels: tuple[str, ...]
-    scales: tuple[Scale, ...]
+    scales: tuple[Scale, ...]  #: none by a mass that is not proven: it is another one, or elsewhere
     n_windows: int
     start: int  #: of the windows that were looked at [ns UTC]
     end: int  #: [ns UTC]
@@ -95,7 +96,7 @@ class Evidence:
     event: ModalMean  #: of the windows with the mass
     diagnosis: Diagnosis
     found: MassChange
-    raised: bool  #: whether there is an alarm
+    raised: int | None  #: when the alarm was [ns UTC]
     n_windows: int
     start: int  #: [ns UTC]
     end: int  #: [ns UTC]
@@ -135,7 +136,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
         event=event,
         diagnosis=explained.diagnosis,
         found=found,
-        raised=memory.alarm.state == "alarm",
+        raised=memory.alarm.raised,
         n_windows=len(pure),
         start=pure[0].start,
         end=pure[-1].end,
@@ -158,20 +159,22 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
     """
     found, diagnosis = evidence.found, evidence.diagnosis
     member, place = _on_member(evidence.structure, np.asarray(at, float))
+    checks = (
+        Check(what="cause", said=change_text(diagnosis), passed=is_one_mass(diagnosis)),
+        _place_check(evidence, member, place),
+        _mass_check(found, mass),
+    )
+    proven = all(check.passed for check in checks)
     return Proof(
         mass=mass,
         place=place,
         member=member,
         found=found,
         found_place=evidence.place,
-        checks=(
-            Check(what="alarm", said="stands" if evidence.raised else "was not raised", passed=evidence.raised),
-            Check(what="cause", said=change_text(diagnosis), passed=is_one_mass(diagnosis)),
-            _place_check(evidence, member, place),
-            _mass_check(found, mass),
-        ),
+        raised=evidence.raised,
+        checks=checks,
         channels=evidence.watch.reference.baseline.channels,
-        scales=tuple(_scales(evidence.watch, evidence.event, place, mass)),
+        scales=tuple(_scales(evidence.watch, evidence.event, place, mass)) if proven else (),
         n_windows=evidence.n_windows,
         start=evidence.start,
         end=evidence.end,
@@ -185,10 +188,15 @@ def _watch(
     if memory.detector is None:
         n, of = len(memory.baseline), settings.analysis.baseline_windows
         raise ProofError(f"the baseline is being learnt, {n} of {of} windows: hang the mass on once it is")
+    minutes = settings.step_seconds * (1 + settings.alarm.hold_windows) / 60
+    if not memory.out:
+        again = (
+            f"hang the mass on, and look again after {minutes:.3g} min; one that has hung for longer is not seen there"
+        )
+        raise ProofError(f"no change is seen: {again}")
     pure = [w for w in memory.out if w.start >= memory.out[0].end]
-    if not pure:
-        minutes = settings.step_seconds * (1 + settings.alarm.hold_windows) / 60
-        raise ProofError(f"no change is seen: hang the mass on, and look again after {minutes:.3g} min")
+    if not pure or memory.alarm.state != "alarm":
+        raise ProofError(f"a change is seen, but too little of it yet: look again after {minutes:.3g} min")
     return learn_watch(structure, memory.baseline, devices, settings, memory.detector, memory.accepted), pure
 
 

@@ -1,5 +1,6 @@
 """`prove`: hang a known mass on, and the watch says whether it has found it."""
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -39,11 +40,17 @@ def prove_command(path: Path, mass: float, at: str, logs: Sequence[Path], json: 
     memory = parse_memory(_replayed(one_log(logs), site) if logs else _remembered(site))
     proof = prove(gather(memory, structure, site.settings), mass, place)
     _say(proof)
-    kept = json or site.state / "proofs" / f"{utc(proof.end).replace(':', '').replace(' ', '_')}.json"
+    kept = json or _unused(site.state / "proofs", utc(proof.end).replace(":", "").replace(" ", "_"))
     kept.parent.mkdir(parents=True, exist_ok=True)
     write_json(kept, as_json(proof))
     console.print(escape(f"kept: {kept}"), soft_wrap=True)
     return int(not proof.passed)
+
+
+def _unused(folder: Path, name: str) -> Path:
+    """Return a path for a proof: a later one of the same windows does not take the place of an earlier one."""
+    names = itertools.chain([name], (f"{name}_{k}" for k in itertools.count(2)))
+    return next(path for name in names if not (path := folder / f"{name}.json").exists())
 
 
 def _place(at: str) -> tuple[float, float, float]:
@@ -71,7 +78,8 @@ def _replayed(log: AnyLog, site: Site) -> str:
 def _say(proof: Proof) -> None:
     x, y, z = proof.place
     console.print(f"{1000 * proof.mass:.0f} g on the {proof.member} at ({x:.3f}, {y:.3f}, {z:.3f}) m; ", end="")
-    console.print(f"{proof.n_windows} windows, {utc(proof.start)} to {utc(proof.end)}")
+    console.print(f"{proof.n_windows} windows, {utc(proof.start)} to {utc(proof.end)}; ", end="")
+    console.print(f"the alarm was raised {utc(proof.raised)}" if proof.raised is not None else "")
     table = Table(box=SIMPLE_HEAD)
     for name in ("", "what the watch says", ""):
         table.add_column(name)
@@ -107,6 +115,7 @@ def as_json(proof: Proof) -> dict[str, Any]:
             "position_std": found.distance_std,
             "p_value": found.p_value,
         },
+        "raised": proof.raised,
         "checks": [{"what": c.what, "said": c.said, "passed": c.passed} for c in proof.checks],
         "windows": {"n": proof.n_windows, "start": proof.start, "end": proof.end},
         "modes": [
