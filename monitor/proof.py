@@ -79,12 +79,17 @@ class Proof:
 
     @property
     def modal_mass(self) -> tuple[float, float] | None:
-        """Real over the model's modal masses, all modes together, and its standard deviation [-]; None: not known."""
+        """Real over the model's modal masses, all modes together, and its standard deviation [-]; None: not known.
+
+        Where they scatter by more than their own deviations say, as much less sure (Birge's ratio).
+        """
         if not self.scales:
             return None
+        found = np.array([scale.modal_mass for scale in self.scales])
         weight = np.array([scale.modal_mass_std**-2 for scale in self.scales])
-        mean = float(np.average([scale.modal_mass for scale in self.scales], weights=weight))
-        return mean, float(weight.sum() ** -0.5)
+        mean = float(np.average(found, weights=weight))
+        scatter = weight @ (found - mean) ** 2 / max(1, len(found) - 1)
+        return mean, float((max(1.0, scatter) / weight.sum()) ** 0.5)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

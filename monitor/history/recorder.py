@@ -121,7 +121,7 @@ class HistoryRecorder:
                 self._fail(error)
                 self._keep(batch)
         else:
-            if self._down:
+            if self._down or kept:  # by an earlier run, maybe
                 self._said.put((TOPIC_BACK, {"brought_in": kept}))
             self._failed, self._down = None, False
 

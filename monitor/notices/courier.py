@@ -51,6 +51,7 @@ class Courier:
         self.due = 0.0  #: when what waits is tried again [s, monotonic]
         self._data_seen = -math.inf
         self._urgent = False  # an alarm waits
+        self._left = self._spool.waiting  # what an earlier run could not deliver
         self.problem: str | None = None  #: why nothing goes out now
         self.dropped = 0  #: notices that were not kept, since the last that went out
 
@@ -131,9 +132,9 @@ class Courier:
         self.problem = why
 
     def _succeed(self) -> None:
-        if self.problem is not None:
+        if self.problem is not None or self._left:
             self._said.put((TOPIC_BACK, {"to": self._where()}))
-        self.problem = None
+        self.problem, self._left = None, False
 
     def _where(self) -> str:
         """Name the target without what may be a secret in its address."""

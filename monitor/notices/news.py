@@ -39,7 +39,7 @@ class News:
         self._site = site
         self._state = "normal"
         self._raised: int | None = None
-        self._causes: tuple[str, ...] = ()
+        self._causes: tuple[str, ...] | None = ()  # that were told last; None: by a run before
         self._behind = False  # windows are left out
         self._sight = Sight()
         self._passed = True  # the last self-test
@@ -73,7 +73,7 @@ class News:
         if change.raised:
             self._raised = change.time
         elif change.since is not None:
-            self._raised = change.since
+            self._raised, self._causes = change.since, self._causes or None
         if change.kind == "failed":
             return self._failure(change)
         if change.quiet or change.state == "watch":
@@ -113,9 +113,8 @@ class News:
             return None
         causes = (found.verdict, *(f"{c.cause} {c.where.member if c.where else ''}" for c in found.causes))
         known, self._causes = self._causes, causes
-        new = (
-            self._state == "alarm" and causes != known
-        )  # the window that raises it comes first, and is told by the alarm
+        # the window that raises it comes first, and is told by the alarm
+        new = self._state == "alarm" and known is not None and causes != known
         return self._notice("update", window.end, change_text(found)) if new else None
 
     def _notice(self, kind: NoticeKind, time: int, text: str) -> Notice:

@@ -68,7 +68,9 @@ class Guard:
             return PlainTextResponse("this is not the name of this machine\n", 421)  # a page elsewhere gave us its name
         if not (looks and self._open) and not secrets.compare_digest(_given(request).encode(), self._token.encode()):
             ask = {"WWW-Authenticate": 'Basic realm="modalwatch: any name, the token as password"'}
-            return PlainTextResponse("this takes the token\n", 401, headers=ask)
+            return PlainTextResponse(
+                "this takes the token: web_token in the state folder, or web.token_file\n", 401, headers=ask
+            )
         if not looks and "x-modalwatch" not in request.headers:  # which no page elsewhere can set
             return PlainTextResponse("expected the header X-Modalwatch\n", 403)
         return None

@@ -17,6 +17,7 @@ from monitor.words import utc
 
 _ENVIRONMENT = Environment(loader=PackageLoader("monitor.web"), undefined=StrictUndefined, autoescape=True)
 _SILENT = 3.0  # s
+_NO_PAST = "the history says nothing yet"
 _SAID = {
     "learning": "Learning the baseline",
     "normal": "Normal",
@@ -44,7 +45,7 @@ def _content(source: Source) -> dict[str, Any]:
         "state": state,
         "said": _SAID[state],
         "so_far": _so_far(vitals) if vitals and state == "learning" else None,
-        "problems": problems(vitals) + ([] if past else ["the history says nothing yet"]),
+        "problems": problems(vitals) + ([] if past or (vitals and vitals["history"]) else [_NO_PAST]),
         "alarm": _alarm(standing[-1]) if standing else None,
         "alarms": [_alarm(alarm) for alarm in reversed(past.alarms)] if past else [],
         "structure": structure_svg(past.reference, past.places) if past and past.reference else None,

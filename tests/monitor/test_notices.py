@@ -53,6 +53,10 @@ def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
     news = News("bridge")
     events = [window("added_mass", 0.2), ALARM, window("added_mass", 0.21), window("distributed_mass", 0.2)]
     assert [notice.kind for event in events if (notice := news.of(event))] == ["alarm", "update"]
+    resumed = change(20, "alarm", kind="resumed", quiet=True, since=10)  # by another analysis, or after a restart
+    events = [resumed, window("distributed_mass", 0.21), window("added_mass", 0.2)]
+    for told in (news, News("bridge")):
+        assert [notice.kind for event in events if (notice := told.of(event))] == ["update"]
 
 
 @pytest.mark.parametrize(
@@ -230,8 +234,9 @@ def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server
     assert spool.exists()
     with spool.open("a") as file:
         file.write('{"of": "another version"}\n{"cut')
-    with Courier(NotifySettings(webhook=server.url), spool, "bridge"):
+    with Courier(NotifySettings(webhook=server.url), spool, "bridge") as courier:
         until(lambda: server.got)
+    assert list(courier.said()) == [(TOPIC_BACK, {"to": "webhook"})]
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
 
 

@@ -74,9 +74,10 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     lock.close()
     until(lambda: mute.problem is None)  # it has taken what was at hand
     assert spool.read_text(encoding="utf-8").splitlines() == lines
-    with HistoryRecorder(url, spool):
+    with HistoryRecorder(url, spool) as made:
         until(lambda: not spool.exists())
     assert len(rows(url, "windows")) == 20
+    assert list(made.said()) == [(TOPIC_BACK, {"brought_in": len(EVENTS)})]
 
 
 def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
