@@ -179,7 +179,8 @@ def _stop(parts: Sequence[Part]) -> None:
 
 
 def _history(site: Site) -> HistoryRecorder:
-    return HistoryRecorder(site.source.url, site.state / "history_spool.jsonl")
+    spool, keep = site.state / "history_spool.jsonl", site.settings.history.keep_events
+    return HistoryRecorder(site.source.url, spool, keep_events=keep)
 
 
 def _couriers(site: Site) -> list[Courier]:

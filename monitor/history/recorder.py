@@ -19,6 +19,7 @@ _CAPACITY = 10_000  # items that may wait in memory
 _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
 _MUTE = 15.0  # s that a database may take over a batch: longer than it may be locked, or gone
+_FORGET = 3600.0  # s between looks at whether there are too many events
 _LAST = 5.0  # s that an end waits for it
 
 
@@ -29,11 +30,13 @@ class HistoryRecorder:
     ----------
     url : of the database
     spool : file for what the database cannot take; what an earlier run left there goes in first
+    keep_events : newest events of each kind that stay
     retry_seconds : between looks at a database in trouble
     """
 
-    def __init__(self, url: str, spool: Path, *, retry_seconds: float = 10.0) -> None:
+    def __init__(self, url: str, spool: Path, *, keep_events: int, retry_seconds: float = 10.0) -> None:
         self._url, self._spool, self._retry_seconds = url, Spool(spool), retry_seconds
+        self._keep_events, self._forget_due = keep_events, 0.0
         self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
         self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="history", daemon=True)
@@ -130,6 +133,9 @@ class HistoryRecorder:
         try:
             self._store = self._store or HistoryStore(self._url)
             self.dropped += self._store.write(items)
+            if time.monotonic() >= self._forget_due:
+                self._store.forget(self._keep_events)
+                self._forget_due = time.monotonic() + _FORGET
         finally:
             self._asked = None
         if self._given_up:

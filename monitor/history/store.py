@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, ScalarSelect, Table, func, select, update
+from sqlalchemy import Connection, ScalarSelect, Table, delete, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgres_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
@@ -76,6 +76,29 @@ class HistoryStore:
         except SQLAlchemyError as error:
             raise HistoryError(self.url, said(error)) from error
         return 0
+
+    def forget(self, keep: int) -> None:
+        """Delete the oldest events of kinds that there are more than `keep` of.
+
+        By their number, not their age: a plug that is loose for a week fills no disk, and a clock that is set ahead
+        by years costs nothing.
+
+        Raises
+        ------
+        HistoryError
+            If the database is locked, damaged or gone.
+        """
+        table = schema.events
+        topic, time = table.c.topic, table.c.time
+        try:
+            with self._engine.begin() as connection:
+                many = select(topic).group_by(topic).having(func.count() > keep)
+                for kind in list(connection.scalars(many)):
+                    newest = select(time).where(topic == kind).order_by(time.desc())
+                    first = newest.limit(1).offset(keep - 1).scalar_subquery()
+                    connection.execute(delete(table).where(topic == kind, time < first))
+        except SQLAlchemyError as error:
+            raise HistoryError(self.url, said(error)) from error
 
 
 def _write(connection: Connection, item: Event) -> int | None:

@@ -118,6 +118,8 @@ class HistorySettings(Section):
 
     url: Annotated[str | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
     """`postgresql://USER@HOST/NAME`; a SQLite file in the state folder unless given"""
+    keep_events: Annotated[int, Field(ge=1)] = 100_000
+    """newest events of each kind that are kept, such as gaps; alarms, windows and modes all are"""
 
     @field_validator("url")
     @classmethod

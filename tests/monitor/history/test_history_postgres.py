@@ -8,6 +8,7 @@ from notice_helpers import until
 from postgres_helpers import postgres_programs, postgres_url
 from sqlalchemy import create_engine, text
 
+from daq import Event
 from monitor.history import HistoryError, HistoryRecorder, HistoryStore, Reader, Span, engines, schema
 
 EVENTS = run_events()
@@ -23,7 +24,7 @@ def test_table_that_a_session_has_locked_is_waited_for_on_disk(tmp_path: Path, m
     with postgres_url() as url:
         HistoryStore(url).__exit__()
         session = create_engine(url.replace("postgresql:", "postgresql+psycopg:"))
-        with HistoryRecorder(url, spool, retry_seconds=0.05) as recorder:
+        with HistoryRecorder(url, spool, keep_events=5, retry_seconds=0.05) as recorder:
             with session.begin() as connection:
                 connection.execute(text("LOCK TABLE windows"))
                 for event in EVENTS:
@@ -35,6 +36,11 @@ def test_table_that_a_session_has_locked_is_waited_for_on_disk(tmp_path: Path, m
                 span = reader.span()
                 assert span is not None
                 assert len(reader.windows(span)) == 20
+            with HistoryStore(url) as store:
+                store.write([Event(topic="/event/gap", time=k, payload={}) for k in range(30)])
+                store.forget(5)
+            with Reader(url) as reader:
+                assert [event.time for event in reader.events(Span(start=0, end=29))] == [26, 27, 28, 29]
         session.dispose()
 
 

@@ -3,15 +3,18 @@
 import sqlite3
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 from history_helpers import change, rows, run_events, sqlite_url
 
+from daq import Event
 from monitor.history import HistoryRecorder, HistoryStore, engines, recorder
 from monitor.history.recorder import TOPIC_BACK, TOPIC_DOWN
 
 EVENTS = run_events()
+recording = partial(HistoryRecorder, keep_events=1000)
 
 
 def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
@@ -22,7 +25,7 @@ def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
 
 
 def test_what_is_put_in_is_there_at_the_end(tmp_path: Path) -> None:
-    with HistoryRecorder(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as made:
+    with recording(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as made:
         for event in EVENTS:
             made.put(event)
     assert len(rows(sqlite_url(tmp_path), "windows")) == 20
@@ -36,7 +39,7 @@ def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pyte
     HistoryStore(url).__exit__()
     lock = sqlite3.connect(tmp_path / "history.sqlite", isolation_level=None)
     lock.execute("BEGIN EXCLUSIVE")
-    with HistoryRecorder(url, spool, retry_seconds=0.05) as made:
+    with recording(url, spool, retry_seconds=0.05) as made:
         for event in EVENTS:
             made.put(event)
         until(spool.exists)
@@ -61,7 +64,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     HistoryStore(url).__exit__()
     lock = sqlite3.connect(tmp_path / "history.sqlite", isolation_level=None)
     lock.execute("BEGIN EXCLUSIVE")
-    with HistoryRecorder(url, spool) as mute:
+    with recording(url, spool) as mute:
         mute.put(EVENTS[0])
         until(lambda: mute.problem)
         for event in EVENTS[1:]:
@@ -74,7 +77,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     lock.close()
     until(lambda: mute.problem is None)  # it has taken what was at hand
     assert spool.read_text(encoding="utf-8").splitlines() == lines
-    with HistoryRecorder(url, spool) as made:
+    with recording(url, spool) as made:
         until(lambda: not spool.exists())
     assert len(rows(url, "windows")) == 20
     assert list(made.said()) == [(TOPIC_BACK, {"brought_in": len(EVENTS)})]
@@ -83,7 +86,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
 def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
     url, spool, file = sqlite_url(tmp_path), tmp_path / "spool.jsonl", tmp_path / "history.sqlite"
     file.write_bytes(b"this is no database, and long enough not to be taken for an empty one" * 40)
-    with HistoryRecorder(url, spool, retry_seconds=0.01) as made:
+    with recording(url, spool, retry_seconds=0.01) as made:
         for event in EVENTS:
             made.put(event)
             time.sleep(0.01)
@@ -93,7 +96,7 @@ def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path
     file.unlink()
     with spool.open("ab") as cut:
         cut.write(b'{"topic": "/event/g')  # a kill amid a line
-    with HistoryRecorder(url, spool) as made:
+    with recording(url, spool) as made:
         made.put(change(1, "watch"))
         until(lambda: not spool.exists())
     assert len(rows(url, "windows")) == 20
@@ -105,7 +108,7 @@ def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path
 def test_spool_that_holds_nonsense_does_no_harm(tmp_path: Path, line: str) -> None:
     spool = tmp_path / "spool.jsonl"
     spool.write_text(f"{line}\n", encoding="utf-8")
-    with HistoryRecorder(sqlite_url(tmp_path), spool) as made:
+    with recording(sqlite_url(tmp_path), spool) as made:
         made.put(EVENTS[0])
         until(lambda: not spool.exists())
     assert len(rows(sqlite_url(tmp_path), "windows")) == 1
@@ -115,7 +118,27 @@ def test_spool_that_holds_nonsense_does_no_harm(tmp_path: Path, line: str) -> No
 def test_what_finds_no_room_on_disk_is_counted(tmp_path: Path) -> None:
     (tmp_path / "history.sqlite").write_bytes(b"no database" * 100)
     (tmp_path / "spool").write_text("a file where a folder should be", encoding="utf-8")
-    with HistoryRecorder(sqlite_url(tmp_path), tmp_path / "spool" / "spool.jsonl") as made:
+    with recording(sqlite_url(tmp_path), tmp_path / "spool" / "spool.jsonl") as made:
         for event in EVENTS:
             made.put(event)
     assert made.dropped == len(EVENTS)
+
+
+def test_crowds_of_events_lose_their_oldest_and_nothing_else_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plug that is loose for weeks fills no disk; alarms, their changes, windows and rarer events all stay."""
+    monkeypatch.setattr(recorder, "_FORGET", 0.0)
+    url = sqlite_url(tmp_path)
+    gaps = [Event(topic="/event/gap", time=k, payload={"device": "left"}) for k in range(30)]
+    lost = Event(topic="/event/device_lost", time=0, payload={"device": "left"})
+    alarms = [change(k, "alarm" if k % 2 else "normal", lasted=None if k % 2 else 1.0) for k in range(1, 21)]
+    with recording(url, tmp_path / "spool.jsonl", keep_events=5) as made:
+        for event in (lost, *gaps, *alarms, *EVENTS):
+            made.put(event)
+    assert made.dropped == 0
+    kept = [(row["topic"], row["time"]) for row in rows(url, "events")]
+    newest = max(event.time for event in EVENTS if event.topic == "/event/gap")
+    assert kept == [("/event/device_lost", 0), *(("/event/gap", k) for k in (26, 27, 28, 29, newest))]
+    assert (len(rows(url, "alarms")), len(rows(url, "alarm_changes"))) == (11, 20 + 3)
+    assert len(rows(url, "windows")) == 20
