@@ -95,10 +95,18 @@ def _by_mqtt(target: NotifySettings, said: Message) -> None:
         from paho.mqtt import MQTTException  # an extra
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
+        from paho.mqtt.reasoncodes import ReasonCode
     except ImportError as error:
         raise NoticeError("mqtt: paho-mqtt is not installed: pip install 'modalwatch[fleet]'") from error
     place = urlsplit(target.mqtt or "")
+    refused = ""
+
+    def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
+        nonlocal refused
+        refused = f"the broker refuses: {reason}" if reason.is_failure else ""
+
     client = Client(CallbackAPIVersion.VERSION2)
+    client.on_connect = connected
     client.connect_timeout = target.timeout_seconds
     if place.username is not None:
         client.username_pw_set(unquote(place.username), unquote(place.password or ""))
@@ -111,9 +119,9 @@ def _by_mqtt(target: NotifySettings, said: Message) -> None:
         sent = client.publish(topic, json.dumps(_content(said)), qos=1)
         sent.wait_for_publish(target.timeout_seconds)
         if not sent.is_published():
-            raise NoticeError(f"mqtt: the broker has not taken it within {target.timeout_seconds:g} s")
+            raise NoticeError(f"mqtt: {refused or f'the broker has not taken it within {target.timeout_seconds:g} s'}")
     except (OSError, ValueError, RuntimeError, MQTTException) as error:
-        raise NoticeError(f"mqtt: {error}") from error
+        raise NoticeError(f"mqtt: {refused or error}") from error
     finally:
         client.disconnect()
         client.loop_stop()

@@ -116,8 +116,8 @@ def test_command_gets_text_and_fields(tmp_path: Path) -> None:
     assert (tmp_path / "got").read_text() == "alarm|200 g!"
 
 
-def broker(answer: bool, got: list[bytes]) -> tuple[int, threading.Thread]:
-    """Speak as much MQTT 3.1.1 as one message at QoS 1 needs: CONNACK, PUBACK."""
+def broker(answer: bool, got: list[bytes], refusal: int = 0) -> tuple[int, threading.Thread]:
+    """Speak as much MQTT 3.1.1 as one message at QoS 1 needs: CONNACK, with a reason to refuse or none, and PUBACK."""
     listener = socket.create_server(("127.0.0.1", 0))
 
     def serve() -> None:
@@ -134,7 +134,7 @@ def broker(answer: bool, got: list[bytes]) -> tuple[int, threading.Thread]:
                         break
                 body = stream.read(length)
                 if kind[0] >> 4 == 1:
-                    connection.sendall(b"\x20\x02\x00\x00")
+                    connection.sendall(bytes((0x20, 2, 0, refusal)))
                 elif kind[0] >> 4 == 3 and answer:
                     topic = struct.unpack(">H", body[:2])[0]
                     got.extend([body[2 : 2 + topic], body[4 + topic :]])
@@ -159,6 +159,13 @@ def test_mqtt_broker_that_never_answers_is_given_up() -> None:
     port, thread = broker(answer=False, got=[])
     with pytest.raises(NoticeError, match=r"has not taken it within 0\.3 s"):
         make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE], 0)
+    thread.join(5.0)
+
+
+def test_mqtt_broker_that_refuses_says_why() -> None:
+    port, thread = broker(answer=False, got=[], refusal=5)
+    with pytest.raises(NoticeError, match="mqtt: the broker refuses: Not authorized"):
+        make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=2.0))([NOTICE], 0)
     thread.join(5.0)
 
 
