@@ -11,10 +11,10 @@ from daq import DaqError, Item
 from monitor.errors import MonitorError
 from monitor.live import LiveView
 from monitor.memory import NOTHING, Recalled
+from monitor.results import Result
 from monitor.running import Running
 from monitor.service_manager import ServiceManager
 from monitor.site import Site
-from monitor.worker import Result
 from updater import UpdaterError
 
 

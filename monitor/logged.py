@@ -26,10 +26,10 @@ from daq import (
 )
 from monitor.errors import ResultsError, SettingsError
 from monitor.result_events import event_result
-from monitor.results import TOPIC_REFERENCE, AlarmResult, ReferenceResult, WindowResult
+from monitor.results import TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.story import Story
-from monitor.worker import TOPIC_STOPPED, Result
+from monitor.worker import TOPIC_STOPPED
 from oma import aligned
 from updater import StructureError, parse_structure
 

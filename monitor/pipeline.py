@@ -2,40 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from daq import Assembler, Block, Event, FloatArray, IndexArray, Recording
-from monitor.accepted import Wanted
-from monitor.accepting import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last, watch_again
-from monitor.alarm_words import (
-    accepted_said,
-    acknowledged_said,
-    change_said,
-    resumed_said,
-    seen_again_said,
-    undone_said,
-)
-from monitor.alarms import Alarm, Change, Kind
-from monitor.answering import answer, sensors
+from daq import Assembler, Block, Event, FloatArray, Recording
 from monitor.backlog import SKIPPED, Skip, none
-from monitor.describe import mode_results, reference_result, spectrum_result
-from monitor.extras import Extras
-from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
-from monitor.learning import Watch, learn_watch
-from monitor.memory import Memory, matters
-from monitor.novelty import MOST_OUT
-from monitor.results import AlarmResult, Phase, ReferenceResult, SelfTestResult, WindowResult
-from monitor.self_test import NEVER_TESTED, SelfTests
+from monitor.describe import spectrum_result
+from monitor.judging import Judge
+from monitor.memory import Memory
+from monitor.results import Result, WindowResult
 from monitor.settings import Settings
 from monitor.weather import Weather
-from monitor.window import Window, window_of
-from monitor.words import utc
+from monitor.window import window_of
 from oma import IdentificationError, identify_all
-from updater import NO_DELAYS, PairingError, Structure
-
-Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
+from updater import Structure
 
 
 class Pipeline:
@@ -54,62 +34,28 @@ class Pipeline:
     ) -> None:
         analysis = settings.analysis
         self._settings, self._structure, self._skip = settings, structure, skip
-        self._devices = {channel.name: channel.device for channel in settings.channels}
         self._assembler = Assembler(
             settings.channels,
             {device.name: device.rate for device in settings.device},
             window_seconds=analysis.window_seconds,
             step_seconds=settings.step_seconds,
         )
-        self._alarm = Alarm(rules=settings.alarm.rules)
-        self._n_windows = 0
-        self._baseline: list[Window] = []  # until there are enough
-        self._watch: Watch | None = None
-        self._out: list[Window] = []  # windows over the limit, without a break
-        self._calm: list[Window] = []  # windows under it since the sensors were last looked at
-        self._wanted: Wanted | None = None
-        self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
         self._weather = Weather(settings.temperature.stale_minutes) if settings.temperature else None
-        self._extras = Extras()
-        self._resumed = False  # from a memory, which has not been said yet
-        if memory is not None:
-            self._resume(memory)
-
-    def _resume(self, memory: Memory) -> None:
-        self._n_windows, self._resumed = memory.n_windows, True
-        self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
-        self._out, self._calm, self._wanted = list(memory.out), list(memory.calm), memory.wanted
-        if memory.detector is None:
-            self._baseline = list(memory.baseline)
-        else:
-            self._watch = learn_watch(
-                self._structure, memory.baseline, self._devices, self._settings, memory.detector, memory.accepted
-            )
+        self._judge = Judge(structure, settings, memory)
+        self._resumed = memory is not None  # which has not been said yet
 
     @property
     def memory(self) -> Memory:
         """What to go on from after a restart."""
-        watch = self._watch
-        return Memory(
-            matters=matters(self._structure, self._settings),
-            n_windows=self._n_windows,
-            baseline=watch.baseline if watch else tuple(self._baseline),
-            detector=watch.detector.state if watch else None,
-            alarm=self._alarm,
-            accepted=watch.accepted if watch else (),
-            wanted=self._wanted,
-            tests=self._tests.state,
-            out=tuple(self._out),
-            calm=tuple(self._calm),
-        )
+        return self._judge.memory
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Take one item in the log's order; yield what it lets be said."""
         if self._resumed and isinstance(item, Block):
             self._resumed = False
-            yield from self._said_resumed(item.pair_time)
+            yield from self._judge.resumed(item.pair_time)
         if isinstance(item, Event):
-            yield from self._heard(item)
+            yield from self._judge.hear(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
         if self._weather and isinstance(item, Event):
             self._weather.take(item)
@@ -119,8 +65,8 @@ class Pipeline:
 
     def analyse(self, recording: Recording) -> Iterator[Result]:
         """Take one window; yield what it lets be said."""
-        index = self._n_windows
-        self._n_windows += 1
+        index = self._judge.n_windows
+        self._judge.n_windows += 1
         if self._skip(index, recording):
             yield self._bare(index, recording, SKIPPED).model_copy(update={"skipped": True})
             return
@@ -129,199 +75,28 @@ class Pipeline:
         except IdentificationError as error:
             yield self._bare(index, recording, str(error))
             return
-        reference = self._watch.reference if self._watch else None
-        known = reference.delays if reference else NO_DELAYS
-        window = window_of(index, recording, found, self._devices, self._structure.delays, known)
-        bare = self._bare(index, recording, "").model_copy(
-            update={
-                "channels": list(window.in_time.channels),
-                "modes": mode_results(window.in_time, *self._tracked(window), reference),
-                "spectrum": spectrum_result(recording, found.poles),
-                "problem": None,
-            }
+        window = window_of(
+            index, recording, found, self._settings.device_of, self._structure.delays, self._judge.delays
         )
-        yield from self._learn(window, bare) if self._watch is None else self._judge(window, self._watch, bare)
+        seen = {
+            "channels": list(window.in_time.channels),
+            "modes": self._judge.modes(window),
+            "spectrum": spectrum_result(recording, found.poles),
+            "problem": None,
+        }
+        yield from self._judge.consider(window, self._bare(index, recording, "").model_copy(update=seen))
 
     def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
         return WindowResult(
             index=index,
             start=recording.start,
             end=recording.end,
-            phase=self._phase(),
+            phase=self._judge.phase,
             channels=[channel.name for channel in recording.channels],
             modes=[],
             rms=_rms(recording),
             problem=problem,
         )
-
-    def _phase(self) -> Phase:
-        return "learning" if self._watch is None else "alarm" if self._alarm.state == "alarm" else "watching"
-
-    def _tracked(self, window: Window) -> tuple[IndexArray, IndexArray]:
-        """Return the window's modes, or -1, and the tracks that they are on; all of them while a baseline is learnt."""
-        if self._watch:
-            return self._watch.modes_of(window.in_time), self._watch.watched
-        return np.arange(window.in_time.n_modes), np.arange(window.in_time.n_modes)
-
-    def _learn(self, window: Window, result: WindowResult) -> Iterator[Result]:
-        self._baseline.append(window)
-        yield result
-        if len(self._baseline) < self._settings.analysis.baseline_windows:
-            return
-        try:
-            self._watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
-        except PairingError as error:
-            self._baseline.pop(0)  # go on learning: the oldest window makes room
-            yield self._said(window, str(error))
-            return
-        self._baseline = []
-        yield self._reference(self._watch, window.end)
-        yield self._said(window, f"baseline learnt from {len(self._watch.baseline)} windows")
-
-    def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
-        score = watch.judge(window)
-        over = score.t2 > score.limit
-        self._alarm, changes = self._alarm.consider(window.end, score.level)
-        watch.detector.settle(calm=self._alarm.state == "normal")
-        self._out = [*self._out, window][-MOST_OUT:] if over else []
-        self._calm = [] if over else [*self._calm, window]
-        result = result.model_copy(update={"novelty": score, "phase": self._phase()})
-        if self._alarm.state == "alarm" and over:
-            found = self._extras.found("the diagnosis", lambda: self._answer(watch)) or {}
-            result = result.model_copy(update=found)
-        calm: list[Window] = []
-        if len(self._calm) >= self._settings.analysis.baseline_windows:
-            calm, self._calm = self._calm, []
-            health = self._extras.found("the look at the sensors", lambda: sensors(watch, calm, self._devices))
-            result = result.model_copy(update={"sensors": health or {}})
-        yield result
-        nodes = watch.reference.calibration.model.nodes
-        yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
-        yield from self._accept(window.end, watch)
-        yield from self._extras.found("the self-test", lambda: self._test(watch, window, over=over)) or ()
-        yield from (self._notice(window.end, "failed", text) for text in self._extras.failed())
-        if calm and self._alarm.state == "normal":
-            yield from self._watch_again(window.end, watch, calm)
-
-    def _answer(self, watch: Watch) -> dict[str, Any]:
-        return answer(watch, self._pure(), self._devices, self._structure)
-
-    def _test(self, watch: Watch, window: Window, *, over: bool) -> tuple[Result, ...]:
-        return tuple(self._tests.after(watch, self._alarm, window, over=over))
-
-    def _heard(self, event: Event) -> Iterator[Result]:
-        """Obey a person."""
-        if event.topic == TOPIC_ACKNOWLEDGE:
-            yield from self._acknowledge(event)
-        elif event.topic == TOPIC_ACCEPT:
-            yield from self._want(event)
-        elif event.topic == TOPIC_UNDO:
-            yield from self._undo(event)
-
-    def _acknowledge(self, event: Event) -> Iterator[Result]:
-        """Take note of a person who knows of the alarm."""
-        self._alarm, changes = self._alarm.acknowledge(event.time)
-        yield from (self._changed(event.time, change, acknowledged_said(change, event.payload)) for change in changes)
-
-    def _want(self, event: Event) -> Iterator[Result]:
-        """Take a change as the new normal as soon as there are enough windows of it."""
-        said, raised = event.payload, self._alarm.raised
-        if self._watch is None or self._alarm.state != "alarm" or not self._out:
-            yield self._notice(event.time, "refused", "nothing is accepted: no change stands")
-        elif said["alarm"] is not None and said["alarm"] != raised:
-            stands = utc(raised) if raised is not None else "none"
-            yield self._notice(event.time, "refused", f"nothing is accepted: the alarm that stands is of {stands}")
-        else:
-            self._wanted = Wanted(cause=said["cause"], by=said["by"])
-            yield from self._accept(event.time, self._watch)
-            if self._wanted:
-                text = f"to be accepted as {said['cause']!r} once there are {LEAST_WINDOWS} windows since the change"
-                yield self._notice(event.time, "accepting", f"{text}; there are {len(self._pure())}")
-
-    def _accept(self, time: int, watch: Watch) -> Iterator[Result]:
-        """Make the changed structure the reference, if that is wanted and there are enough windows of it."""
-        pure, wanted = self._pure(), self._wanted
-        if wanted is not None and self._alarm.state != "alarm":
-            self._wanted = None
-            yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change is gone")
-            return
-        if wanted is None or len(pure) < LEAST_WINDOWS:
-            return
-        self._wanted = None
-        raised = self._alarm.raised or time
-        try:
-            watch = accept_change(self._structure, watch, pure, self._devices, self._settings, wanted, raised)
-        except CannotAcceptError as error:
-            yield self._notice(time, "refused", f"{wanted.cause!r} cannot be accepted: {error}")
-            return
-        self._watch, self._out, self._calm = watch, [], []
-        self._alarm, change = self._alarm.accept(time)
-        yield self._reference(watch, time)
-        yield self._changed(time, change, accepted_said(watch.accepted[-1]))
-
-    def _watch_again(self, time: int, watch: Watch, calm: list[Window]) -> Iterator[Result]:
-        """Watch modes again that an accepted change hid, if as many windows as a baseline has show them."""
-        again = watch_again(self._structure, watch, calm, self._devices, self._settings)
-        if again is None:
-            return
-        self._watch = again
-        self._tests.forget()
-        yield self._reference(again, time)
-        yield self._notice(time, "seen_again", seen_again_said(watch.accepted[-1], again.accepted[-1]))
-
-    def _undo(self, event: Event) -> Iterator[Result]:
-        """Watch by what was the reference before the last acceptance; or take one back that waits for windows."""
-        watch, wanted = self._watch, self._wanted
-        if wanted is not None:
-            self._wanted = None
-            yield self._notice(event.time, "undone", f"{wanted.cause!r} is not to be accepted any more")
-            return
-        if watch is None or not watch.accepted:
-            yield self._notice(event.time, "refused", "nothing is undone: no change has been accepted")
-            return
-        self._watch = undo_last(self._structure, watch, self._devices, self._settings)
-        self._out, self._calm = [], []
-        self._tests.forget()
-        yield self._reference(self._watch, event.time)
-        yield self._notice(event.time, "undone", undone_said(watch.accepted[-1], event.payload))
-
-    def _reference(self, watch: Watch, time: int) -> ReferenceResult:
-        return reference_result(watch.reference, time, watch.watched, watch.accepted)
-
-    def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
-        """Return what is said without a change of the alarm."""
-        last = max(0, self._n_windows - 1)
-        return AlarmResult(time=time, state=self._alarm.state, text=text, window=last, kind=kind, quiet=True)
-
-    def _changed(self, time: int, change: Change, text: str) -> AlarmResult:
-        return AlarmResult(
-            time=time,
-            state=change.state,
-            text=text,
-            window=max(0, self._n_windows - 1),
-            kind=change.kind,
-            lasted=None if change.lasted is None else change.lasted * 1e-9,
-            quiet=change.quiet,
-        )
-
-    def _pure(self) -> list[Window]:
-        """Return the windows over the limit that begin after the first of them, which may hold both states."""
-        return [w for w in self._out if w.start >= self._out[0].end]
-
-    def _said(self, window: Window, text: str) -> AlarmResult:
-        return AlarmResult(time=window.end, state=self._alarm.state, text=text, window=window.index)
-
-    def _said_resumed(self, time: int) -> Iterator[Result]:
-        """Say where the watch goes on, so that this log alone tells what it is judged by."""
-        watch, alarm = self._watch, self._alarm
-        since = alarm.raised if alarm.state == "alarm" else None
-        if watch:
-            yield self._reference(watch, time)
-            text = resumed_said(len(watch.baseline), watch.learnt, since)
-        else:
-            text = f"learning goes on: {len(self._baseline)} of {self._settings.analysis.baseline_windows} windows"
-        last = max(0, self._n_windows - 1)
-        yield AlarmResult(time=time, state=alarm.state, text=text, window=last, kind="resumed", quiet=True, since=since)
 
 
 def _rms(recording: Recording) -> dict[str, float]:

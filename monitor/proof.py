@@ -125,7 +125,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     ProofError
         If no baseline is learnt, no change is seen, or too little is known of it.
     """
-    devices = {channel.name: channel.device for channel in settings.channels}
+    devices = settings.device_of
     watch, pure = _watch(memory, structure, settings, devices)
     tracks = [watch.modes_of(window.in_time) for window in pure]
     event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_events, read_log
 from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.result_events import event_result
-from monitor.results import TOPIC_WINDOW
+from monitor.results import TOPIC_WINDOW, Result
 from monitor.settings import parse_settings
 from monitor.site import Site
-from monitor.worker import TOPIC_STOPPED, Kept, Result, Told, Worker
+from monitor.worker import TOPIC_STOPPED, Kept, Told, Worker
 from updater import parse_structure
 
 _WAITING = 2000  # items that may wait for the analysis

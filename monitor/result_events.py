@@ -8,10 +8,10 @@ from monitor.results import (
     TOPIC_WINDOW,
     AlarmResult,
     ReferenceResult,
+    Result,
     SelfTestResult,
     WindowResult,
 )
-from monitor.worker import Result
 
 _TYPES: dict[str, type[Result]] = {
     TOPIC_WINDOW: WindowResult,

@@ -255,3 +255,6 @@ class AlarmResult(_Result):
     def raised(self) -> bool:
         """Tell whether this is an alarm's beginning."""
         return self.state == "alarm" and self.kind == "state"
+
+
+Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult  #: what the analysis finds

@@ -17,11 +17,12 @@ from monitor.live import LiveView
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
 from monitor.outlets import Outlets
 from monitor.result_events import result_event
+from monitor.results import Result
 from monitor.service_manager import SignsOfLife
 from monitor.site import Site
 from monitor.thermometer import Thermometer, thermometer
 from monitor.vitals import NAME, Pace, Vitals
-from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Result, Told, Worker
+from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Told, Worker
 from updater import parse_structure
 
 _POLL = 0.2  # s

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
 from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received, trim_memory
-from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
+from monitor.results import Result
 
 if TYPE_CHECKING:
     from monitor.pipeline import Pipeline
 
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
-Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult
 _ENVIRONMENT = {  # of the process; the last one has glibc give back at once what was large, instead of keeping it
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",

@@ -9,8 +9,8 @@ from updater_helpers import measure, true_model
 
 from daq import FloatArray, Recording
 from monitor.memory import Memory
-from monitor.pipeline import Pipeline, Result
-from monitor.results import WindowResult
+from monitor.pipeline import Pipeline
+from monitor.results import Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from oma import Identification, ModalEstimate, Stabilization, WindowQuality
 from updater import Body, parse_structure, t_structure_toml

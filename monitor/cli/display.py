@@ -9,8 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from monitor.cli.journal import line
-from monitor.results import AlarmResult, WindowResult
-from monitor.worker import Result
+from monitor.results import AlarmResult, Result, WindowResult
 
 
 class Display:

@@ -17,10 +17,9 @@ from typing import Any, TextIO
 
 from daq import Block, Event, Item
 from monitor.result_events import event_result
-from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.sensors_said import health_text
 from monitor.words import change_text
-from monitor.worker import Result
 
 _A_MINUTE = 10  # lines of a kind, of one device
 _MINUTE = 60.0  # s

@@ -9,10 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 from monitor.daemon import RunReport
-from monitor.results import AlarmResult, MassAnswer, WindowResult
+from monitor.results import AlarmResult, MassAnswer, Result, WindowResult
 from monitor.rig import Scenario
 from monitor.words import change_text
-from monitor.worker import Result
 
 _RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: what the demo calls found
 

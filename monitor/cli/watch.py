@@ -20,10 +20,9 @@ from monitor.mending import mend_logs
 from monitor.only_one import only_one
 from monitor.processes import give_back_memory
 from monitor.replay import replay
-from monitor.results import AlarmResult
+from monitor.results import AlarmResult, Result
 from monitor.site import Site, load_site
 from monitor.words import utc
-from monitor.worker import Result
 from updater import parse_structure
 
 console = Console(highlight=False)

@@ -19,9 +19,8 @@ from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
 from monitor.history.rollup import roll_up
 from monitor.result_events import event_result
-from monitor.results import AlarmResult, ReferenceResult, SelfTestResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.words import change_text
-from monitor.worker import Result
 
 _NEVER = DataError, IntegrityError, OverflowError, TypeError, ValueError, KeyError  # of one item, not of the database
 

@@ -212,6 +212,11 @@ class Settings(Section):
         )
 
     @property
+    def device_of(self) -> dict[str, str]:
+        """Device of each analysed channel, by their names."""
+        return {channel.name: channel.device for channel in self.channels}
+
+    @property
     def step_seconds(self) -> float:
         """From the start of a window to that of the next [s]."""
         return self.analysis.window_seconds * (1 - self.analysis.overlap)

@@ -10,7 +10,7 @@ import rerun as rr
 from daq import Block, Item
 from monitor.geometry import Geometry
 from monitor.result_events import event_result
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.story import Story
 from monitor.viewer.blueprint import Live, layout
@@ -24,7 +24,6 @@ from monitor.viewer.signals import SignalStream
 from monitor.viewer.spectrum import draw_spectra
 from monitor.viewer.states import events, log_state, name_states, state_changes, write_event
 from monitor.viewer.trends import draw_trends
-from monitor.worker import Result
 from updater import parse_structure
 
 _HOST = "127.0.0.1"

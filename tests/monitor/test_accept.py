@@ -11,9 +11,9 @@ from daq import Event
 from monitor.history import HistoryStore, Reader, Span, database_url
 from monitor.inbox import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, Acceptance, Inbox, Undoing, leave
 from monitor.memory import memory_text, parse_memory
-from monitor.pipeline import Pipeline, Result
+from monitor.pipeline import Pipeline
 from monitor.result_events import result_event
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from updater import Body, t_structure_toml
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)

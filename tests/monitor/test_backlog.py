@@ -12,9 +12,9 @@ from monitor.notices.news import News
 from monitor.pipeline import Pipeline
 from monitor.replay import replay
 from monitor.result_events import result_event
-from monitor.results import WindowResult
+from monitor.results import Result, WindowResult
 from monitor.settings import parse_settings
-from monitor.worker import TOPIC_STOPPED, Kept, Result, Worker
+from monitor.worker import TOPIC_STOPPED, Kept, Worker
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"

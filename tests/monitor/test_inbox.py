@@ -3,6 +3,7 @@
 import errno
 import os
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -118,14 +119,13 @@ def test_command_waits_until_the_word_is_taken(
         thread.join()
 
 
-def test_acknowledgement_in_the_log_changes_the_alarm(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    pipeline = Pipeline(parse_structure(t_structure_toml()), parse_settings(SITE))
+def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
+    structure, settings = parse_structure(t_structure_toml()), parse_settings(SITE)
+    pipeline = Pipeline(structure, settings)
     event = Event(topic=TOPIC_ACKNOWLEDGE, time=7, payload={"by": "Ada", "note": "a crane"})
     assert list(pipeline.push(event)) == []  # of no alarm
     raised = Alarm(rules=AlarmRules(), condition="alarm", raised=5)
-    monkeypatch.setattr(pipeline, "_alarm", raised)
+    pipeline = Pipeline(structure, settings, replace(pipeline.memory, alarm=raised))
     [result] = pipeline.push(event)
     assert isinstance(result, AlarmResult)
     assert (result.time, result.state, result.kind) == (7, "alarm", "acknowledged")

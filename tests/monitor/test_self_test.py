@@ -11,9 +11,8 @@ from daq import FloatArray, SystemClock
 from monitor.history import HistoryStore, Reader, Span
 from monitor.memory import memory_text, parse_memory
 from monitor.notices.news import News
-from monitor.pipeline import Result
 from monitor.result_events import result_event
-from monitor.results import SelfTestResult
+from monitor.results import Result, SelfTestResult
 from monitor.self_test import DRAWS, with_mass
 from monitor.vitals import NAME, Pace, Vitals, last_written
 from monitor.web import Source
