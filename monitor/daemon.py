@@ -96,7 +96,7 @@ def run(
             _reload(running, reread, manager)
         manager.stopping()
         running.finish()
-    return RunReport(logs=running.logs, dropped=running.dropped, disk_failure=running.disk_failure)
+    return RunReport(logs=running.logs.files, dropped=running.logs.dropped, disk_failure=running.logs.disk_failure)
 
 
 def _reload(running: Running, reread: Callable[[], Site | None], manager: ServiceManager) -> None:

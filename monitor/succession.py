@@ -1,0 +1,237 @@
+"""Logs with their analyses, each of which gives way to the next while what is measured goes on."""
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+from daq import Event, HostClock, Item, LogError, LogThread
+from monitor.analysing import Analysis, blocks_a_second, most_waiting, new_analysis
+from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
+from monitor.result_events import result_event
+from monitor.results import Result
+from monitor.site import Site
+from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Told, Worker
+from updater import parse_structure
+
+_POLL = 0.2  # s
+_LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
+_LAST_WORDS = 20.0  # s that one which gives way to another is waited for: the watchdog is fed four times a minute
+_REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
+
+
+class Succession:
+    """The log that is written and the analysis that is fed now, and all before them.
+
+    All methods but `put`, `say` and `_take` are for one thread.
+
+    Parameters
+    ----------
+    site : that is watched; another one may take its place
+    clock : of the data
+    on_result : called with everything that is found
+    hand_on : called in the log's thread with all that is logged
+    lost : tells which devices are lost: that stands in each log
+    recalled : of the run before, to go on from
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        clock: HostClock,
+        on_result: Callable[[Result], None],
+        hand_on: Callable[[Item], None],
+        lost: Callable[[], list[str]],
+        recalled: Recalled,
+    ) -> None:
+        self.site, self._clock, self._on_result, self._hand_on, self._lost = site, clock, on_result, hand_on, lost
+        self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
+        self._memory = MemoryFile(site.state / MEMORY)
+        self._analysis = new_analysis(site, clock, self._take, self._kept)
+        self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
+        self._keepers = [self._analysis.keeper]  # of all logs so far
+        seconds = site.settings.recorder.chunk_seconds
+        self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
+        self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
+
+    def __enter__(self) -> Self:
+        """Start to write and to analyse."""
+        with ExitStack() as stack:
+            stack.callback(lambda: self._analysis.worker.__exit__())
+            self._analysis.worker.__enter__()
+            stack.enter_context(self._memory)
+            stack.enter_context(self._log)
+            self._say_refused()
+            self._undo = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End everything that still goes on."""
+        self._undo.close()
+
+    def put(self, item: Item) -> None:
+        """Have something logged, and analysed; never waits."""
+        self._log.put(item)
+
+    def say(self, what: str, payload: dict[str, Any]) -> None:
+        """Have an event logged that happens now."""
+        self._log.put(Event(topic=f"/event/{what}", time=self._clock.now(), payload=payload))
+
+    def turn(self) -> None:
+        """Log and hand on what is found, for a moment; begin anew what has died or will never catch up."""
+        self._report()
+        if self._revive_at and time.monotonic() >= self._revive_at:
+            self.renew("the analysis had died")
+        waiting = self._worker.waiting if self._worker else 0
+        if waiting > most_waiting(self.site):
+            self._say_behind(waiting)
+            self._say_stopped(why="the analysis was behind")
+            self._worker = None
+            self.renew("the analysis was behind")
+
+    def renew(self, why: str) -> None:
+        """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.
+
+        What comes while the old analysis says its last word stands in the old log, and is not analysed.
+        """
+        old = self._analysis
+        if self._worker is not None:
+            self._say_stopped(why=why)
+            self._hear_out(_LAST_WORDS)
+        try:
+            new = new_analysis(self.site, self._clock, self._take, self._remembered())
+        except LogError as error:
+            self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
+            return
+        self._analysis, self._revive_at = new, 0.0
+        self._keepers.append(new.keeper)
+        self._log.switch(new.keeper, partial(self._feed_to, new))
+        new.worker.__enter__()
+        old.worker.__exit__()
+        self._say_refused()
+        for name in self._lost():
+            self.say("device_lost", {"device": name, "why": "it was lost before"})
+
+    def finish(self) -> None:
+        """Let what has arrived be logged, and analysed as far as that goes in a while: service managers do not wait."""
+        self._say_stopped()
+        self._hear_out(_LAST_SECONDS)
+
+    @property
+    def learnt(self) -> bool:
+        """Whether there is anything to go on from."""
+        return bool(self._kept)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All logs, in the order of writing."""
+        return tuple(path for keeper in self._keepers for path in keeper.paths)
+
+    @property
+    def dropped(self) -> int:
+        """Items that the log's queue had no room for."""
+        return self._log.dropped
+
+    @property
+    def turned(self) -> float:
+        """When the log's thread was done with the disk last [s, monotonic]."""
+        return self._log.turned
+
+    @property
+    def losing(self) -> bool:
+        """Whether anything is lost now because the disk takes nothing."""
+        return self._analysis.keeper.losing
+
+    @property
+    def disk_failure(self) -> str | None:
+        """What is not in the logs, and why."""
+        return "; ".join(filter(None, (keeper.problem for keeper in self._keepers))) or None
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What is well or not."""
+        return {
+            "dropped": self._log.dropped,
+            "disk": self._analysis.keeper.problem,
+            "memory": self._memory.problem,
+            "analysis": None if self._worker else "its process has died; it is started again",
+        }
+
+    @property
+    def waiting(self) -> dict[str, int]:
+        """Items that wait for the log, and for the analysis."""
+        return {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0}
+
+    def _hear_out(self, seconds: float) -> None:
+        """Wait for the analysis to say its last word, so long at most; what it leaves out then stands in the log."""
+        end = time.monotonic() + seconds
+        while self._report():
+            if time.monotonic() > end:
+                self._say_behind(self._analysis.worker.waiting)
+                return
+
+    def _say_behind(self, waiting: int) -> None:
+        self.say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self.site), 1)})
+
+    def _say_stopped(self, **why: str) -> None:
+        self.say(TOPIC_STOPPED.removeprefix("/event/"), {"dropped": self._log.dropped, **why})
+
+    def _say_refused(self) -> None:
+        if self._refused:
+            self.say("learning_anew", {"why": self._refused})
+            self._refused = None
+
+    def _remembered(self) -> str:
+        """Return what the new analysis goes on from: what the old one kept, as far as it is of the same watch."""
+        if not self._kept:
+            return ""
+        structure = parse_structure(self.site.structure_text)
+        found = fitting(self._kept, "what was learnt", structure, self.site.settings)
+        self._refused, self._kept = found.refused, found.text or ""
+        return self._kept
+
+    def _feed_to(self, analysis: Analysis) -> None:
+        self._worker = analysis.worker
+
+    def _report(self) -> bool:
+        """Log and hand on what the analysis has found; False once it has said its last word, or has died."""
+        if self._worker is None:
+            time.sleep(_POLL)
+            return False
+        try:
+            for result in self._analysis.worker.results(_POLL):
+                if result is None:
+                    return False
+                self._tell(result)
+            self._memory.write()
+        except AnalysisError as error:
+            self._mourn(error)
+            return False
+        return True
+
+    def _tell(self, result: Told) -> None:
+        if isinstance(result, Kept):
+            self._memory.expect(result.text)
+            self._kept = result.text
+            return
+        event = result_event(result)
+        self._memory.after(event)
+        self._log.put(event)
+        self._on_result(result)
+        self._revive_after = _REVIVE_FIRST
+
+    def _mourn(self, error: Exception) -> None:
+        """Go on without an analysis for a while: one that dies at once, again and again, is not to fill the disk."""
+        self._worker = None
+        self._revive_at = time.monotonic() + self._revive_after
+        self.say("analysis_died", {"why": str(error), "again_in_s": self._revive_after})
+        self._revive_after = min(2 * self._revive_after, _REVIVE_LONGEST)
+
+    def _take(self, item: Item) -> None:
+        """Hand on an item once it is logged; in the log's thread."""
+        if self._worker is not None:
+            self._worker.feed(item)
+        self._hand_on(item)
+        self._memory.take(item)
