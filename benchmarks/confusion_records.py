@@ -17,11 +17,10 @@ from pathlib import Path
 import numpy as np
 from confusion_run import Task, known_cells, result_of, run
 from confusion_table import Result, tables
-from sealed_cases import Case, draw
+from sealed_cases import Case, draw, specimen
 from sealed_path import structure_of
 from sealed_signals import joined, recorded
-from sealed_solid_draws import draw_bar
-from sealed_specimen import State, draw_state
+from sealed_specimen import State
 
 from daq import Recording, load_recordings, write_recording
 from monitor.diagnosing import Observation, explain_change, observe, window_seconds
@@ -41,18 +40,18 @@ def observed(recording: Recording, structure: Structure) -> Observation:
 
 
 @lru_cache(maxsize=2)
-def usual(solid: bool, seed: int, seconds: float) -> Observation:
+def usual(which: str, seed: int, seconds: float) -> Observation:
     """Observe a specimen to which nothing has been done."""
-    state = draw_bar(seed) if solid else draw_state(seed)
-    return observed(recorded(state, seconds, np.random.default_rng((seed, 8))), structure_of(solid))
+    state, _ = specimen(which, seed)
+    return observed(recorded(state, seconds, np.random.default_rng((seed, 8))), structure_of(f"{which}: "))
 
 
-def before(case: Case, solid: bool, seconds: float) -> Observation:
+def before(case: Case, seconds: float) -> Observation:
     """Observe the specimen before; anew where it was not as it was drawn."""
-    drawn = draw_bar(case.seed) if solid else draw_state(case.seed)
-    if _same(case.done.before, drawn):
-        return usual(solid, case.seed, seconds)
-    return observed(recorded(case.done.before, seconds, np.random.default_rng((case.seed, 8))), structure_of(solid))
+    which, _, _ = case.cell.rpartition(": ")
+    if _same(case.done.before, specimen(which, case.seed)[0]):
+        return usual(which, case.seed, seconds)
+    return observed(recorded(case.done.before, seconds, np.random.default_rng((case.seed, 8))), structure_of(case.cell))
 
 
 def _same(one: State, other: State) -> bool:
@@ -69,12 +68,12 @@ def after(case: Case, seconds: float) -> Recording:
 def judged(task: Task) -> Result:
     """Draw, record, diagnose and score one case; the time is that of the diagnosis alone."""
     cell, seed, length = task
-    seconds, solid, case = float(length.removesuffix(" s")), cell.startswith("solid"), draw(cell, seed)
+    seconds, case = float(length.removesuffix(" s")), draw(cell, seed)
     start = time.process_time()
     try:
-        observations = before(case, solid, seconds), observed(after(case, seconds), structure_of(solid))
+        observations = before(case, seconds), observed(after(case, seconds), structure_of(cell))
         start = time.process_time()
-        found = explain_change(structure_of(solid), *observations).diagnosis.model_dump(mode="json")
+        found = explain_change(structure_of(cell), *observations).diagnosis.model_dump(mode="json")
     except (UpdaterError, OmaError, StateError) as error:
         return result_of(case, length, str(error), time.process_time() - start)
     return result_of(case, length, found, time.process_time() - start)

@@ -13,7 +13,7 @@ import numpy as np
 from confusion_table import Result, read_results, version
 from sealed_cases import CAUSES, CELLS, N_AFTER, N_BEFORE, Case
 from sealed_score import score
-from sealed_signals import BAND, N_MODES, modal_std
+from sealed_signals import N_MODES, modal_std
 
 from updater.causes.catalogue import CATALOGUE
 
@@ -40,7 +40,7 @@ def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: 
     both: dict[str, Any] = {"cell": case.cell, "seed": case.seed, "noise": noise, "kind": case.kind, "done": done}
     if isinstance(answer, str):
         return Result(**both, outcome="refused", said=answer)
-    judged = score(answer, case.done.hidden, case.kind)
+    judged = score(answer, case.done.hidden, case.kind, near=case.near)
     gain = answer["gain"]["frequency_error_percent"] if answer["gain"] else {"before": None, "after": None}
     return Result(
         **both,
@@ -58,7 +58,7 @@ def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: 
 
 def _floor(case: Case, noise: str) -> float:
     """Return the error of frequencies held out [%] that noise alone leaves: root mean square over the band's modes."""
-    seen = case.done.before.claimed_frequency(N_MODES) < BAND
+    seen = case.done.before.claimed_frequency(N_MODES) < case.done.before.scale.band
     std, _ = modal_std(case.done.before, N_MODES, noise)
     return float(100 * np.sqrt((std[seen] ** 2).mean() * (1 / N_BEFORE + 1 / N_AFTER)))
 

@@ -263,7 +263,7 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
     """Return what logs say beside their tracked modes; without logs from before only what they say by themselves."""
     event = reference.mean_of(now.modes)
     channels = tuple(c for c in reference.baseline.channels if c in event.channels)
-    found = match_modes(reference.baseline.at(channels), event.at(channels))
+    found = match_modes(reference.known.at(channels), event.at(channels))
     earlier = (reference.windows, before.rms) if before else None
     extra = np.setdiff1d(np.arange(len(event.log_frequency)), found)
     return Circumstances(
@@ -271,7 +271,7 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
         warmer_std=THERMOMETER_STD * 2**0.5,
         tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
         extra=event.only(extra) if len(extra) else None,
-        trend=trend_of(now.modes.tracks(found), now.rms, earlier),
+        trend=trend_of(now.modes.tracks(found[: len(reference.baseline.n)]), now.rms, earlier),
         devices=now.lateness.devices,
         wander=now.lateness.delays.wander,
         faults={c: fault for c, fault in _given_up(now).items() if not before or c not in _given_up(before)},
@@ -294,5 +294,6 @@ def _event(reference: Reference, observation: Observation) -> ModalMean:
     """Return the modes in the order of the baseline's, each device as late as it is beyond what it was."""
     heard = observation.lateness.heard(reference.delays)
     late = reference.mean_of(stack_tracks(heard, observation.tracks)) if heard else None
-    event = matched(reference.baseline, reference.mean_of(observation.modes), late)
+    event = matched(reference.known, reference.mean_of(observation.modes), late)
+    event = event.only(np.arange(len(reference.baseline.n)))
     return event if observation.shaped else event.without_shapes()

@@ -118,7 +118,7 @@ def _all_modes(
     every = reference.mean_of(stack_tracks(estimates, tracks))
     if every.channels != reference.baseline.channels:
         return event, None
-    extra = np.setdiff1d(np.arange(len(every.n)), match_modes(reference.baseline, every))
+    extra = np.setdiff1d(np.arange(len(every.n)), match_modes(reference.known, every))
     return (every, every.only(extra)) if len(extra) else (event, None)
 
 

@@ -8,11 +8,12 @@ import sealed_chain as chain
 import sealed_draws as draws
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2, ncx2
+from sealed_designs import DESIGNS
 from sealed_draws import Do, Done, Hidden
 from sealed_file import FILE, Coarse, draw_as_filed, draw_mesh
-from sealed_frame import Zone
+from sealed_frame import Vector, Zone
 from sealed_outside import OUTSIDE
-from sealed_signals import BAND, N_MODES, WINDOW, modal_std
+from sealed_signals import N_MODES, is_seen, modal_std
 from sealed_solid_draws import SOLID, draw_bar
 from sealed_specimen import Random, State, draw_state
 
@@ -55,13 +56,20 @@ PAIRS = (
 )
 FILES = tuple(f"file: {name}" for name in FILE)
 SOLIDS = tuple(f"solid: {name}" for name in SOLID)
+_ANYWHERE = (
+    *(name for name in CAUSES if name not in {"joint_stiffness", "axial_force", "amplitude_softening"}),
+    *("nothing", "small", "added_mass + sensor_gain", "local_stiffness + added_mass"),
+    *(name for name in OUTSIDE if name not in {"braced", "sliding"}),
+)
+ELSEWHERE = (*(f"{design}: {name}" for design in DESIGNS for name in _ANYWHERE), "portal: joint_stiffness")
 CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
 _TOGETHER = 3.0  # components of a shape that err as one
 _LEVEL, _POWER = 0.01, 0.99
 _HARDLY = 0.03
-_DISTINCT = 0.4  # m
+_DISTINCT = 0.4  # m of the T-frame
+_NEAR = 0.10  # likewise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +82,17 @@ class Case:
     done: Done
     coarse: Coarse | None = None  #: the mesh of the structure file, if it is another than the shipped one
 
+    @property
+    def near(self) -> float:
+        """Return how far off a place may be said [m]: a cause that is named farther away is another one."""
+        return _NEAR * self.done.before.scale.length
+
 
 def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
-    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b", an outsider,
-    "solid: " and what is done to the bar, or "file: " and what the structure file does not know.
+    """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b" or an outsider.
+
+    Before it "solid: " or a design's name, such as "bridge: ", names another specimen than the T-frame; "file: " is
+    what the structure file does not know.
 
     Raises
     ------
@@ -85,24 +100,27 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
         If a hundred draws bring none of the size that the cell wants.
     """
     random = np.random.default_rng((seed, 5))
-    if cell.startswith("solid: "):
-        name, bar = cell.removeprefix("solid: "), draw_bar(seed)
-        if name == "nothing":
-            return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(bar, random))
-        return Case(cell=cell, kind="detectable", seed=seed, done=_large(SOLID[name], bar, random, noise))
     if cell.startswith("file: "):
         return _of_file(cell, seed, random, noise)
-    state = draw_state(seed)
-    if cell == "nothing":
+    which, _, name = cell.rpartition(": ")
+    state, causes = specimen(which, seed)
+    if name == "nothing":
         return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))
-    if cell == "small":
+    if name == "small":
         return Case(cell=cell, kind="small", seed=seed, done=_small(state, random, noise))
-    if cell in OUTSIDE:
-        return Case(cell=cell, kind="outside", seed=seed, done=_large(OUTSIDE[cell], state, random, noise))
-    if "+" in cell:
-        first, second = (CAUSES[name] for name in cell.split(" + "))
+    if name in OUTSIDE:
+        return Case(cell=cell, kind="outside", seed=seed, done=_large(OUTSIDE[name], state, random, noise))
+    if "+" in name:
+        first, second = (causes[one] for one in name.split(" + "))
         return Case(cell=cell, kind="two", seed=seed, done=_both(first, second, state, random, noise))
-    return Case(cell=cell, kind="detectable", seed=seed, done=_large(CAUSES[cell], state, random, noise))
+    return Case(cell=cell, kind="detectable", seed=seed, done=_large(causes[name], state, random, noise))
+
+
+def specimen(which: str, seed: int) -> tuple[State, dict[str, Do]]:
+    """Return a specimen, and what may be done to it."""
+    if which == "solid":
+        return draw_bar(seed), SOLID
+    return (DESIGNS[which].draw(seed) if which else draw_state(seed)), CAUSES
 
 
 def _of_file(cell: str, seed: int, random: Random, noise: str) -> Case:
@@ -150,10 +168,19 @@ def _fainter(done: Done, share: float) -> Done:
         *(replace(lump, mass=lump.mass * share, inertia=_times(lump.inertia, share)) for lump in new),
         *(replace(lump, mass=lump.mass * (1 - share), inertia=_times(lump.inertia, 1 - share)) for lump in old),
     )
-    foot = tuple(1 / (1 / a + share * (1 / b - 1 / a)) for a, b in zip(one.foot, other.foot, strict=True))
+    grounds = tuple(
+        replace(b, along=_between(a.along, b.along, share), about=_between(a.about, b.about, share))
+        for a, b in zip(one.grounds, other.grounds, strict=True)
+    )
     props = tuple(replace(p, stiffness=p.stiffness * share) for p in other.props)
-    frame = replace(other, bars=bars, lumps=lumps, foot=foot, props=props)  # type: ignore[arg-type]
+    frame = replace(other, bars=bars, lumps=lumps, grounds=grounds, props=props)
     return Done(before, replace(after.of_frame(frame), gain=gain), done.hidden)
+
+
+def _between(one: Vector, other: Vector, share: float) -> Vector:
+    """Stiffness of a spring whose flexibility is that share of the way from one to the other."""
+    x, y, z = (a if a == b else 1 / (1 / a + share * (1 / b - 1 / a)) for a, b in zip(one, other, strict=True))
+    return x, y, z
 
 
 def _times(inertia: tuple[float, float, float], share: float) -> tuple[float, float, float]:
@@ -171,15 +198,15 @@ def _both(first: Do, second: Do, state: State, random: Random, noise: str) -> Do
     while True:
         one = _large(first, state, random, noise)
         two = _large(second, one.after, random, noise)
-        if one.before is state and two.before is one.after and _apart(one.hidden[0], two.hidden[0]):
+        if one.before is state and two.before is one.after and _apart(one.hidden[0], two.hidden[0], state):
             return Done(state, two.after, one.hidden + two.hidden)
 
 
-def _apart(one: Hidden, two: Hidden) -> bool:
+def _apart(one: Hidden, two: Hidden, state: State) -> bool:
     """Two masses side by side are one, or one that is spread."""
     if one.cause != two.cause or one.position is None or two.position is None:
         return True
-    return float(np.linalg.norm(np.subtract(one.position, two.position))) > _DISTINCT
+    return float(np.linalg.norm(np.subtract(one.position, two.position))) > _DISTINCT * state.scale.length
 
 
 def _drawn(one: Callable[[], Done], wanted: Callable[[float], bool], noise: str) -> Done:
@@ -204,7 +231,7 @@ def detection_power(done: Done, noise: str = "law") -> float:
     chain_alone = done.before.body is done.after.body and before.clock == after.clock
     cost = np.abs(np.log(f[:, None] / g)) * 10 + (0 if chain_alone else 1 - mac)
     mode, partner = linear_sum_assignment(cost)
-    kept = f[mode] < BAND
+    kept = is_seen(before, n_modes)[mode]
     mode, partner = mode[kept], partner[kept]
     share = 1 / N_BEFORE + 1 / N_AFTER
     std, shape_std = modal_std(before, n_modes, noise)
@@ -233,4 +260,4 @@ def _heard(state: State, n_modes: int) -> FloatArray:
 
 def _damping_std(state: State, mode: np.ndarray) -> FloatArray:
     frequency, damping = state.motion(N_MODES).frequency, state.modal_damping(N_MODES)
-    return np.array([uncertainty_law(frequency[i], damping[i], WINDOW)[1] / damping[i] for i in mode])
+    return np.array([uncertainty_law(frequency[i], damping[i], state.scale.window)[1] / damping[i] for i in mode])

@@ -76,9 +76,8 @@ def reseated(state: State, random: Random) -> Done:
     for sensor in state.sensors:
         direction = np.array(sensor.direction) + np.radians(6.0) * random.standard_normal(3)
         x, y, z = (float(v) for v in direction / np.linalg.norm(direction))
-        off = 0.012 * random.standard_normal()
-        highest = 1.48 if sensor.bar == "column" else 0.8
-        s = float(np.clip(sensor.s + off, 0.0, highest))
+        off = 0.012 * state.scale.length * random.standard_normal()
+        s = float(np.clip(sensor.s + off, 0.0, state.frame.bar(sensor.bar).length))
         sensors.append(replace(sensor, s=s, direction=(x, y, z)))
     gain = state.gain * (1 + 0.04 * random.standard_normal(len(state.gain)))
     return Done(state, replace(state, sensors=tuple(sensors), gain=gain, solved={}), ())

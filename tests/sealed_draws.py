@@ -5,14 +5,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from sealed_frame import Frame, Lump, Prop, Vector, Zone
-from sealed_specimen import Random, State
+from sealed_frame import Lump, Prop, Vector, Zone
+from sealed_specimen import Random, Scale, State
 
 from daq import FloatArray
 
-UNIT = 210e9 * 9.3e-8 / 1.48  #: E I / L of the column [N m]
-_CLEAR = 0.06  # m: from a stretch's end to the foot, the joint or a free end
-_EULER = np.pi**2 * UNIT / (4 * 1.48)  # N, of the column
+_CLEAR = 0.06  # m: from a stretch's end to a ground, a meeting or a free end
+_EULER = np.pi**2 * 210e9 * 9.3e-8 / (4 * 1.48**2)  # N, of the T-frame's column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,13 +52,17 @@ def sign(random: Random) -> float:
     return float(random.choice([-1.0, 1.0]))
 
 
-def somewhere(frame: Frame, random: Random, *, margin: float = 0.0, lowest: float = 0.15) -> tuple[str, float]:
-    """Draw a place, by length; not where nothing moves."""
-    column, beam = frame.bars
-    s = random.uniform(lowest, column.length + beam.length - 2 * margin)
-    if s < column.length - margin:
-        return column.name, float(s)
-    return beam.name, float(s - column.length + margin + margin)
+def somewhere(state: State, random: Random, *, lowest: float = 0.15) -> tuple[str, float]:
+    """Draw a place, by length; not where nothing moves: `lowest` [m of the T-frame] from the grounds."""
+    frame, far = state.frame, lowest * state.scale.length
+    while True:
+        s = random.uniform(far, sum(bar.length for bar in frame.bars))
+        for bar in frame.bars:
+            if s < bar.length or bar is frame.bars[-1]:
+                break
+            s -= bar.length
+        if all(abs(s - held) >= far for held in frame.held(bar.name)):
+            return bar.name, float(s)
 
 
 def with_lump(state: State, lump: Lump) -> State:
@@ -74,12 +77,15 @@ def nothing(state: State, random: Random) -> Done:
 
 
 def added_mass(state: State, random: Random) -> Done:
-    """Clamp a body of 50 to 500 g beside a bar; one time in four it was there before and is taken off."""
-    bar, s = somewhere(state.frame, random, lowest=0.3)
-    mass = log_uniform(random, 0.05, 0.5)
+    """Clamp a body of 50 to 500 g beside a bar; one time in four it was there before and is taken off.
+
+    Here and below: of the T-frame, and as much of another specimen (`State.scale`).
+    """
+    bar, s = somewhere(state, random, lowest=0.3)
+    mass = state.scale.mass * log_uniform(random, 0.05, 0.5)
     axis = state.frame.bar(bar).axis
-    offset = np.where(np.arange(3) == axis, 0.0, random.uniform(-0.025, 0.025, 3))
-    inertia = mass * random.uniform(0.005, 0.02, 3) ** 2
+    offset = state.scale.length * np.where(np.arange(3) == axis, 0.0, random.uniform(-0.025, 0.025, 3))
+    inertia = mass * (state.scale.length * random.uniform(0.005, 0.02, 3)) ** 2
     lump = Lump(bar=bar, s=s, mass=mass, offset=_three(offset), inertia=_three(inertia))
     place = state.frame.bar(bar).point(s)
     if random.random() < 0.25:
@@ -89,9 +95,12 @@ def added_mass(state: State, random: Random) -> Done:
 
 def distributed_mass(state: State, random: Random) -> Done:
     """Lay 0.2 to 1 kg along 0.25 to 0.7 m of a bar."""
-    bar = state.frame.bars[int(random.integers(2))]
-    extent, mass = random.uniform(0.25, 0.7), log_uniform(random, 0.2, 1.0)
-    start = random.uniform(0.2 if bar.name == "column" else 0.0, bar.length - extent)
+    bar = state.frame.bars[int(random.integers(len(state.frame.bars)))]
+    extent, mass = random.uniform(0.25, 0.7) * state.scale.length, log_uniform(random, 0.2, 1.0) * state.scale.mass
+    extent = min(extent, 0.8 * bar.length)
+    held, clear = state.frame.held(bar.name), 0.2 * state.scale.length
+    lowest, highest = clear * (0.0 in held), bar.length - extent - clear * (bar.length in held)
+    start = random.uniform(min(lowest, bar.length - extent), max(lowest, highest))
     zone = Zone(start=start, end=start + extent, mass=mass / extent)
     frame = state.frame.with_bar(bar.name, zones=(*bar.zones, zone))
     hidden = _at("distributed_mass", bar.point(start + extent / 2), reach=extent / 2, mass=mass, extent=extent)
@@ -99,16 +108,18 @@ def distributed_mass(state: State, random: Random) -> Done:
 
 
 def local_stiffness(state: State, random: Random) -> Done:
-    """Take 20 to 70 % of the stiffness of 3 to 30 cm of a bar, off the foot, the joint and the free ends."""
-    bar = state.frame.bars[int(random.random() > 0.65)]
-    extent, loss = log_uniform(random, 0.03, 0.3), random.uniform(0.2, 0.7)
-    widest = max(b - a for a, b in pairwise(_stops(state.frame, bar.name)))
-    extent = min(extent, 0.95 * (widest - 2 * _CLEAR))  # there must be a place for it
+    """Take 20 to 70 % of the stiffness of 3 to 30 cm of a bar, off grounds, meetings and free ends."""
+    frame, clear = state.frame, _CLEAR * state.scale.length
+    along = np.cumsum([bar.length for bar in frame.bars])
+    bar = frame.bars[int(np.searchsorted(along, random.random() * along[-1]))]
+    extent, loss = log_uniform(random, 0.03, 0.3) * state.scale.length, random.uniform(0.2, 0.7)
+    stops = frame.stops(bar.name)
+    extent = min(extent, 0.95 * (max(b - a for a, b in pairwise(stops)) - 2 * clear))  # there must be a place for it
     middle = 0.0
-    while not _is_clear(state.frame, bar.name, middle, extent / 2 + _CLEAR):
+    while any(abs(middle - stop) <= extent / 2 + clear for stop in stops):
         middle = random.uniform(0, bar.length)
     zone = _cut(middle, extent, 1 - loss)
-    frame = state.frame.with_bar(bar.name, zones=(*bar.zones, zone))
+    frame = frame.with_bar(bar.name, zones=(*bar.zones, zone))
     hidden = _at("local_stiffness", bar.point(middle), reach=extent / 2, loss=loss, extent=extent)
     return Done(state, state.of_frame(frame), (hidden,))
 
@@ -117,37 +128,48 @@ def _cut(middle: float, extent: float, left: float) -> Zone:
     return Zone(start=middle - extent / 2, end=middle + extent / 2, bend1=left, bend2=left, twist=left)
 
 
-def _is_clear(frame: Frame, bar: str, s: float, margin: float) -> bool:
-    return all(abs(s - stop) > margin for stop in _stops(frame, bar))
-
-
-def _stops(frame: Frame, bar: str) -> tuple[float, ...]:
-    """Foot, joint and free ends along a bar [m]."""
-    length = frame.bar(bar).length
-    return (0.0, length) if bar == "column" else (0.0, frame.middle, length)
-
-
 def support_stiffness(state: State, random: Random) -> Done:
-    """Leave 10 to 60 % of the foot's stiffness about each axis."""
+    """Leave 10 to 60 % of what a ground's springs are about and along each axis."""
+    grounds = state.frame.grounds
+    i = _one_of([_sprung((*g.along, *g.about)) for g in grounds], random)
     left = random.uniform(0.1, 0.6, 3)
-    after = replace(state.frame, foot=_three(np.multiply(state.frame.foot, left)))
-    stiffness = {f"stiffness_{a}": k for a, k in zip(("rx", "ry", "rz"), after.foot, strict=True)}
-    return Done(state, state.of_frame(after), (_at("support_stiffness", (0.0, 0.0, 0.0), **stiffness),))
+    after = replace(
+        grounds[i], along=_three(np.multiply(grounds[i].along, left)), about=_three(np.multiply(grounds[i].about, left))
+    )
+    springs = zip(("x", "y", "z", "rx", "ry", "rz"), (*after.along, *after.about), strict=True)
+    stiffness = {f"stiffness_{axis}": k for axis, k in springs if 0 < k < np.inf}
+    frame = replace(state.frame, grounds=(*grounds[:i], after, *grounds[i + 1 :]))
+    place = frame.bar(after.bar).point(after.s)
+    return Done(state, state.of_frame(frame), (_at("support_stiffness", place, **stiffness),))
 
 
 def joint_stiffness(state: State, random: Random) -> Done:
-    """Leave 10 to 60 % of the joint's stiffness about each axis."""
+    """Leave 10 to 60 % of a joint's stiffness about each axis."""
+    meetings = state.frame.meetings
+    i = _one_of([_sprung(m.about) for m in meetings], random)
     left = random.uniform(0.1, 0.6, 3)
-    after = replace(state.frame, joint=_three(np.multiply(state.frame.joint, left)))
-    stiffness = {f"stiffness_{a}": k for a, k in zip(("rx", "ry", "rz"), after.joint, strict=True)}
-    return Done(state, state.of_frame(after), (_at("joint_stiffness", (0.0, 0.0, 1.48), **stiffness),))
+    after = replace(meetings[i], about=_three(np.multiply(meetings[i].about, left)))
+    stiffness = {f"stiffness_{a}": k for a, k in zip(("rx", "ry", "rz"), after.about, strict=True)}
+    frame = replace(state.frame, meetings=(*meetings[:i], after, *meetings[i + 1 :]))
+    place = frame.bar(after.bar).point(after.s)
+    return Done(state, state.of_frame(frame), (_at("joint_stiffness", place, **stiffness),))
+
+
+def _sprung(stiffness: tuple[float, ...]) -> bool:
+    return any(0 < k < np.inf for k in stiffness)
+
+
+def _one_of(eligible: list[bool], random: Random) -> int:
+    chosen = np.flatnonzero(eligible)
+    return int(chosen[0] if len(chosen) == 1 else random.choice(chosen))
 
 
 def support_spring(state: State, random: Random) -> Done:
     """Lean something of 0.5 to 20 kN/m against a bar, across it."""
-    bar, s = somewhere(state.frame, random, lowest=0.4)
+    bar, s = somewhere(state, random, lowest=0.4)
     axis = int(random.choice([a for a in range(3) if a != state.frame.bar(bar).axis]))
-    prop = Prop(bar=bar, s=s, axis=axis, stiffness=log_uniform(random, 500.0, 2e4))
+    unit = state.scale.stiffness / state.scale.length**2
+    prop = Prop(bar=bar, s=s, axis=axis, stiffness=unit * log_uniform(random, 500.0, 2e4))
     frame = replace(state.frame, props=(*state.frame.props, prop))
     hidden = _at("support_spring", state.frame.bar(bar).point(s), **{f"stiffness_{'xyz'[axis]}": prop.stiffness})
     return Done(state, state.of_frame(frame), (hidden,))
@@ -162,12 +184,13 @@ def axial_force(state: State, random: Random) -> Done:
 
 def attached_oscillator(state: State, random: Random) -> Done:
     """Hang 50 to 300 g on a spring of its own, tuned apart from the frame's modes but within what is analysed."""
-    bar, s = somewhere(state.frame, random, lowest=0.6)
+    bar, s = somewhere(state, random, lowest=0.6)
     axis = int(random.choice([a for a in range(3) if a != state.frame.bar(bar).axis]))
-    frequency = log_uniform(random, 14.0, 130.0)
+    share = state.scale.band / Scale().band
+    frequency = share * log_uniform(random, 14.0, 130.0)
     while np.abs(np.log(state.motion(24).frequency / frequency)).min() < 0.05:
-        frequency = log_uniform(random, 14.0, 130.0)
-    mass = log_uniform(random, 0.05, 0.3)
+        frequency = share * log_uniform(random, 14.0, 130.0)
+    mass = state.scale.mass * log_uniform(random, 0.05, 0.3)
     after = with_lump(state, Lump(bar=bar, s=s, mass=mass, axis=axis, spring=frequency))
     place = state.frame.bar(bar).point(s)
     return Done(state, after, (_at("attached_oscillator", place, mass=mass, frequency=frequency),))
@@ -216,15 +239,18 @@ def amplitude_softening(state: State, random: Random) -> Done:
     tight = state.frame
 
     def at(level: float) -> State:
-        foot, joint = (
-            _three(np.divide(k, 1 + c * level)) for k, c in zip((tight.foot, tight.joint), slip, strict=True)
-        )
+        grounds = tuple(replace(g, about=_looser(g.about, slip[0] * level)) for g in tight.grounds)
+        meetings = tuple(replace(m, about=_looser(m.about, slip[1] * level)) for m in tight.meetings)
         damping = state.damping * (1 + 0.2 * slip.mean() * (level - 1))
-        loose = state.of_frame(replace(tight, foot=foot, joint=joint))
+        loose = state.of_frame(replace(tight, grounds=grounds, meetings=meetings))
         return replace(loose, damping=damping, loudness=level)
 
     levels = [at(float(level)) for level in random.permutation(np.linspace(1.0, 3.0, 5))]
     return Done(at(1.0), at(2.0), (Hidden(cause="amplitude_softening"),), tuple(levels))
+
+
+def _looser(about: Vector, slip: float) -> Vector:
+    return _three(np.divide(about, 1 + slip))
 
 
 def _at(cause: str, position: Vector, *, reach: float = 0.0, **parameters: float) -> Hidden:

@@ -7,6 +7,7 @@ import sealed_chain as chain
 from sealed_draws import Do, added_mass, nothing
 from sealed_specimen import FrameBody, State, draw_state
 
+_RIGID = (1e8, 1e8, 1e8)
 UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -21,7 +22,9 @@ class Coarse:
 def draw_as_filed(seed: int) -> State:
     """Draw a frame with rigid foot and joint, no weld, no load, no sensor askew; E and density are off by 0.1 %."""
     random, state = np.random.default_rng((seed, 12)), draw_state(seed)
-    frame = replace(state.frame, foot=(1e8,) * 3, joint=(1e8,) * 3, lumps=())
+    (foot,), (joint,) = state.frame.grounds, state.frame.meetings
+    grounds, meetings = (replace(foot, about=_RIGID),), (replace(joint, about=_RIGID),)
+    frame = replace(state.frame, grounds=grounds, meetings=meetings, lumps=())
     for bar in frame.bars:
         e, rho = 1 + 1e-3 * random.standard_normal(2)
         frame = frame.with_bar(

@@ -121,14 +121,33 @@ class Brace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
-    """A column on a foot with a crossbeam on its top."""
+class Ground:
+    """Where a bar is held; stiffness along x y z [N/m] and about them [N m/rad], infinite where it cannot move."""
 
-    bars: tuple[Bar, Bar]
-    middle: float  #: of the crossbeam, where the column meets it [m]
-    foot: Vector  #: stiffness about x y z [N m/rad]
-    joint: Vector
-    ground: Vector = (np.inf, np.inf, np.inf)  #: stiffness along x y z [N/m]
+    bar: str
+    s: float
+    along: Vector = (np.inf, np.inf, np.inf)
+    about: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meeting:
+    """Two bars with a point in common; stiffness about x y z between them [N m/rad], infinite where they are one."""
+
+    bar: str
+    s: float
+    other: str
+    t: float  #: along the other [m]
+    about: Vector = (np.inf, np.inf, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Bars that stand on grounds and meet each other; they have breaks where they do."""
+
+    bars: tuple[Bar, ...]
+    grounds: tuple[Ground, ...]
+    meetings: tuple[Meeting, ...] = ()
     lumps: tuple[Lump, ...] = ()
     props: tuple[Prop, ...] = ()
     braces: tuple[Brace, ...] = ()
@@ -139,8 +158,16 @@ class Frame:
 
     def with_bar(self, name: str, **changes: Any) -> "Frame":
         """Return the frame with a bar altered."""
-        first, second = (replace(b, **changes) if b.name == name else b for b in self.bars)
-        return replace(self, bars=(first, second))
+        return replace(self, bars=tuple(replace(b, **changes) if b.name == name else b for b in self.bars))
+
+    def held(self, bar: str) -> tuple[float, ...]:
+        """Return where a bar stands on the ground [m]."""
+        return tuple(g.s for g in self.grounds if g.bar == bar)
+
+    def stops(self, bar: str) -> tuple[float, ...]:
+        """Return ends, grounds and meetings along a bar [m]."""
+        met = [at for m in self.meetings for name, at in ((m.bar, m.s), (m.other, m.t)) if name == bar]
+        return tuple(sorted({0.0, self.bar(bar).length, *self.held(bar), *met}))
 
     def solved(self, n_modes: int) -> "Solved":
         """Return its lowest modes."""
@@ -172,17 +199,24 @@ class _Assembly:
             n = 2 * len(self.ends[bar.name]) - 1
             self.dofs[bar.name] = count + np.arange(6 * n).reshape(n, 6)
             count += 6 * n
-        column, beam = (b.name for b in frame.bars)
-        shared = 2 * int(np.argmin(np.abs(self.ends[beam] - frame.middle)))
-        self.dofs[beam][shared, :3] = self.dofs[column][-1, :3]
-        self.joint = self.dofs[column][-1, 3:], self.dofs[beam][shared, 3:].copy()
+        for meeting in frame.meetings:
+            self._join(meeting)
         self.n = count + sum(bool(lump.spring) for lump in frame.lumps)
-        self.free = np.setdiff1d(np.unique(np.concatenate([d.ravel() for d in self.dofs.values()])), self._held())
-        self.free = np.concatenate([self.free, np.arange(count, self.n)])
+        held = [self.node(g.bar, g.s)[np.isinf((*g.along, *g.about))] for g in frame.grounds]
+        used = np.unique(np.concatenate([d.ravel() for d in self.dofs.values()]))
+        self.free = np.concatenate([np.setdiff1d(used, np.concatenate(held)), np.arange(count, self.n)])
 
-    def _held(self) -> IndexArray:
-        foot = self.dofs[self.frame.bars[0].name][0, :3]
-        return np.asarray(foot[np.isinf(self.frame.ground)])
+    def node(self, bar: str, s: float) -> IndexArray:
+        """Degrees of freedom (6,) of the node at a break."""
+        return np.asarray(self.dofs[bar][2 * int(np.argmin(np.abs(self.ends[bar] - s)))])
+
+    def _join(self, meeting: Meeting) -> None:
+        """Let both bars' nodes be one in what they share."""
+        one, other = self.node(meeting.bar, meeting.s), self.node(meeting.other, meeting.t)
+        shared = np.array([True, True, True, *np.isinf(meeting.about)])
+        for keep, drop in zip(one[shared].tolist(), other[shared].tolist(), strict=True):
+            for dofs in self.dofs.values():
+                dofs[dofs == drop] = keep
 
     def rows(self, bar: str, s: float) -> FloatArray:
         """Rows (6, n) that read displacement and rotation at a point."""
@@ -228,13 +262,15 @@ class _Assembly:
         return [(np.concatenate(v), i, j) for v in found]
 
     def _attached(self) -> tuple[Any, Any]:
-        """Foot, joint, props and lumps."""
-        frame = self.frame
+        """Grounds, meetings, props and lumps."""
+        frame, unit = self.frame, np.eye(self.n)
         stiffness: list[tuple[float, FloatArray]] = []
-        foot, unit = self.dofs[frame.bars[0].name][0], np.eye(self.n)
-        stiffness += [(k, unit[d]) for k, d in zip(frame.ground, foot[:3], strict=True) if np.isfinite(k)]
-        stiffness += [(k, unit[d]) for k, d in zip(frame.foot, foot[3:], strict=True)]
-        stiffness += [(k, unit[a] - unit[b]) for k, a, b in zip(frame.joint, *self.joint, strict=True)]
+        for g in frame.grounds:
+            springs = zip((*g.along, *g.about), self.node(g.bar, g.s), strict=True)
+            stiffness += [(k, unit[d]) for k, d in springs if 0 < k < np.inf]
+        for m in frame.meetings:
+            one, other = self.node(m.bar, m.s)[3:], self.node(m.other, m.t)[3:]
+            stiffness += [(k, unit[a] - unit[b]) for k, a, b in zip(m.about, one, other, strict=True) if k < np.inf]
         stiffness += [(p.stiffness, self.rows(p.bar, p.s)[p.axis]) for p in frame.props]
         stiffness += [(b.stiffness, self._stretch(b)) for b in frame.braces]
         mass, own = [], self.n - sum(bool(lump.spring) for lump in frame.lumps)

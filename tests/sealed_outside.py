@@ -13,8 +13,8 @@ def five_masses(state: State, random: Random) -> Done:
     """Hang 80 to 250 g at each of five places."""
     after = state
     for _ in range(5):
-        bar, s = somewhere(state.frame, random, lowest=0.3)
-        after = with_lump(after, Lump(bar=bar, s=s, mass=random.uniform(0.08, 0.25)))
+        bar, s = somewhere(state, random, lowest=0.3)
+        after = with_lump(after, Lump(bar=bar, s=s, mass=state.scale.mass * random.uniform(0.08, 0.25)))
     return Done(state, after, ())
 
 

@@ -1,10 +1,12 @@
 """The way of a sealed case through the code that is judged; nothing of the truth goes with it."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from sealed_cases import N_AFTER, N_BEFORE, Case
+from sealed_designs import DESIGNS
 from sealed_signals import estimated
 from sealed_solid import STRUCTURE as SOLID_STRUCTURE
 from sealed_specimen import State
@@ -15,12 +17,16 @@ from oma import ModalEstimate, WindowQuality
 from updater import Structure, parse_structure, t_structure_toml
 
 _RMS = 0.01  # m/s2, at a loudness of one
-FRAME, BAR = parse_structure(t_structure_toml()), parse_structure(SOLID_STRUCTURE)
+FRAME = parse_structure(t_structure_toml())
 
 
-def structure_of(solid: bool) -> Structure:
+@lru_cache
+def structure_of(cell: str) -> Structure:
     """Return what the user believes to stand there."""
-    return BAR if solid else FRAME
+    which, _, _ = cell.rpartition(": ")
+    if which in DESIGNS:
+        return parse_structure(DESIGNS[which].toml())
+    return parse_structure(SOLID_STRUCTURE) if which == "solid" else FRAME
 
 
 def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
@@ -31,7 +37,7 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
         return explain(_filed(case), None, measured, heldout).explained.diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     after, heldout = (_after(case, random, noise) for _ in range(2))
-    found = explain_change(structure_of(case.cell.startswith("solid")), before, after, heldout)
+    found = explain_change(structure_of(case.cell), before, after, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from sealed_draws import Hidden
 
-_NEAR = 0.10  # m: a cause named farther from where it is than this is not the one that was done
 RIGHT, ALIAS, WRONG, MISPLACED, REFUSED, MISSED = "right", "alias", "wrong", "misplaced", "refused", "missed"
 
 
@@ -26,10 +25,10 @@ class Score:
         return self.outcome in {RIGHT, ALIAS}
 
 
-def score(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str) -> Score:
+def score(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, *, near: float = 0.1) -> Score:
     """Judge.
 
-    - right: the verdict and every name, channel and place (within 0.1 m, or where it acts) are what was done;
+    - right: the verdict and every name, channel and place (as near as `near`, or where it acts) are what was done;
     - alias: ambiguous, and each thing done is in an alias set that is stated;
     - wrong: something else was named, whether surely or not; misplaced: the right name at another place;
     - refused: unexplained; missed: nothing to explain. Both are right where there is nothing that could be named.
@@ -39,8 +38,9 @@ def score(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str) -> Sco
     answer : the JSON of `diagnose`
     hidden : what was done
     kind : of the case, which says what may be expected
+    near : a cause named farther from where it is than this [m] is not the one that was done
     """
-    outcome = _outcome(answer, hidden, kind)
+    outcome = _outcome(answer, hidden, kind, near)
     first = answer["causes"][0] if len(answer["causes"]) == 1 and len(hidden) == 1 else None
     same = first is not None and first["cause"] == hidden[0].cause
     return Score(
@@ -51,7 +51,7 @@ def score(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str) -> Sco
     )
 
 
-def _outcome(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str) -> str:
+def _outcome(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, near: float) -> str:
     verdict = answer["verdict"]
     if verdict == "nothing_to_explain":
         return RIGHT if kind in {"nothing", "small"} else MISSED
@@ -59,28 +59,28 @@ def _outcome(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str) -> 
         return RIGHT if kind == "outside" else REFUSED
     if kind in {"nothing", "outside"}:
         return WRONG
-    return _named(answer["causes"], hidden, sure=verdict == "explained")
+    return _named(answer["causes"], hidden, near, sure=verdict == "explained")
 
 
-def _named(causes: Sequence[Mapping[str, Any]], hidden: Sequence[Hidden], *, sure: bool) -> str:
+def _named(causes: Sequence[Mapping[str, Any]], hidden: Sequence[Hidden], near: float, *, sure: bool) -> str:
     """Judge the names: the same multiset if it is sure of them, each in some set if not."""
     said = sorted(str(cause["cause"]) for cause in causes)
     done = sorted(one.cause for one in hidden)
     if sure:
         if said != done:
             return WRONG
-        return RIGHT if all(any(_there(c, one) for c in causes) for one in hidden) else MISPLACED
+        return RIGHT if all(any(_there(c, one, near) for c in causes) for one in hidden) else MISPLACED
     sets = [{str(cause["cause"]), *map(str, cause["cannot_be_told_from"])} for cause in causes]
     return ALIAS if all(any(one.cause in names for names in sets) for one in hidden) else WRONG
 
 
-def _there(cause: Mapping[str, Any], one: Hidden) -> bool:
+def _there(cause: Mapping[str, Any], one: Hidden, near: float) -> bool:
     if cause["cause"] != one.cause:
         return False
     if one.channels:
         return set(cause["where"]["channels"]) & set(one.channels) != set() and _all_of(cause, one)
     away = _away(cause, one)
-    return away is None or away < max(_NEAR, one.reach)
+    return away is None or away < max(near, one.reach)
 
 
 def _all_of(cause: Mapping[str, Any], one: Hidden) -> bool:

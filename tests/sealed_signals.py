@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.signal import firwin, lfilter, upfirdn
 from sealed_specimen import Random, State
 
@@ -16,8 +17,7 @@ _NOISE = 2e-6  # m/s2/Hz^1/2
 _DENSITY = 5e-9  # of each force, N2/Hz
 START = 1_767_225_600_000_000_000
 N_MODES = 16  #: that are looked at
-BAND = 290.0  #: Hz, that is analysed
-WINDOW = 120.0  #: s, that the uncertainty law is taken at
+_UNSEEN = 0.02
 
 
 def modal_std(state: State, n_modes: int, noise: str) -> tuple[FloatArray, float]:
@@ -25,28 +25,32 @@ def modal_std(state: State, n_modes: int, noise: str) -> tuple[FloatArray, float
 
     Parameters
     ----------
-    noise : "law": that of a well excited window of 120 s, and 0.3 %; "coarse": 0.1 % and 2 %
+    noise : "law": that of a well excited window, and 0.3 %; "coarse": 0.1 % and 2 %
     """
     if noise == "coarse":
         return np.full(n_modes, 1e-3), 0.02
     frequency = state.motion(n_modes).frequency
     pairs = zip(frequency, state.modal_damping(n_modes), strict=True)
-    return np.array([uncertainty_law(f, z, WINDOW)[0] / f for f, z in pairs]), SHAPE_STD
+    return np.array([uncertainty_law(f, z, state.scale.window)[0] / f for f, z in pairs]), SHAPE_STD
 
 
-def estimated(
-    state: State, n_windows: int, random: Random, *, first: int = 0, band: float = BAND, noise: str
-) -> list[ModalEstimate]:
-    """Return what analysis would say of windows; modes above `band` [Hz] or that hardly move a sensor are not seen."""
-    total = N_MODES
+def is_seen(state: State, n_modes: int) -> npt.NDArray[np.bool_]:
+    """Say which modes (n_modes,) are in the band and move sensors by a twentieth of what modes usually do."""
+    frequency, moves = state.claimed_frequency(n_modes), np.linalg.norm(state.claimed_shape(n_modes), axis=1)
+    usual = np.median(moves[moves > _UNSEEN * moves.max()])
+    return np.asarray((frequency < state.scale.band) & (moves > 0.05 * usual))
+
+
+def estimated(state: State, n_windows: int, random: Random, *, first: int = 0, noise: str) -> list[ModalEstimate]:
+    """Return what analysis would say of windows; modes above the band or that hardly move a sensor are not seen."""
+    total, seconds = N_MODES, state.scale.window
     frequency, shape = state.claimed_frequency(total), state.claimed_shape(total)
-    moves = np.linalg.norm(shape, axis=1)
-    seen = np.flatnonzero((frequency < band) & (moves > 0.05 * np.median(moves)))
+    moves, seen = np.linalg.norm(shape, axis=1), np.flatnonzero(is_seen(state, total))
     std, shape_std = (np.asarray(s)[seen] if np.ndim(s) else s for s in modal_std(state, total, noise))
     turned = np.exp(-2j * np.pi * frequency[seen, None] * state.delay[state.order])
     exact = shape[seen] / moves[seen, None] * turned
     damping = state.modal_damping(total)[seen]
-    damping_std = np.array([uncertainty_law(f, z, WINDOW)[1] for f, z in zip(frequency[seen], damping, strict=True)])
+    damping_std = np.array([uncertainty_law(f, z, seconds)[1] for f, z in zip(frequency[seen], damping, strict=True)])
     n, m = exact.shape
     found = []
     for window in range(first, first + n_windows):
@@ -62,8 +66,8 @@ def estimated(
                 shape_std=np.full((n, m), float(shape_std)),
                 support=np.ones(n),
                 law_ratio=np.ones(n),
-                start=START + round(window * WINDOW * 1e9),
-                end=START + round((window + 1) * WINDOW * 1e9),
+                start=START + round(window * seconds * 1e9),
+                end=START + round((window + 1) * seconds * 1e9),
             )
         )
     return found

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from sealed_frame import Bar, Frame, Lump, Vector, Zone
+from sealed_frame import Bar, Frame, Ground, Lump, Meeting, Vector, Zone
 
 from daq import FloatArray, IndexArray
 
@@ -35,6 +35,17 @@ class Motion:
     frequency: FloatArray  #: (n_modes,) [Hz]
     at_sensors: FloatArray  #: (n_modes, n_channels) mass-normalised
     at_forces: FloatArray  #: (n_modes, n_forces)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How large a specimen is, over the T-frame, and how it is measured."""
+
+    length: float = 1.0
+    mass: float = 1.0
+    stiffness: float = 1.0  #: E I / L
+    band: float = 290.0  #: Hz, that is analysed
+    window: float = 120.0  #: s, that the uncertainty law is taken at
 
 
 class Body(Protocol):
@@ -84,6 +95,7 @@ class State:
     clock: float = 1.0  #: samples a second over what is claimed
     temperature: float = REFERENCE_TEMPERATURE  #: what devices report
     loudness: float = 1.0  #: of the forces
+    scale: Scale = Scale()
     solved: dict[int, Motion] = field(default_factory=dict)
 
     @property
@@ -189,8 +201,13 @@ def _frame(random: Random) -> Frame:
             )
         )
     unit = 210e9 * 9.3e-8 / _SPAN
-    foot, joint = (unit / random.uniform(0.001, 0.01, 3) for _ in range(2))
-    return Frame(bars=(bars[0], bars[1]), middle=_HALF, foot=_three(foot), joint=_three(joint), lumps=_carried(random))
+    foot, joint = (_three(unit / random.uniform(0.001, 0.01, 3)) for _ in range(2))
+    return Frame(
+        bars=tuple(bars),
+        grounds=(Ground(bar="column", s=0.0, about=foot),),
+        meetings=(Meeting(bar="column", s=_SPAN, other="crossbeam", t=_HALF, about=joint),),
+        lumps=_carried(random),
+    )
 
 
 def _weld(name: str, much: float) -> tuple[Zone, ...]:

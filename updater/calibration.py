@@ -1,7 +1,7 @@
 """Physical parameters of the structure fitted to the baseline's frequencies, before the one-step update.
 
-By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), rotational flexibility
-of each support and of each joint, and how much stiffer than their axes members are where they meet. Density is not
+By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), what each support and
+joint gives, and how much stiffer than their axes members are where they meet. Density is not
 fitted: frequencies alone cannot tell it from stiffness.
 """
 
@@ -10,7 +10,9 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
+from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from oma import pair_modes
@@ -19,17 +21,17 @@ from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.internal_actions import parts_between
-from updater.knobs import TURNS, Knob, apply_knobs, bending_stiffness, knobs_of, meetings, welded
+from updater.knobs import TURNS, Knob, apply_knobs, flexibility_unit, joint_at, knobs_of, welded
 from updater.modal_checks import check_baseline, check_unit
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
-from updater.structure import Structure
+from updater.structure import AXES, Structure
 
 FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
 _SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less there is not seen
 _MOST_MODES = 120  # of the model
-_START = 1e-3  # where it begins
+_ALIKE = 0.9  # MAC beyond which a mode answers to one of the model as the file has it, no doubt
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
 
@@ -38,7 +40,7 @@ class Parameter:
     """One fitted quantity."""
 
     name: str  #: such as `support 0 ry`
-    value: float  #: factor of stiffness, c E I / L, or share of flexibility that a weld takes [-]
+    value: float  #: factor of stiffness, c E I / L, along an axis c E I / L^3, or share that a weld takes [-]
     std: float
     at_bound: bool  #: that it would leave what is possible if it could
 
@@ -56,6 +58,11 @@ class Calibration:
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
     reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
+
+    def only(self, kept: npt.NDArray[np.bool_]) -> "Calibration":
+        """Return the same with some of the tracks (n_tracks,)."""
+        names = ("tracks", "paired", "nominal_frequency", "nominal_mac")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
 
 def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -> Calibration:
@@ -88,29 +95,40 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
             f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
             "mapped rightly?"
         )
+    likeness = _likeness(measured, answers, seen)
+    knobs, alike = knobs_of(structure), np.flatnonzero(likeness > _ALIKE)
+    if 3 <= len(alike) < (answers >= 0).sum():  # what else answers is told better by a model that is nearly right
+        first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
+        nearer = best_model(apply_knobs(structure, knobs, first.value))
+        close = nearer.modes(len(modes.frequency))
+        read = channel_rows(nearer, measured.channels)
+        answers = pair_modes(frequency, measured.shape, close.frequency, (read @ close.shape).T)
     tracks = np.flatnonzero(answers >= 0)
-    measured = measured.only(tracks)
-    paired = answers[tracks]
-    knobs = knobs_of(structure)
-    fit = fit_parameters(_Misfit(structure, knobs, measured, paired), _prior(knobs))
+    misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
+    fit = fit_parameters(misfit, _prior(knobs))
     fitted = apply_knobs(structure, knobs, fit.value)
     model = best_model(fitted)
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
-    cross = (measured.shape * seen[paired]).sum(1) ** 2
     return Calibration(
         structure=fitted,
         model=model,
         modes=model.modes(len(modes.frequency)),
         tracks=tracks,
-        paired=paired,
-        nominal_frequency=modes.frequency[paired],
-        nominal_mac=cross / (seen[paired] ** 2).sum(1),
+        paired=misfit.partners(fit.value),
+        nominal_frequency=modes.frequency[answers[tracks]],
+        nominal_mac=_likeness(measured, answers, seen)[tracks],
         parameters=tuple(
             Parameter(name=k.name, value=float(v), std=float(s), at_bound=bool(b))
             for k, v, s, b in zip(knobs, value, fit.std, fit.at_bound, strict=True)
         ),
         reason=fit.reason,
     )
+
+
+def _likeness(measured: ModalMean, answers: IndexArray, seen: FloatArray) -> FloatArray:
+    """Return the MAC (n_tracks,) of each mode with the one of the model that answers to it; 0 where none does."""
+    cross = (measured.shape * seen[answers]).sum(1) ** 2
+    return np.asarray(np.where(answers >= 0, cross / (seen[answers] ** 2).sum(1), 0.0))
 
 
 def _enough(model: Model, rows: FloatArray, n_modes: int, n_seen: int) -> Modes:
@@ -135,36 +153,45 @@ def _enough(model: Model, rows: FloatArray, n_modes: int, n_seen: int) -> Modes:
 
 
 def _prior(knobs: list[Knob]) -> Prior:
-    lower = np.array([k.lower for k in knobs])
     return Prior(
-        mean=np.zeros(len(knobs)),
+        mean=np.array([k.mean for k in knobs]),
         std=np.array([k.prior for k in knobs]),
-        lower=lower,
+        lower=np.array([k.lower for k in knobs]),
         upper=np.array([k.upper for k in knobs]),
-        start=np.array([0.0 if k.kind == "stiffness" else _START for k in knobs]),
+        start=np.array([k.start for k in knobs]),
     )
 
 
 class _Misfit:
-    """Log frequencies of the structure with parameters x over the measured ones."""
+    """Log frequencies of the structure with parameters x over the measured ones.
 
-    def __init__(self, structure: Structure, knobs: list[Knob], measured: ModalMean, paired: IndexArray) -> None:
-        self._structure, self._knobs, self._paired = structure, knobs, paired
-        self._meetings = meetings(structure)
-        self._goal = measured.log_frequency
+    A parameter may carry a mode across another, so that partners are looked for anew at each x.
+    """
+
+    def __init__(self, structure: Structure, knobs: list[Knob], measured: ModalMean, n_modes: int) -> None:
+        self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
         self._tolerance = np.hypot(measured.log_frequency_std, FREQUENCY_ERROR)
         self._solved = lru_cache(1)(self._solve)
 
-    def _solve(self, *x: float) -> tuple[Model, Modes]:
+    def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
         model = best_model(apply_knobs(self._structure, self._knobs, np.array(x)))
-        modes = model.modes(int(self._paired.max()) + 1)
-        return model, Modes(frequency=modes.frequency[self._paired], shape=modes.shape[:, self._paired])
+        modes = model.modes(self._n_modes)
+        seen = channel_rows(model, self._measured.channels) @ modes.shape
+        seen /= np.maximum(np.linalg.norm(seen, axis=0), 1e-12)
+        unlike = 1 - (self._measured.shape @ seen) ** 2
+        apart = np.abs(np.log(modes.frequency) - self._measured.log_frequency[:, None])
+        _, partner = linear_sum_assignment(unlike + apart)
+        return model, Modes(frequency=modes.frequency[partner], shape=modes.shape[:, partner]), partner
+
+    def partners(self, x: FloatArray) -> IndexArray:
+        """Return the model mode (n_tracks,) that answers to each measured one."""
+        return self._solved(*x)[2]
 
     def residual(self, x: FloatArray) -> FloatArray:
-        return np.asarray((np.log(self._solved(*x)[1].frequency) - self._goal) / self._tolerance)
+        return np.asarray((np.log(self._solved(*x)[1].frequency) - self._measured.log_frequency) / self._tolerance)
 
     def slope(self, x: FloatArray) -> FloatArray:
-        model, modes = self._solved(*x)
+        model, modes, _ = self._solved(*x)
         columns = [self._by_knob(model, modes, x, i) for i in range(len(self._knobs))]
         return np.asarray(np.column_stack(columns) / self._tolerance[:, None])
 
@@ -187,7 +214,7 @@ class _Misfit:
     def _by_weld(self, model: Model, modes: Modes, knob: Knob, less: float) -> FloatArray:
         """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
         gained = np.zeros(len(modes.omega))
-        for member, start, end in welded(self._structure, self._meetings[knob.target]):
+        for member, start, end in welded(self._structure, knob.at):
             for element, local in parts_between(model, modes.shape, member, start, end):
                 more, fewer = (replace(element, bending=element.bending * np.exp(h)) for h in (_STEP, -_STEP))
                 change = (more.elastic_stiffness() - fewer.elastic_stiffness()) @ local / (2 * _STEP)
@@ -195,19 +222,18 @@ class _Misfit:
         return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
 
     def _by_spring(self, model: Model, modes: Modes, knob: Knob) -> FloatArray:
-        """Return d ln omega / dc, -q^2 / (2 omega^2 E I / L) by the moments q of the modes in the spring."""
-        axis = TURNS.index(knob.axis)
+        """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
         if knob.kind == "support":
             support = model.structure.support[int(knob.target)]
-            row, stiffness = model.turn_rows(support.at, axis), support.stiffness[knob.axis]
+            row, spring = model.node_rows(support.at, AXES.index(knob.axis)), support.stiffness[knob.axis]
         else:
-            joint = next(j for j in model.structure.joint if j.member == knob.target)
-            row, stiffness = (
-                model.joint_rows(joint, axis),
+            joint = joint_at(model.structure, knob)
+            row, spring = (
+                model.joint_rows(joint, TURNS.index(knob.axis)),
                 next(v for a, v in joint.stiffness.items() if a == knob.axis),
             )
-        moment = stiffness * (row @ modes.shape)
-        return np.asarray(-(moment**2) / (2 * modes.omega**2 * bending_stiffness(self._structure)))
+        force = spring * (row @ modes.shape)
+        return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis)))
 
 
 def best_model(structure: Structure) -> Model:

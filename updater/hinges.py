@@ -74,7 +74,7 @@ def _row(model: Model, dofs: IntArray, values: FloatArray) -> sparse.csr_array:
 
 def _of_supports(model: Model) -> list[_Hinge]:
     return [
-        (f"foot {i}", np.array(support.at), axis, sparse.csr_array(model.turn_rows(support.at, axis)[None]))
+        (f"foot {i}", np.array(support.at), axis, sparse.csr_array(model.node_rows(support.at, 3 + axis)[None]))
         for i, support in enumerate(model.structure.support)
         for axis, name in enumerate(_TURNS)
         if name in support.stiffness

@@ -1,90 +1,145 @@
 """Physical parameters of a structure that may be fitted, with what is known of them: its knobs."""
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from daq import FloatArray
+from updater.entry import Vector
 from updater.structure import AXES, Axis, Joint, Member, Segment, Structure, Support
+from updater.structure_checks import ON_MEMBER
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
-_RIGID = 1e-6  # the least flexibility c E I / L
+_BEARING_PRIOR = 1e-4  # of c E I / L^3: what a nominally rigid bearing gives along an axis
+_STATED_PRIOR = 1.0  # of a spring's flexibility over what the file says: it may be twice that, or half
+_LEAST_STATED = 0.1  # of the flexibility that the file says
+_RIGID = 1e-6  # the least flexibility of a turn, c E I / L
+_UNMOVED = 1e-8  # the least of a bearing, c E I / L^3
 _WELD_PRIOR = 0.5  # of the share of its flexibility that a joint's zone lacks beside the members' own
 _WELDED = 0.95  # the most
 _THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
 _MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
+_START = 0.05  # of its standard deviation: where what is nominally rigid or not welded begins
 TURNS = AXES[3:]
+Meeting = tuple[str, Vector]  #: a member, and where it meets others
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Knob:
-    """A parameter: ln of a material's stiffness, a connection's flexibility c E I / L about one axis, or of its weld.
+    """A parameter: ln of a material's stiffness, a connection's flexibility along or about one axis, or its weld.
 
-    Members that meet overlap and are welded: near the joint they give less than their axes, drawn to a point, do. Of
-    that flexibility a weld takes a share.
+    Flexibilities are c E I / L about an axis, c E I / L^3 along one, of the longest member. Members that meet overlap
+    and are welded: near the joint they give less than their axes, drawn to a point, do. Of that flexibility a weld
+    takes a share.
     """
 
     name: str
-    prior: float  #: standard deviation about zero
-    lower: float  #: least value
+    prior: float  #: standard deviation about the mean
     kind: Literal["stiffness", "support", "joint", "weld"]
-    target: str  #: material, index of the support, or member
+    target: str = ""  #: material, index of the support, or member
+    at: Vector = (0.0, 0.0, 0.0)  #: of a joint or weld [m]
     axis: Axis = "x"
+    mean: float = 0.0  #: what is expected
+    lower: float = -np.inf  #: least value
     upper: float = np.inf  #: greatest value
 
+    @property
+    def start(self) -> float:
+        """Where a fit begins."""
+        return self.mean if self.mean or np.isinf(self.lower) else min(_START * self.prior, self.upper / 2)
 
-def with_springs(structure: Structure, flexibility: float = 1e-5) -> Structure:
-    """Return the structure with springs where feet and joints are rigid, so stiff (c E I / L) that it shows nowhere."""
-    knobs = [knob for knob in knobs_of(structure) if knob.kind in {"support", "joint"}]
-    return apply_knobs(structure, knobs, np.full(len(knobs), flexibility))
+
+def with_springs(structure: Structure) -> Structure:
+    """Return the structure with springs where feet, bearings and joints are rigid, so stiff that it shows nowhere."""
+    knobs = [knob for knob in knobs_of(structure) if knob.kind in {"support", "joint"} and not knob.mean]
+    return apply_knobs(structure, knobs, np.array([10 * knob.lower for knob in knobs]))
 
 
 def knobs_of(structure: Structure) -> list[Knob]:
-    """Return the stiffness of each material and what each foot and joint may give."""
+    """Return the stiffness of each material and what each foot, bearing and joint may give."""
     if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
-        return [Knob("stiffness", _STIFFNESS_PRIOR, -np.inf, "stiffness", "")]
-    knobs = [Knob(f"stiffness of {m}", _STIFFNESS_PRIOR, -np.inf, "stiffness", m) for m in structure.material]
+        return [Knob(name="stiffness", prior=_STIFFNESS_PRIOR, kind="stiffness")]
+    knobs = [
+        Knob(name=f"stiffness of {m}", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m) for m in structure.material
+    ]
     for i, support in enumerate(structure.support):
-        held = [a for a in TURNS if a in support.fixed]
-        knobs += [Knob(f"support {i} flexibility {a}", _FLEXIBILITY_PRIOR, _RIGID, "support", str(i), a) for a in held]
-    for member in meetings(structure):
-        knobs += [
-            Knob(f"joint of {member} flexibility {a}", _FLEXIBILITY_PRIOR, _RIGID, "joint", member, a) for a in TURNS
-        ]
-        knobs.append(Knob(f"weld of {member}", _WELD_PRIOR, 0.0, "weld", member, upper=_WELDED))
+        knobs += [_rigid(f"support {i}", a, "support", str(i), support.at) for a in may_give(support)]
+        knobs += [_stated(structure, f"support {i}", a, "support", str(i), support) for a in support.stiffness]
+    found = meetings(structure)
+    times = Counter([*(joint.member for joint in structure.joint), *(member for member, _ in found)])
+    for joint in structure.joint:
+        name = f"joint of {joint.member}" + _place(joint.at, times[joint.member])
+        knobs += [_stated(structure, name, a, "joint", joint.member, joint) for a in joint.stiffness]
+    for member, at in found:
+        place = _place(at, times[member])
+        knobs += [_rigid(f"joint of {member}{place}", a, "joint", member, at) for a in TURNS]
+        weld = f"weld of {member}{place}"
+        knobs.append(Knob(name=weld, prior=_WELD_PRIOR, kind="weld", target=member, at=at, lower=0.0, upper=_WELDED))
     return knobs
 
 
-def meetings(structure: Structure) -> dict[str, tuple[float, float, float]]:
-    """Members that another member's end meets rigidly -> the point; each meeting once, springs on the later member."""
-    found: dict[str, tuple[float, float, float]] = {}
+def may_give(support: Support) -> list[Axis]:
+    """Return the fixed axes that may give a little: turns, and what a bearing, which lets something turn, holds."""
+    clamped = all(a in support.fixed or a in support.stiffness for a in TURNS)
+    return [a for a in support.fixed if a in TURNS or not clamped]
+
+
+def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str, at: Vector) -> Knob:
+    prior, lower = (_FLEXIBILITY_PRIOR, _RIGID) if axis in TURNS else (_BEARING_PRIOR, _UNMOVED)
+    return Knob(name=f"{name} flexibility {axis}", prior=prior, kind=kind, target=target, at=at, axis=axis, lower=lower)
+
+
+def _stated(
+    structure: Structure, name: str, axis: Axis, kind: Literal["support", "joint"], target: str, spring: Support | Joint
+) -> Knob:
+    mean = flexibility_unit(structure, axis) / dict(spring.stiffness)[axis]  # type: ignore[index]
+    return Knob(
+        name=f"{name} flexibility {axis}",
+        prior=_STATED_PRIOR * mean,
+        kind=kind,
+        target=target,
+        at=spring.at,
+        axis=axis,
+        mean=mean,
+        lower=_LEAST_STATED * mean,
+    )
+
+
+def _place(at: Vector, times: int) -> str:
+    """Return where, for a member that has joints at several places."""
+    return " at ({:g}, {:g}, {:g})".format(*at) if times > 1 else ""
+
+
+def meetings(structure: Structure) -> list[Meeting]:
+    """Return where members' ends meet others rigidly: of n at a point without joints, all but the first."""
     if structure.external is not None:
-        return found
-    for i, member in enumerate(structure.member):
-        for other in structure.member[:i]:
-            for point in (other.start, other.end, member.start, member.end):
-                if member.name not in found and _on(member, point) and _on(other, point):
-                    found[member.name] = point
-    given = {joint.member for joint in structure.joint}
-    return {name: point for name, point in found.items() if name not in given}
+        return []
+    found: list[Meeting] = []
+    points: list[Vector] = []
+    for point in (end for member in structure.member for end in (member.start, member.end)):
+        if any(_same(point, other) for other in points):
+            continue
+        points.append(point)
+        loose = {joint.member for joint in structure.joint if _same(joint.at, point)}
+        there = [m.name for m in structure.member if m.name not in loose and m.passes(point)]
+        found += [(name, point) for name in there[1:]]
+    return found
 
 
-def _on(member: Member, point: tuple[float, float, float]) -> bool:
-    along = np.subtract(member.end, member.start) / member.length
-    s = float(np.clip(np.dot(np.subtract(point, member.start), along), 0, member.length))
-    return bool(np.linalg.norm(member.point(s) - np.asarray(point)) < 1e-6)
+def _same(one: Vector, other: Vector) -> bool:
+    return bool(np.linalg.norm(np.subtract(one, other)) < ON_MEMBER)
 
 
 def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Structure:
     """Return the structure with the parameters `x` written into it."""
     material = dict(structure.material)
-    springs: dict[tuple[str, str], dict[str, float]] = {}
-    meeting = meetings(structure)
+    supports, joints = list(structure.support), list(structure.joint)
     welds: list[Segment] = []
     external = structure.external
-    for knob, value in zip(knobs, x, strict=True):
+    for knob, value in zip(knobs, x.tolist(), strict=True):
         if knob.kind == "stiffness" and external is not None:
             external = external.model_copy(update={"factor": external.factor * float(np.exp(value))})
         elif knob.kind == "stiffness":
@@ -92,27 +147,42 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
         elif knob.kind == "weld":
-            welds += _welds(structure, meeting[knob.target], float(value))
+            welds += _welds(structure, knob.at, value)
+        elif knob.kind == "support":
+            i, spring = int(knob.target), flexibility_unit(structure, knob.axis) / value
+            supports[i] = _sprung(supports[i], knob.axis, spring)
         else:
-            springs.setdefault((knob.kind, knob.target), {})[knob.axis] = bending_stiffness(structure) / float(value)
-    supports = [_sprung(s, springs.get(("support", str(i)), {})) for i, s in enumerate(structure.support)]
-    joints = [
-        Joint.model_validate({"member": name, "at": meeting[name], "stiffness": axes})
-        for (kind, name), axes in springs.items()
-        if kind == "joint"
-    ]
+            _put_joint(joints, knob, flexibility_unit(structure, knob.axis) / value)
     return structure.model_copy(
         update={
             "external": external,
             "material": material,
             "support": tuple(supports),
-            "joint": (*structure.joint, *joints),
+            "joint": tuple(joints),
             "segment": (*structure.segment, *welds),
         }
     )
 
 
-def _welds(structure: Structure, point: tuple[float, float, float], less: float) -> list[Segment]:
+def _put_joint(joints: list[Joint], knob: Knob, spring: float) -> None:
+    """Write a spring into the joint of its member at its place, which it makes if there is none."""
+    for i, joint in enumerate(joints):
+        if _is_of(joint, knob):
+            joints[i] = joint.model_copy(update={"stiffness": {**joint.stiffness, knob.axis: spring}})
+            return
+    joints.append(Joint.model_validate({"member": knob.target, "at": knob.at, "stiffness": {knob.axis: spring}}))
+
+
+def joint_at(structure: Structure, knob: Knob) -> Joint:
+    """Return the joint that a knob belongs to."""
+    return next(joint for joint in structure.joint if _is_of(joint, knob))
+
+
+def _is_of(joint: Joint, knob: Knob) -> bool:
+    return joint.member == knob.target and _same(joint.at, knob.at)
+
+
+def _welds(structure: Structure, point: Vector, less: float) -> list[Segment]:
     """Return the ends of the members that meet at a point, with so much less flexibility in bending and twist."""
     found = []
     for member, start, end in welded(structure, point):
@@ -121,24 +191,30 @@ def _welds(structure: Structure, point: tuple[float, float, float], less: float)
     return found
 
 
-def welded(structure: Structure, point: tuple[float, float, float]) -> list[tuple[Member, float, float]]:
+def welded(structure: Structure, point: Vector) -> list[tuple[Member, float, float]]:
     """Return the members that meet at a point, and from where to where along each the joint reaches [m]."""
     found = []
     for member in structure.member:
-        if _on(member, point):
+        if member.passes(point):
             section, s = structure.section[member.section], float(np.linalg.norm(np.subtract(point, member.start)))
             reach = min(_THICK * (max(section.second_moment) / section.area) ** 0.5, _MOST_OF_MEMBER * member.length)
             found.append((member, max(s - reach, 0.0), min(s + reach, member.length)))
     return found
 
 
-def _sprung(support: Support, springs: dict[str, float]) -> Support:
-    fixed = [axis for axis in support.fixed if axis not in springs]
-    return Support.model_validate({"at": support.at, "fixed": fixed, "stiffness": {**support.stiffness, **springs}})
+def _sprung(support: Support, axis: Axis, spring: float) -> Support:
+    fixed = tuple(a for a in support.fixed if a != axis)
+    return support.model_copy(update={"fixed": fixed, "stiffness": {**support.stiffness, axis: spring}})
+
+
+def flexibility_unit(structure: Structure, axis: Axis) -> float:
+    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: what flexibilities count in."""
+    unit = bending_stiffness(structure)
+    return unit if axis in TURNS else unit / max(member.length for member in structure.member) ** 2
 
 
 def bending_stiffness(structure: Structure) -> float:
-    """E I / L of the longest member: the measure of every flexibility [N m/rad]."""
+    """E I / L of the longest member [N m/rad]."""
     member = max(structure.member, key=lambda m: m.length)
     section = structure.section[member.section]
     return structure.material[member.material].youngs_modulus * max(section.second_moment) / member.length

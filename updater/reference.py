@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
-from oma import ModalEstimate, pair_modes
+from oma import ModalEstimate, mac_matrix, pair_modes
 from updater.calibration import Calibration, calibrate, channel_rows
 from updater.delays import NO_DELAYS, DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
@@ -15,6 +16,10 @@ from updater.fe.modes import Modes
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks, stated_scatter
 from updater.structure import Structure
 
+_SAME_SHAPE = 0.9  # MAC, and
+_NEAR = 0.05  # of ln f: modes that may be taken for each other
+_HIDDEN = 0.05  # of what modes usually move sensors by: what moves them less they do not see, unless it mixes
+_MIXED = 0.015  # of ln f, within which it does
 _GOOD = 1e-3  # rms of ln f: how well a good model answers to the baseline
 
 
@@ -29,6 +34,12 @@ class Reference:
     shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [A B2], in the order of the model's modes
     windows: TrackedModes  #: of the baseline: what undisturbed windows look like
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
+    unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
+
+    @property
+    def known(self) -> ModalMean:
+        """All modes of the baseline, the tracks first: what the modes of other windows may be."""
+        return self.baseline if self.unanswered is None else self.baseline.joined(self.unanswered)
 
     @property
     def paired(self) -> IndexArray:
@@ -76,8 +87,9 @@ def learn_reference(
     The measured modes are expanded in clusters of the paired modes only and orthonormalised, so that the mass is not
     altered (eqs 7, 9 to 12) and the change is one of stiffness (eq. 8).
 
-    Measured modes without a partner in the model are left out; `calibration.tracks` says which stayed. `delays`
-    are kept for the windows to come: they have been removed from these. With `stated` the windows' own standard
+    Measured modes without a partner in the model are only kept so that no other is taken for them;
+    `calibration.tracks` says which have one. `delays` are kept for the windows to come: they have been removed from
+    these. With `stated` the windows' own standard
     deviations are taken at their word; else how far they really scatter is learnt from three or more of them.
 
     Raises
@@ -88,11 +100,14 @@ def learn_reference(
         With fewer than three windows, unless `stated`.
     """
     tracked = stack_tracks(estimates, tracks)
-    calibration = calibrate(structure, mean_modes(tracked))
+    every = mean_modes(tracked)
+    calibration = calibrate(structure, every)
+    calibration = calibration.only(~_mistakable(every, calibration))
     kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
     scatter = stated_scatter(kept) if stated else learn_scatter(kept)
     baseline = scatter.mean(kept)
     updated = first_stage(calibration.model, calibration.modes, calibration.paired, baseline)
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(every.log_frequency)), calibration.tracks)
     return Reference(
         calibration=calibration,
         baseline=baseline,
@@ -101,7 +116,26 @@ def learn_reference(
         shape=updated.shape,
         windows=kept,
         delays=delays,
+        unanswered=every.only(others) if len(others) else None,
     )
+
+
+def _mistakable(measured: ModalMean, calibration: Calibration) -> npt.NDArray[np.bool_]:
+    """Tell which tracks (n_tracks,) the sensors may take another mode for, once something has changed.
+
+    A twist that they see as the bending beside it, since it has a little of that: one that was measured too, or one of
+    the model's that only shows where the two mix. Three tracks are left at least.
+    """
+    tracks, paired = calibration.tracks, calibration.paired
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(measured.log_frequency)), tracks)
+    alike = mac_matrix(measured.shape[tracks], measured.shape[others]) > _SAME_SHAPE
+    near = np.abs(measured.log_frequency[tracks, None] - measured.log_frequency[others]) < _NEAR
+    frequency = calibration.modes.frequency
+    moves = np.linalg.norm(channel_rows(calibration.model, measured.channels) @ calibration.modes.shape, axis=0)
+    hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[paired])), paired)
+    beside = np.abs(np.log(frequency[paired, None] / frequency[hidden])) < _MIXED
+    found = np.asarray((alike & near).any(1) | beside.any(1))
+    return found if (~found).sum() >= 3 else np.zeros(len(tracks), bool)
 
 
 def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalMean) -> Modes:

@@ -127,6 +127,15 @@ class ModalMean:
         unknown = np.full(self.shape.shape, np.nan)
         return replace(self, shape=unknown, shape_std=unknown, imaginary=unknown, imaginary_std=unknown)
 
+    def joined(self, other: "ModalMean") -> "ModalMean":
+        """Return these modes and then another's, at the same channels."""
+        both = {
+            f.name: np.concatenate([getattr(self, f.name), getattr(other, f.name)])
+            for f in fields(self)
+            if f.name != "channels"
+        }
+        return ModalMean(channels=self.channels, **both)
+
     def only(self, tracks: IndexArray) -> "ModalMean":
         """Return the mean of some tracks."""
         kept = {f.name: getattr(self, f.name)[tracks] for f in fields(self) if f.name != "channels"}

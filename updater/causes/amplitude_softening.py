@@ -118,7 +118,7 @@ class AmplitudeSoftening(Discrete):
             turn = np.zeros(3)
             turning = np.flatnonzero(springs.couple[number].any(1))
             own_axes = slice(at, at + len(turning))
-            turn[turning] = np.maximum(level * flexible[own_axes], self.least[own_axes]) * springs.unit
+            turn[turning] = np.maximum(level * flexible[own_axes], self.least[own_axes]) * springs.unit[number, turning]
             structure = springs.extend(structure, number, turn)
             at += len(turning)
         return stiffened(structure, float(np.exp(2 * level * own.mean())))
@@ -183,8 +183,8 @@ def _turning(connection: Connection) -> FloatArray:
 def _stiffest(connection: Connection) -> FloatArray:
     """Return the flexibilities (n_axes,) that can be taken off about those axes, negative [rad/(N m)]."""
     springs, number = connection
-    own: FloatArray = springs.lower[number][springs.couple[number].any(1)] / springs.unit
-    return _STIFFEST * own
+    turning = springs.couple[number].any(1)
+    return np.asarray(_STIFFEST * (springs.lower[number] / springs.unit[number])[turning])
 
 
 def _combined(value: FloatArray, std: FloatArray, prior: float) -> tuple[float, float]:

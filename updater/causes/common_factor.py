@@ -14,7 +14,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.reanalysis import Effect, no_effect
-from updater.structure import Structure
+from updater.reference import Reference
+from updater.structure import AXES, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -45,18 +46,49 @@ class CommonFactor(Discrete):
         """Return the logarithm of the factor on frequencies, and its standard deviation."""
         return float(self.log_factor(fit.theta[0])), self.spread * float(fit.covariance[0, 0, 0] ** 0.5)
 
+    @property
+    def flexibility(self) -> FloatArray:
+        """Modal flexibility Lambda^-1 (n_modes, n_modes) of what the factor is on [s2]."""
+        return np.diag((2 * np.pi * self.comparison.frequency) ** -2.0)
+
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the flexibility over the squared factor."""
-        flexibility = np.diag((2 * np.pi * self.comparison.frequency) ** -2.0)
-        change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * flexibility
+        change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.flexibility
         return replace(no_effect(len(rows), self.comparison), flexibility=change)
 
     def where(self, fit: "Fit[Cause]") -> None:
         """Return none: it is everywhere."""
 
 
-def stiffened(structure: Structure, factor: float) -> Structure:
-    """Return a structure with all its materials and springs so much stiffer."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OwnFactor(CommonFactor):
+    """A factor on what is the structure's own: what it stands on is not."""
+
+    ground: FloatArray  #: (n_modes, n_modes) modal flexibility of the springs to the ground [s2]
+
+    @property
+    def flexibility(self) -> FloatArray:
+        """Modal flexibility (n_modes, n_modes) of members and joints [s2]."""
+        return super().flexibility - self.ground
+
+
+def ground_flexibility(reference: Reference) -> FloatArray:
+    """Return the modal flexibility (n_modes, n_modes) of the springs to the ground [s2].
+
+    Of a spring k that modes move by u, k u_r u_s / (omega_r^2 omega_s^2).
+    """
+    model, n = reference.calibration.model, len(reference.frequency)
+    found = np.zeros((n, n))
+    for support in reference.calibration.structure.support:
+        for axis, stiffness in support.stiffness.items():
+            moved = model.node_rows(support.at, AXES.index(axis)) @ reference.shape
+            under = moved / (2 * np.pi * reference.frequency) ** 2
+            found += stiffness * np.outer(under, under)
+    return found
+
+
+def stiffened(structure: Structure, factor: float, *, ground: bool = True) -> Structure:
+    """Return a structure with all its materials and springs so much stiffer, those to the ground only if asked."""
     material = {
         name: m.model_copy(
             update={"youngs_modulus": m.youngs_modulus * factor, "shear_modulus": m.shear_modulus * factor}
@@ -68,7 +100,8 @@ def stiffened(structure: Structure, factor: float) -> Structure:
             part.model_copy(update={"stiffness": {axis: k * factor for axis, k in part.stiffness.items()}})
             for part in parts
         )
-        for kind, parts in (("support", structure.support), ("joint", structure.joint))
+        for kind, parts in (("support", structure.support if ground else ()), ("joint", structure.joint))
+        if parts
     }
     own = tuple(o.model_copy(update={"frequency": o.frequency * factor**0.5}) for o in structure.oscillator)
     external = structure.external

@@ -1,4 +1,4 @@
-"""One factor on Young's and the shear modulus of all members and on all springs."""
+"""One factor on Young's and the shear modulus of all members and on all joints; the ground keeps its own."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.common_factor import CommonFactor, standard_score, stiffened
+from updater.causes.common_factor import OwnFactor, ground_flexibility, standard_score, stiffened
 from updater.comparison import Comparison
 from updater.reference import Reference
 from updater.structure import Structure
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GlobalStiffness(CommonFactor):
+class GlobalStiffness(OwnFactor):
     """All stiffness changes alike, and frequencies by the root of it."""
 
     name: str = "global_stiffness"
@@ -34,12 +34,11 @@ class GlobalStiffness(CommonFactor):
         return {"loss": Quantity(value=1 - factor, std=2 * factor * std, unit="-")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Scale all materials and springs."""
+        """Scale all materials and joints."""
         del row
-        return stiffened(structure, float(np.exp(2 * self.log_factor(theta))))
+        return stiffened(structure, float(np.exp(2 * self.log_factor(theta))), ground=False)
 
 
 def propose_global_stiffness(reference: Reference, comparison: Comparison) -> GlobalStiffness:
     """Return the one alternative."""
-    del reference
-    return GlobalStiffness(**standard_score(), comparison=comparison)
+    return GlobalStiffness(**standard_score(), comparison=comparison, ground=ground_flexibility(reference))

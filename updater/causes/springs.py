@@ -5,8 +5,9 @@ spring, so that a flexibility c_a [rad/(N m)] more is exact in all modes and nea
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +15,10 @@ import numpy.typing as npt
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
-from updater.knobs import bending_stiffness
+from updater.knobs import flexibility_unit
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.structure import Joint, Structure, Support
+from updater.structure import AXES, Axis, Joint, Structure, Support
 from updater.verdict import Quantity, Where
 
 if TYPE_CHECKING:
@@ -25,14 +26,16 @@ if TYPE_CHECKING:
     from updater.fit import Fit
 
 BoolArray = npt.NDArray[np.bool_]
-Turn = Literal["rx", "ry", "rz"]
-TURNS: tuple[Turn, ...] = ("rx", "ry", "rz")
+TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
+SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 _STD = 0.1  # of c E I / L: a connection that has come loose
+_SOFTER = 10.0  # likewise of a bearing, of its own flexibility
+_GIVES = 1e-2  # and at least of c E I / L^3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Springs(Discrete):
-    """Connections with rotational springs; parameters are flexibilities added about x y z, in L / (E I).
+    """Connections with springs; parameters are flexibilities added about, or along, x y z, over what is usual for them.
 
     Alternatives are each connection's axes that may have changed, singly and together: an axis that has not, or that
     the data cannot show, must not count for or against a connection. Each is there twice, begun from no change and from
@@ -43,9 +46,10 @@ class Springs(Discrete):
     advice: str
     comparison: Comparison
     connections: tuple[Support | Joint, ...]  #: (n,) of each alternative
-    active: BoolArray  #: (n, 3) axes that each alternative changes
-    unit: float  #: E I / L of the longest member [N m/rad]
-    couple: FloatArray  #: (n, 3, n_modes) mu about the global axes, 0 where there is nothing to change [s2]
+    axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
+    active: BoolArray  #: (n, 3) of which each alternative changes these
+    unit: FloatArray  #: (n, 3) 1 / c of a parameter of one [N m/rad] or [N/m]
+    couple: FloatArray  #: (n, 3, n_modes) mu, 0 where there is nothing to change [s2]
     begun: FloatArray  #: (n, 3) where the fit begins
     place_free: bool = False
 
@@ -57,7 +61,7 @@ class Springs(Discrete):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
         couple = self.couple[rows]
-        flexibility = np.einsum("pa,par,pas->prs", theta / self.unit, couple, couple)
+        flexibility = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
         return replace(no_effect(len(rows), self.comparison), flexibility=flexibility)
 
     def where(self, fit: "Fit[Cause]") -> Where:
@@ -67,29 +71,34 @@ class Springs(Discrete):
         return Where(member=member, position=found.at, position_std=0.0, region=((found.at, found.at),))
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return the stiffness about each axis."""
-        old = self.connections[fit.best].stiffness
+        """Return the stiffness about or along each axis."""
         found = {}
-        for a, axis in enumerate(TURNS):
-            if self.active[fit.best, a]:
-                flexibility = self.unit / old[axis] + fit.theta[fit.best, a]
-                std = float(fit.covariance[fit.best, a, a] ** 0.5) / flexibility
-                value = self.unit / flexibility
-                found[f"stiffness_{axis}"] = Quantity(value=value, std=value * std, unit="N m/rad")
+        for a, axis, now in self._now(fit.best, fit.theta[fit.best]):
+            std = float(fit.covariance[fit.best, a, a] ** 0.5) / self.unit[fit.best, a] * now**2
+            found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
         return found
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new stiffnesses."""
         found = self.connections[row]
-        new = {
-            axis: self.unit / (self.unit / found.stiffness[axis] + theta[a])
-            for a, axis in enumerate(TURNS)
-            if self.active[row, a]
-        }
+        new = {axis: now for _, axis, now in self._now(row, theta)}
         changed = found.model_copy(update={"stiffness": {**found.stiffness, **new}})
         kind = "joint" if isinstance(found, Joint) else "support"
         parts = tuple(changed if _same(part, found) else part for part in getattr(structure, kind))
         return structure.model_copy(update={kind: parts})
+
+    def _now(self, row: int, theta: FloatArray) -> list[tuple[int, Axis, float]]:
+        """Return an alternative's axes that change, with their number and what their springs are then."""
+        old = _stiffness(self.connections[row])
+        return [
+            (a, axis, float(1 / (1 / old[axis] + theta[a] / self.unit[row, a])))
+            for a, axis in enumerate(self.axes[row])
+            if self.active[row, a]
+        ]
+
+
+def _stiffness(connection: Support | Joint) -> dict[Axis, float]:
+    return dict(connection.stiffness.items())
 
 
 def _same(one: Support | Joint, other: Support | Joint) -> bool:
@@ -97,45 +106,57 @@ def _same(one: Support | Joint, other: Support | Joint) -> bool:
 
 
 def propose_support_stiffness(reference: Reference, comparison: Comparison) -> Springs | None:
-    """Return the supports that are held about some axis by a spring."""
+    """Return the supports that are held along or about some axis by a spring."""
     model = reference.calibration.model
-    supports = tuple(s for s in reference.calibration.structure.support if set(s.stiffness) & set(TURNS))
-    rows = [[model.turn_rows(s.at, a) * s.stiffness.get(axis, 0.0) for a, axis in enumerate(TURNS)] for s in supports]
-    advice = "Tighten the foot's bolts and measure again."
-    return _springs("support_stiffness", advice, reference, comparison, supports, rows)
+    advice = "Tighten the foot's bolts, look at the bearing, and measure again."
+    supports = reference.calibration.structure.support
+    return _springs(
+        "support_stiffness",
+        advice,
+        reference,
+        comparison,
+        [(s, axes, [model.node_rows(s.at, AXES.index(a)) for a in axes]) for axes in (TURNS, SLIDES) for s in supports],
+    )
 
 
 def propose_joint_stiffness(reference: Reference, comparison: Comparison) -> Springs | None:
     """Return the joints."""
     model, joints = reference.calibration.model, reference.calibration.structure.joint
-    rows = [[model.joint_rows(j, a) * j.stiffness.get(axis, 0.0) for a, axis in enumerate(TURNS)] for j in joints]
     advice = "Look at the joint's weld or bolts; sensors that turn with either side of it would show the hinge."
-    return _springs("joint_stiffness", advice, reference, comparison, joints, rows)
+    rows: list[Connection] = [(j, TURNS, [model.joint_rows(j, a) for a in range(3)]) for j in joints]
+    return _springs("joint_stiffness", advice, reference, comparison, rows)
+
+
+Connection = tuple[Support | Joint, tuple[Axis, Axis, Axis], list[FloatArray]]
 
 
 def _springs(
-    name: str,
-    advice: str,
-    reference: Reference,
-    comparison: Comparison,
-    connections: tuple[Support | Joint, ...],
-    rows: list[list[FloatArray]],
+    name: str, advice: str, reference: Reference, comparison: Comparison, given: Sequence[Connection]
 ) -> Springs | None:
-    if not connections or reference.calibration.structure.external is not None:
+    """Return the springs among connections; each with three axes and the rows (n_dofs,) that read it there."""
+    structure = reference.calibration.structure
+    sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
+    if not sprung or structure.external is not None:
         return None  # of matrices from elsewhere nobody knows E I / L
-    unit = bending_stiffness(reference.calibration.structure)
-    moment = np.array(rows) @ reference.shape
-    own = np.array([[unit / c.stiffness[a] if a in c.stiffness else 0.0 for a in TURNS] for c in connections])
+    stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
+    bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
+    usual = np.array([[_STD if a in TURNS else 0.0 for a in axes] for _, axes, _ in sprung])
+    usual = np.where(usual, usual, np.maximum(_SOFTER * bending / stiffness, _GIVES))
+    unit = bending * _STD / usual
+    own = unit / stiffness
+    moment = np.where(np.isfinite(stiffness), stiffness, 0.0)[:, :, None] * (
+        np.array([rows for *_, rows in sprung]) @ reference.shape
+    )
     chosen = [
         (i, np.array(axes))
-        for i, c in enumerate(connections)
+        for i in range(len(sprung))
         for axes in itertools.product((False, True), repeat=3)
-        if any(axes) and all(TURNS[a] in c.stiffness for a in np.flatnonzero(axes))
+        if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
     ]
     which, active = np.array([i for i, _ in chosen]), np.array([axes for _, axes in chosen])
     couple = np.where(active[:, :, None], moment[which] / (2 * np.pi * reference.frequency) ** 2, 0.0)
     lower = -0.999 * own[which]
-    first = np.maximum(_first_order(comparison, couple, unit), lower)
+    first = np.maximum(_first_order(comparison, couple, unit[which]), lower)
     return Springs(
         name=name,
         advice=advice,
@@ -143,19 +164,20 @@ def _springs(
         lower=np.tile(lower, (2, 1)),
         drifting=True,
         comparison=comparison,
-        connections=2 * tuple(connections[i] for i in which),
+        connections=2 * tuple(sprung[i][0] for i in which),
+        axes=2 * tuple(sprung[i][1] for i in which),
         active=np.tile(active, (2, 1)),
-        unit=unit,
+        unit=np.tile(unit[which], (2, 1)),
         couple=np.tile(couple, (2, 1, 1)),
         begun=np.concatenate([np.zeros(first.shape), first]),
     )
 
 
-def _first_order(comparison: Comparison, couple: FloatArray, unit: float) -> FloatArray:
+def _first_order(comparison: Comparison, couple: FloatArray, unit: FloatArray) -> FloatArray:
     """Return the parameters (n, 3) by d ln f_i = -omega_i^2 sum_a theta_a mu_ai^2 / 2 unit, fitted to frequencies."""
     square = (2 * np.pi * comparison.frequency[comparison.paired]) ** 2
     whitener = comparison.drifting.matrix
-    slope = (-0.5 / unit * square * couple[:, :, comparison.paired] ** 2) @ whitener.T
+    slope = (-0.5 / unit[:, :, None] * square * couple[:, :, comparison.paired] ** 2) @ whitener.T
     normal = slope @ slope.transpose(0, 2, 1) + np.eye(3) / _STD**2
     score = slope @ (whitener @ comparison.log_ratio)
     return np.asarray(np.linalg.solve(normal, score[:, :, None])[:, :, 0])

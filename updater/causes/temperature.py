@@ -1,4 +1,4 @@
-"""Steel grows softer as it grows warmer: -dE/E = 3 to 4 parts in 10,000 a kelvin, springs and joints with it.
+"""Steel grows softer as it grows warmer: -dE/E = 3 to 4 parts in 10,000 a kelvin. Joints do with it, the ground not.
 
 Without a thermometer any change of temperature explains one factor on all frequencies. With one it says what the factor
 must be, to how well the law is known.
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.common_factor import COMMON_FACTOR_STD, CommonFactor, standard_score, stiffened
+from updater.causes.common_factor import COMMON_FACTOR_STD, OwnFactor, ground_flexibility, standard_score, stiffened
 from updater.comparison import Comparison
 from updater.reference import Reference
 from updater.structure import Structure
@@ -32,7 +32,7 @@ _LEAST_WARMER = 1.0  # K, under which no softening a kelvin is told
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Temperature(CommonFactor):
+class Temperature(OwnFactor):
     """The structure is warmer or colder."""
 
     warmer: float  #: measured [K], NaN if nobody did
@@ -51,17 +51,23 @@ class Temperature(CommonFactor):
         return {"warmer": Quantity(value=warmer, std=spread, unit="K")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Scale all materials and springs to what they are at this temperature."""
+        """Scale all materials and joints to what they are at this temperature."""
         del row
-        return stiffened(structure, float(np.exp(2 * self.log_factor(theta))))
+        return stiffened(structure, float(np.exp(2 * self.log_factor(theta))), ground=False)
 
 
 def propose_temperature(reference: Reference, comparison: Comparison) -> Temperature:
     """Return the one alternative, told by the thermometers where there are some."""
-    del reference
     known = comparison.circumstances
     centre, spread = 0.0, COMMON_FACTOR_STD
     if np.isfinite(known.warmer):
         centre = -0.5 * SOFTENING * known.warmer
         spread = 0.5 * float(np.hypot(SOFTENING_STD * known.warmer, SOFTENING * known.warmer_std))
-    return Temperature(**standard_score(), comparison=comparison, centre=centre, spread=spread, warmer=known.warmer)
+    return Temperature(
+        **standard_score(),
+        comparison=comparison,
+        ground=ground_flexibility(reference),
+        centre=centre,
+        spread=spread,
+        warmer=known.warmer,
+    )

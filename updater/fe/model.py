@@ -190,8 +190,8 @@ class Model:
         )
         return np.asarray((of_points @ at).toarray())
 
-    def turn_rows(self, at: tuple[float, float, float], axis: int) -> FloatArray:
-        """Return the row (n_dofs,) that reads the rotation of a node about a global axis 0..2; zeros if it is held.
+    def node_rows(self, at: tuple[float, float, float], axis: int) -> FloatArray:
+        """Return the row (n_dofs,) that reads a node along (0..2) or about (3..5) a global axis; zeros if it is held.
 
         Raises
         ------
@@ -201,7 +201,7 @@ class Model:
         near = np.flatnonzero(np.linalg.norm(self.nodes - at, axis=1) < COINCIDENT)
         if not len(near):
             raise ModelError(f"support at {list(at)}: no node is there")
-        return self._unit(int(self.dofs[near[0], 3 + axis]))
+        return self._unit(int(self.dofs[near[0], axis]))
 
     def joint_rows(self, joint: Joint, axis: int) -> FloatArray:
         """Return the row (n_dofs,) that reads how far a joint's spring is turned about a global axis 0..2."""
