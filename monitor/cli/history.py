@@ -15,6 +15,7 @@ from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, database_url
+from monitor.results import TOPIC_SELF_TEST
 from monitor.site import load_site
 from monitor.words import utc
 
@@ -35,6 +36,7 @@ class Found:
     alarms: list[AlarmRow]
     trends: dict[int, list[TrendPoint]]
     events: list[EventRow]
+    self_tests: list[EventRow]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +89,7 @@ def look(reader: Reader, last: float | None) -> Found:
     if whole is None:
         raise HistoryError(reader.url, "no window has been analysed yet")
     span = whole if last is None else Span(start=max(whole.start, whole.end - round(last * _DAY)), end=whole.end)
+    later = Span(start=span.start, end=_EVER)  # what happened after the last window too
     return Found(
         span=span,
         state=reader.state(),
@@ -94,7 +97,8 @@ def look(reader: Reader, last: float | None) -> Found:
         levels=_levels(reader, span, days),
         alarms=reader.alarms(span),
         trends={mode: reader.trend(mode, span) for mode in reader.modes()},
-        events=reader.events(Span(start=span.start, end=_EVER)),  # those after the last window too
+        events=reader.events(later),
+        self_tests=reader.events(later, topic=TOPIC_SELF_TEST),
     )
 
 
@@ -126,8 +130,13 @@ def as_json(found: Found) -> dict[str, object]:
         "days": [asdict(day) for day in found.days],
         "alarms": [asdict(alarm) for alarm in found.alarms],
         "trends": {str(mode): [asdict(point) for point in points] for mode, points in found.trends.items()},
-        "events": [asdict(event) | {"json": json.loads(event.json)} for event in found.events],
+        "events": _told(found.events),
+        "self_tests": _told(found.self_tests),
     }
+
+
+def _told(events: list[EventRow]) -> list[dict[str, object]]:
+    return [asdict(event) | {"json": json.loads(event.json)} for event in events]
 
 
 def _say(found: Found) -> None:
@@ -135,11 +144,24 @@ def _say(found: Found) -> None:
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
     console.print(f"{n} windows, {judged} judged, {over} over the limit")
     console.print(f"state: {found.state}")
+    console.print(_self_tests(found.self_tests), soft_wrap=True)
     _say_alarms(found.alarms)
     if any(found.trends.values()):
         console.print(_trends(found.trends))
     if found.events:
         console.print(_events(found.events))
+
+
+def _self_tests(tests: list[EventRow]) -> str:
+    """Say in a line whether an alarm would have come when that was tried."""
+    if not tests:
+        return "self-tests: none"
+    said = [json.loads(test.json) for test in tests]
+    passed = [test.time for test, told in zip(tests, said, strict=True) if told["passed"]]
+    last = said[-1]
+    seen = f"{1000 * last['mass']:.0f} g would raise the alarm at {last['detected']} of {last['places']} places"
+    before = "" if last["passed"] else f"; passed last {utc(passed[-1])}" if passed else "; none has passed"
+    return f"self-tests: {len(tests)}, {len(passed)} passed; the last {utc(tests[-1].time)}: {seen}{before}"
 
 
 def _say_alarms(alarms: list[AlarmRow]) -> None:

@@ -166,9 +166,9 @@ class Reader:
         found = select(table).where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
         return [AlarmRow(**row._mapping) for row in self._rows(found)]
 
-    def events(self, span: Span, most: int = 1000) -> list[EventRow]:
-        """Return the last events of a span, in the order of time."""
-        return [EventRow(**row._mapping) for row in reversed(self._rows(events_query(span).limit(most)))]
+    def events(self, span: Span, most: int = 1000, topic: str | None = None) -> list[EventRow]:
+        """Return the last events of a span, or of one kind, in the order of time."""
+        return [EventRow(**row._mapping) for row in reversed(self._rows(events_query(span, topic).limit(most)))]
 
     def state(self) -> str:
         """Return the state of the alarm: learning, normal, watch or alarm."""
@@ -220,7 +220,8 @@ def daily_trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
     return select(noon, *columns).where(table.c.mode == mode, table.c.day.between(first, last)).order_by(table.c.day)
 
 
-def events_query(span: Span) -> Select[*tuple[Any, ...]]:
-    """Return what asks for events, the newest first."""
+def events_query(span: Span, topic: str | None = None) -> Select[*tuple[Any, ...]]:
+    """Return what asks for events, or those of one kind, the newest first."""
     table = schema.events
-    return select(table).where(table.c.time.between(span.start, span.end)).order_by(table.c.time.desc())
+    found = select(table).where(table.c.time.between(span.start, span.end)).order_by(table.c.time.desc())
+    return found if topic is None else found.where(table.c.topic == topic)

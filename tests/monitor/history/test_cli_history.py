@@ -3,12 +3,15 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cli_helpers import Commands, assert_refused
 from history_helpers import HOUR, START, change, run_events, sqlite_url, write_years
 
 from monitor.history import HistoryStore
+from monitor.result_events import result_event
+from monitor.results import SelfTestResult
 
 
 @pytest.fixture
@@ -40,6 +43,26 @@ def test_years_are_told_by_the_day(modalwatch: Commands, tmp_path: Path) -> None
     found = json.loads(files[1].read_text(encoding="utf-8"))
     assert (found["every"], found["state"], len(found["alarms"])) == ("day", "normal", 1)
     assert files[2].read_bytes().startswith(b"\x89PNG")
+
+
+def test_self_tests_are_told_in_a_line(modalwatch: Commands, file: Path, tmp_path: Path) -> None:
+    assert "self-tests: none" in modalwatch("history", file).out
+    said: dict[str, Any] = {"mass": 0.15, "places": 24, "last_passed": None}
+    tests = [
+        SelfTestResult(time=START + k * HOUR, passed=detected >= 12, detected=detected, **said)
+        for k, detected in enumerate((3, 20, 11), 1)
+    ]
+    first, last = ("self-tests: 1, 0 passed; the last ", "11 of 24 places; passed last 2026-01-01 02:00:00 UTC")
+    for until, text in ((1, "150 g would raise the alarm at 3 of 24 places; none has passed"), (3, last)):
+        with HistoryStore(f"sqlite:///{file}") as store:
+            store.write([result_event(test) for test in tests[:until]])
+        done = modalwatch("history", file, "--json", tmp_path / "h.json")
+        assert (text in done.out, first in done.out) == (True, until == 1)
+    assert [test["json"]["detected"] for test in json.loads((tmp_path / "h.json").read_text())["self_tests"]] == [
+        3,
+        20,
+        11,
+    ]
 
 
 def test_only_the_last_days(modalwatch: Commands, tmp_path: Path) -> None:
