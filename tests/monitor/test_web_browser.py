@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from browser_helpers import BROWSER, Tab, browser_tab
 from history_helpers import run_events, sqlite_url
+from vitals_helpers import PACE, WELL
 
 from daq import SystemClock
 from monitor.history import HistoryStore
 from monitor.inbox import Inbox
-from monitor.vitals import NAME, Pace, Vitals
+from monitor.vitals import NAME, Vitals
 from monitor.web import Source, web_process
 
 pytestmark = [pytest.mark.live, pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")]
 PORT = 20_000 + (os.getpid() + 10_000) % 20_000
-WELL = dict.fromkeys(("disk", "history", "notices", "viewer", "analysis"))
 BUTTON = "document.querySelector('[data-acknowledge]')"
 
 
@@ -27,10 +27,10 @@ def tab(tmp_path: Path) -> Iterator[Tab]:
     events = run_events()
     with HistoryStore(sqlite_url(tmp_path)) as store:
         store.write(events)
-    vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+    vitals = Vitals(tmp_path / NAME, (), PACE, SystemClock())
     for event in events:
         vitals.take(event)
-    vitals.write(WELL | {"dropped": 0, "disk_free": 5e9, "not_in_history": 0, "waiting": {}, "bad_bytes": {}})
+    vitals.write(WELL)
     source = Source(name="bridge", state=tmp_path, url=sqlite_url(tmp_path))
     with web_process(source, "127.0.0.1", PORT, None) as server, browser_tab(tmp_path / "profile") as opened:
         opened.call("Page.navigate", url=server.url)
