@@ -2,7 +2,7 @@
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,13 +53,19 @@ class Source:
         return found if isinstance(found, dict) and "blind" in found else None
 
     def past(self) -> Past | None:
-        """Return what the history holds of the last windows; None where it cannot be asked."""
+        """Return what the history holds of the last windows; None where it cannot be asked, or holds none.
+
+        What lies ahead of the monitor's last window is of a clock that ran ahead: it is not the last.
+        """
+        last = ((self.vitals() or {}).get("window") or {}).get("end")
         try:
             with Reader(self.url) as reader:
                 whole = reader.span()
-                if whole is None:
+                if whole is not None and last is not None:
+                    whole = replace(whole, end=min(whole.end, last))
+                windows = reader.windows(whole, _SHOWN) if whole else []
+                if whole is None or not windows:
                     return None
-                windows = reader.windows(whole, _SHOWN)
                 late = Span(start=windows[0].end, end=whole.end)
                 reference = reader.reference()
                 alarms = reader.alarms(whole)[-5:]

@@ -144,6 +144,19 @@ def test_history_that_is_down_is_not_said_to_be_empty(source: Source) -> None:
     assert ("history: it is gone" in text, "says nothing yet" in text) == (True, False)
 
 
+def test_windows_of_a_clock_that_ran_ahead_are_not_the_last(source: Source) -> None:
+    shown = re.search("last window .*?,", Client(source).get("/").text)
+    ahead = next(event for event in reversed(EVENTS) if event.topic == "/result/window")
+    years = 5 * 365 * 86_400 * 10**9
+    later = {name: ahead.payload[name] + years for name in ("start", "end")}
+    with HistoryStore(source.url) as store:
+        store.write([replace(ahead, time=ahead.time + years, payload=ahead.payload | later)])
+    again = re.search("last window .*?,", Client(source).get("/").text)
+    assert shown is not None
+    assert again is not None
+    assert again[0] == shown[0]
+
+
 def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tmp_path: Path) -> None:
     """It may be locked, or damaged, or behind: that is said, and no wrong state."""
     looked = Client(Source(name="bridge", state=source.state, url="sqlite:////proc/nowhere/history.sqlite"))
