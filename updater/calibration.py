@@ -31,6 +31,8 @@ FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
 _SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less there is not seen
 _MOST_MODES = 120  # of the model
+_REACH = 8.0  # times the highest frequency that was measured, that modes should go to ...
+_MOST_FOR_REACH = 60  # ... as far as so many do
 _ALIKE = 0.9  # MAC beyond which a mode answers to one of the model as the file has it, no doubt
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
@@ -84,7 +86,8 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     check_baseline(measured)
     nominal = best_model(structure)
     rows = channel_rows(nominal, measured.channels)
-    modes = _enough(nominal, rows, n_modes, len(measured.log_frequency) + _BEYOND)
+    highest = float(np.exp(np.nanmax(measured.log_frequency)))
+    modes = enough_modes(nominal, rows, highest, len(measured.log_frequency), n_modes=n_modes)
     seen = (rows @ modes.shape).T
     frequency = np.exp(measured.log_frequency)
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
@@ -131,23 +134,27 @@ def _likeness(measured: ModalMean, answers: IndexArray, seen: FloatArray) -> Flo
     return np.asarray(np.where(answers >= 0, cross / (seen[answers] ** 2).sum(1), 0.0))
 
 
-def _enough(model: Model, rows: FloatArray, n_modes: int, n_seen: int) -> Modes:
+def enough_modes(model: Model, rows: FloatArray, highest: float, n_measured: int, *, n_modes: int = 30) -> Modes:
     """Return modes of which sensors see some beyond what was measured: what a change does is made of those.
 
-    Of a plane frame with sensors in its plane most of the first thirty may be across it, or turn it.
+    Of a plane frame with sensors in its plane most of the first thirty may be across it, or turn it; of a long beam
+    they may end at three times what was measured, which is not enough for the kink that a soft stretch is.
 
     Parameters
     ----------
     rows : (n_channels, n_dofs) that read the sensors
+    highest : frequency that was measured [Hz]
+    n_measured : modes that were
     n_modes : at least
-    n_seen : that sensors should see, if the model has as many
     """
     most = int((model.dofs[:, :3] >= 0).sum())
     n_modes = min(n_modes, most)
     while True:
         modes = model.modes(n_modes)
         length = np.linalg.norm(rows @ modes.shape, axis=0)
-        if (length > _SEEN * length.max()).sum() >= n_seen or n_modes >= min(most, _MOST_MODES):
+        seen = (length > _SEEN * length.max()).sum() >= n_measured + _BEYOND
+        far = modes.frequency[-1] > _REACH * highest or n_modes >= _MOST_FOR_REACH
+        if (seen and far) or n_modes >= min(most, _MOST_MODES):
             return modes
         n_modes = min(2 * n_modes, most, _MOST_MODES)
 

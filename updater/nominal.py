@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updater.calibration import Calibration, best_model, channel_rows
+from updater.calibration import Calibration, best_model, channel_rows, enough_modes
 from updater.delays import DeviceDelays
 from updater.errors import PairingError
 from updater.knobs import with_springs
@@ -40,7 +40,7 @@ def nominal_reference(
     structure : as the file says; rigid feet and joints get springs stiff enough to change nothing
     windows : (n_windows, n_tracks) modes that the model is to be compared with
     devices : that sampled the channels; the model has them in time, as well as devices are
-    n_modes : of the model to keep
+    n_modes : of the model to keep, at least
     stated : whether the windows' standard deviations are taken at their word; else their scatter is learnt
 
     Raises
@@ -54,8 +54,9 @@ def nominal_reference(
     measured = scatter.mean(windows)
     sprung = with_springs(structure)
     model = best_model(sprung)
-    modes = model.modes(n_modes)
-    at_channels = (channel_rows(model, measured.channels) @ modes.shape).T
+    rows, highest = channel_rows(model, measured.channels), float(np.exp(np.nanmax(measured.log_frequency)))
+    modes = enough_modes(model, rows, highest, len(measured.log_frequency), n_modes=n_modes)
+    at_channels = (rows @ modes.shape).T
     seen = np.flatnonzero(np.linalg.norm(at_channels, axis=1) > 1e-9)
     shape = at_channels[seen] / np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
     own = ModalMean(
