@@ -27,6 +27,7 @@ MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new
 _UNKNOWN = 0.1  # of a unit shape's square, from which on it is not known
+_BIAS_OF_BANDWIDTH = 0.1  # of what a mode's half bandwidth has changed by: how far identification errs otherwise then
 SHAPE_BIAS = 6e-4  # of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 
 
@@ -181,7 +182,8 @@ def compare(
     shift = np.abs(ratio)
     model_error = model_error * reference.doubt
     model_variance = (2 * model_error) ** 2 * shift * shift.mean()
-    variance = event.log_frequency_std**2 + base.log_frequency_std**2 + model_variance
+    wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
+    variance = event.log_frequency_std**2 + base.log_frequency_std**2 + model_variance + wider**2
     check_event(base, event)
     before = base.shape
     shaped = np.asarray(np.isfinite(event.shape).all(1))

@@ -1,7 +1,8 @@
 """A sensor that points elsewhere than it should, or a device that is turned with all its sensors.
 
 A channel of direction d then reads R(theta) d: its own direction less, and the two across it by the sines, which the
-reference's modes know at its place. Turning a sensor about its own direction shows nothing.
+reference's modes know at its place. Turning a sensor about its own direction shows nothing. Where it pointed before is
+known to a degree or two, which the baseline has in its shapes: of what it reads across that is as much its own.
 """
 
 from dataclasses import dataclass, replace
@@ -24,13 +25,17 @@ if TYPE_CHECKING:
     from updater.fit import Fit
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
+_ASKEW = 0.02  # rad: what any sensor is
 _ALONG = 1e-3  # of a direction's part across an axis, under which turning about it shows nothing
 _TURNS = ("about_x", "about_y", "about_z")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorOrientation(Chain):
-    """A channel turned about two axes across it, or a device about one; parameters are the angles [rad]."""
+    """A channel turned about two axes across it, or a device about one.
+
+    Parameters are the angles, and how far from right angles what it read before was from what it reads across [rad].
+    """
 
     axes: FloatArray  #: (n_alternatives, 2, 3) of each angle; zeros where there is no second
     turned: FloatArray  #: (n_alternatives, n_channels) 1 for the channels of each
@@ -42,9 +47,11 @@ class SensorOrientation(Chain):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return what each channel reads of its own direction and of those across it."""
-        turn = Rotation.from_rotvec(np.einsum("pk,pkx->px", theta, self.axes[rows])).as_matrix()
+        vector = np.einsum("pk,pkx->px", theta[:, :2], self.axes[rows])
+        turn = Rotation.from_rotvec(vector).as_matrix()
         now = np.einsum("pxy,cy->pcx", turn, self.mounted[:, 0])
         reads = np.einsum("pcx,ckx->pkc", now, self.mounted)  # (p, own and two across, n_channels)
+        reads[:, 0] += (theta[:, 2] * np.sin(np.linalg.norm(vector, axis=1)))[:, None]
         same = np.array([1.0, 0.0, 0.0])[:, None]
         reads = np.where(self.turned[rows][:, None, :] > 0, reads, same)
         n = len(self.mounted)
@@ -54,7 +61,7 @@ class SensorOrientation(Chain):
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the angle in all, and about each global axis."""
         row = fit.best
-        axes, theta, covariance = self.axes[row], fit.theta[row], fit.covariance[row]
+        axes, theta, covariance = self.axes[row], fit.theta[row, :2], fit.covariance[row, :2, :2]
         vector, spread = axes.T @ theta, np.sqrt(np.einsum("kx,kl,lx->x", axes, covariance, axes))
         size = float(np.linalg.norm(vector))
         way = theta / np.linalg.norm(theta) if size else np.array([1.0, 0.0])  # axes are at right angles
@@ -66,7 +73,7 @@ class SensorOrientation(Chain):
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Turn the sensors' directions."""
-        turn = Rotation.from_rotvec(theta @ self.axes[row]).as_matrix()
+        turn = Rotation.from_rotvec(theta[:2] @ self.axes[row]).as_matrix()
         sensors = tuple(
             sensor.model_copy(update={"direction": tuple((turn @ np.array(sensor.direction)).tolist())})
             if heard.channel in self.channels[row]
@@ -93,8 +100,8 @@ def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> 
                     groups.append(turned)
                     axes.append(np.array([axis, np.zeros(3)]))
     return SensorOrientation(
-        prior_std=np.full(2, _STD),
-        lower=np.full((len(groups), 2), -np.inf),
+        prior_std=np.array([_STD, _STD, _ASKEW]),
+        lower=np.full((len(groups), 3), -np.inf),
         drifting=False,
         comparison=comparison,
         channels=tuple(groups),
