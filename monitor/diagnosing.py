@@ -26,8 +26,8 @@ from updater import (
     diagnose,
     is_steady,
     learn_reference,
-    match_modes,
     matched,
+    matched_and_new,
     nominal_reference,
     sensor_health,
     stack_tracks,
@@ -262,16 +262,14 @@ def explain_change(
 def circumstances_of(reference: Reference, before: Observation | None, now: Observation) -> Circumstances:
     """Return what logs say beside their tracked modes; without logs from before only what they say by themselves."""
     event = reference.mean_of(now.modes)
-    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
-    found = match_modes(reference.known.at(channels), event.at(channels))
+    found, new = matched_and_new(reference, event)
     earlier = (reference.windows, before.rms) if before else None
-    extra = np.setdiff1d(np.arange(len(event.log_frequency)), found)
     return Circumstances(
         warmer=_mean(now.temperature) - _mean(before.temperature) if before else float("nan"),
         warmer_std=THERMOMETER_STD * 2**0.5,
         tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
-        extra=event.only(extra) if len(extra) else None,
-        trend=trend_of(now.modes.tracks(found[: len(reference.baseline.n)]), now.rms, earlier),
+        extra=event.only(new) if len(new) else None,
+        trend=trend_of(now.modes.tracks(found), now.rms, earlier),
         devices=now.lateness.devices,
         wander=now.lateness.delays.wander,
         faults={c: fault for c, fault in _given_up(now).items() if not before or c not in _given_up(before)},

@@ -21,7 +21,7 @@ from updater import (
     PairingError,
     Reference,
     diagnose,
-    match_modes,
+    matched_and_new,
     sensor_health,
     stack_tracks,
     tone_ratios,
@@ -118,8 +118,8 @@ def _all_modes(
     every = reference.mean_of(stack_tracks(estimates, tracks))
     if every.channels != reference.baseline.channels:
         return event, None
-    extra = np.setdiff1d(np.arange(len(every.n)), match_modes(reference.known, every))
-    return (every, every.only(extra)) if len(extra) else (event, None)
+    _, new = matched_and_new(reference, every)
+    return (every, every.only(new)) if len(new) else (event, None)
 
 
 def _mean(values: FloatArray) -> float:

@@ -27,6 +27,7 @@ from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
 from updater.modal_checks import doubles
 from updater.modal_mass import ModalMass, mass_of_modes
+from updater.new_modes import matched_and_new
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.place_density import Density, densities
@@ -174,6 +175,7 @@ __all__ = [
     "mass_of_modes",
     "match_modes",
     "matched",
+    "matched_and_new",
     "mean_modes",
     "motion",
     "no_effect",

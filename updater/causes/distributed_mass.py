@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 _LEAST = 1e-4  # of the structure's mass
 _REMOVABLE = 0.9  # of a stretch's own mass
-#: from a fifth of the longest member to all of it: what is shorter is a body
+#: from a sixth of the longest member to all of it: what is shorter is a body
 _LENGTHS = Kinds(
     size={70: 70, 120: 120, 220: 220},
     step={70: 20, 120: 30, 220: 40},
-    about={70: (60, 72, 86), 120: (104, 124, 150), 220: (180, 216, 260, 300)},
+    about={70: (50, 60, 72, 86), 120: (104, 124, 150), 220: (180, 216, 260, 300)},
 )
 
 

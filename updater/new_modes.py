@@ -1,0 +1,47 @@
+"""Which modes of a log are new: neither measured before nor the model's own."""
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.matching import match_modes
+from updater.reference import Reference
+from updater.statistics import ModalMean
+
+_NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with
+_ALIKE = 0.8  # share of a shape that is of them
+_SEEN = 0.1  # of what the modes that were measured move sensors by
+
+
+def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray, IndexArray]:
+    """Return the mode of each of the baseline's tracks (n_tracks,), -1 for none, and which modes are new (n_new,).
+
+    One of two modes that are close was perhaps not told from the other before: what the model has there is not new.
+
+    Parameters
+    ----------
+    event : (n_modes,) at some of the baseline's channels
+    """
+    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
+    event = event.at(channels)
+    found = match_modes(reference.known.at(channels), event)
+    new = np.setdiff1d(np.arange(len(event.log_frequency)), found)
+    frequency, shape = reference.frequency, reference.at_channels(channels)
+    size = np.linalg.norm(shape, axis=0)
+    of_model = np.setdiff1d(np.flatnonzero(size > _SEEN * np.median(size[reference.paired])), reference.paired)
+    known = []
+    for own in of_model.tolist():
+        beside = shape[:, np.abs(np.log(frequency / frequency[own])) < _NEAR]
+        fits = [mode for mode in new.tolist() if mode not in known and _answers(event, mode, frequency[own], beside)]
+        known += sorted(fits, key=lambda mode: abs(event.log_frequency[mode] - np.log(frequency[own])))[:1]
+    return found[: len(reference.baseline.n)], np.setdiff1d(new, known)
+
+
+def _answers(event: ModalMean, mode: int, frequency: float, shapes: FloatArray) -> bool:
+    """Tell whether a mode is near a frequency [Hz], and its shape a mixture of others (n_channels, n)."""
+    if not abs(event.log_frequency[mode] - np.log(frequency)) < _NEAR:
+        return False
+    shape = event.shape[mode]
+    if not np.isfinite(shape).all():
+        return True
+    basis, _ = np.linalg.qr(shapes)
+    return bool(((basis.T @ shape) ** 2).sum() > _ALIKE * (shape @ shape))
