@@ -30,7 +30,7 @@ from updater import (
     as_extended,
     densities,
     force_balance,
-    matched,
+    matched_surely,
     set_beside,
     virtual_sensing,
 )
@@ -79,18 +79,13 @@ def discrepancy_result(
         columns=_plain(before.measured),
         mac=tuple(_said(row) for row in before.mac),
         sensors=_sensors(before, after, heard, health),
-        balance=None if faulty else _balance(force_balance(reference, _tracked(reference, measured))),
+        balance=None if faulty else _balance(force_balance(reference, matched_surely(reference, measured))),
         signals=_signals(*heard) if heard else (),
         trends=trends,
         places=_places(densities(reference.calibration.structure, explained.parts)),
         gain_std=explained.gained.std if explained.gained and explained.gained.significant else None,
         note=" ".join(filter(None, [note, _FAULTY if faulty else ""])),
     )
-
-
-def _tracked(reference: Reference, measured: ModalMean) -> ModalMean:
-    """Return the modes of the baseline's tracks among those that were measured."""
-    return matched(reference.known, measured).only(np.arange(len(reference.baseline.n)))
 
 
 def _only_sensors(explained: Explained) -> bool:

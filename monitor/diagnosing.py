@@ -26,8 +26,8 @@ from updater import (
     diagnose,
     is_steady,
     learn_reference,
-    matched,
     matched_and_new,
+    matched_surely,
     nominal_reference,
     sensor_health,
     stack_tracks,
@@ -292,6 +292,5 @@ def _event(reference: Reference, observation: Observation) -> ModalMean:
     """Return the modes in the order of the baseline's, each device as late as it is beyond what it was."""
     heard = observation.lateness.heard(reference.delays)
     late = reference.mean_of(stack_tracks(heard, observation.tracks)) if heard else None
-    event = matched(reference.known, reference.mean_of(observation.modes), late)
-    event = event.only(np.arange(len(reference.baseline.n)))
+    event = matched_surely(reference, reference.mean_of(observation.modes), late)
     return event if observation.shaped else event.without_shapes()

@@ -61,7 +61,15 @@ _ANYWHERE = (
     *("nothing", "small", "added_mass + sensor_gain", "local_stiffness + added_mass"),
     *(name for name in OUTSIDE if name not in {"braced", "sliding"}),
 )
-ELSEWHERE = (*(f"{design}: {name}" for design in DESIGNS for name in _ANYWHERE), "portal: joint_stiffness")
+ELSEWHERE = (
+    *(
+        f"{design}: {name}"
+        for design in DESIGNS
+        for name in _ANYWHERE
+        if f"{design}: {name}" != "grid: support_stiffness"
+    ),
+    "portal: joint_stiffness",
+)  #: the grid's supports are rigid
 CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small

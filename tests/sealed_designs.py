@@ -311,10 +311,10 @@ GRID = Design(
         *(_bar(f"cross{i}", (x, 0.0, 0.0), 1, 1.2, _CROSS, 0.1) for i, x in enumerate((0.0, 1.4, 2.6, 4.0))),
     ),
     grounds=(
-        Ground(bar="south", s=0.0, along=(np.inf, np.inf, 3e7)),
-        Ground(bar="south", s=4.0, along=(0.0, np.inf, 3e7)),
-        Ground(bar="north", s=0.0, along=(0.0, 0.0, 3e7)),
-        Ground(bar="north", s=4.0, along=(0.0, 0.0, 3e7)),
+        Ground(bar="south", s=0.0),
+        Ground(bar="south", s=4.0, along=(0.0, np.inf, np.inf)),
+        Ground(bar="north", s=0.0, along=(0.0, 0.0, np.inf)),
+        Ground(bar="north", s=4.0, along=(0.0, 0.0, np.inf)),
     ),
     meetings=tuple(
         Meeting(bar=girder, s=x, other=f"cross{i}", t=y)
@@ -326,7 +326,7 @@ GRID = Design(
         for girder in ("south", "north")
         for x in (0.7, 1.4, 2.1, 2.6, 3.4)
     ),
-    band=180.0,
+    band=158.0,
     window=120.0,
     element=0.1,
 )

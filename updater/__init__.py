@@ -27,7 +27,7 @@ from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
 from updater.modal_checks import doubles
 from updater.modal_mass import ModalMass, mass_of_modes
-from updater.new_modes import matched_and_new
+from updater.new_modes import matched_and_new, matched_surely
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.place_density import Density, densities
@@ -176,6 +176,7 @@ __all__ = [
     "match_modes",
     "matched",
     "matched_and_new",
+    "matched_surely",
     "mean_modes",
     "motion",
     "no_effect",

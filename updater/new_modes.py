@@ -1,10 +1,13 @@
 """Which modes of a log are new: neither measured before nor the model's own."""
 
+from dataclasses import fields
+
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.matching import match_modes
-from updater.reference import Reference
+from oma import mac_matrix
+from updater.matching import match_modes, matched
+from updater.reference import NEAR, SAME_SHAPE, Reference
 from updater.statistics import ModalMean
 
 _NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with
@@ -25,6 +28,7 @@ def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray,
     event = event.at(channels)
     found = match_modes(reference.known.at(channels), event)
     new = np.setdiff1d(np.arange(len(event.log_frequency)), found)
+    found, new = _without_doubles(reference, event, found, new)
     frequency, shape = reference.frequency, reference.at_channels(channels)
     size = np.linalg.norm(shape, axis=0)
     of_model = np.setdiff1d(np.flatnonzero(size > _SEEN * np.median(size[reference.paired])), reference.paired)
@@ -34,6 +38,34 @@ def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray,
         fits = [mode for mode in new.tolist() if mode not in known and _answers(event, mode, frequency[own], beside)]
         known += sorted(fits, key=lambda mode: abs(event.log_frequency[mode] - np.log(frequency[own])))[:1]
     return found[: len(reference.baseline.n)], np.setdiff1d(new, known)
+
+
+def _without_doubles(
+    reference: Reference, event: ModalMean, found: IndexArray, new: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Leave out what looks alike where the model has a mode that sensors hardly see: either may be the other.
+
+    A twist has a little of the bending beside it, and that is what they see of it.
+    """
+    found = found.copy()
+    for track in np.flatnonzero(reference.shadowed & (found[: len(reference.baseline.n)] >= 0)).tolist():
+        alike = mac_matrix(event.shape[new], event.shape[found[track], None])[:, 0] > SAME_SHAPE
+        near = np.abs(event.log_frequency[new] - event.log_frequency[found[track]]) < NEAR
+        if (alike & near).any():
+            found[track], new = -1, new[~(alike & near)]
+    return found, new
+
+
+def matched_surely(reference: Reference, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:
+    """Return the event's modes in the order of the baseline's tracks, NaN where there is none or it is in doubt.
+
+    Parameters and errors as for `matched`.
+    """
+    told = matched(reference.known, event, heard).only(np.arange(len(reference.baseline.n)))
+    found, _ = matched_and_new(reference, event)
+    for name in (field.name for field in fields(told) if field.name not in {"channels", "n"}):
+        getattr(told, name)[found < 0] = np.nan
+    return told
 
 
 def _answers(event: ModalMean, mode: int, frequency: float, shapes: FloatArray) -> bool:

@@ -16,10 +16,9 @@ from updater.fe.modes import Modes
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks, stated_scatter
 from updater.structure import Structure
 
-_SAME_SHAPE = 0.9  # MAC, and
-_NEAR = 0.05  # of ln f: modes that may be taken for each other
-_HIDDEN = 0.05  # of what modes usually move sensors by: what moves them less they do not see, unless it mixes
-_MIXED = 0.015  # of ln f, within which it does
+SAME_SHAPE = 0.9  #: MAC, and
+NEAR = 0.05  #: of ln f: modes that may be taken for each other
+_HIDDEN = 0.05  # of what modes usually move sensors by: what moves them less they hardly see
 _GOOD = 1e-3  # rms of ln f: how well a good model answers to the baseline
 
 
@@ -56,6 +55,14 @@ class Reference:
         calibrated = np.log(self.calibration.modes.frequency[self.paired])
         off = np.maximum(np.abs(calibrated - self.baseline.log_frequency), self.baseline.log_frequency_std)
         return float(max(np.sqrt(np.mean(off**2)) / _GOOD, 1.0))
+
+    @property
+    def shadowed(self) -> npt.NDArray[np.bool_]:
+        """Which tracks (n_tracks,) have a mode of the model near that sensors hardly see, but where the two mix."""
+        moves = np.linalg.norm(self.at_channels(self.baseline.channels), axis=0)
+        hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[self.paired])), self.paired)
+        apart = np.abs(np.log(self.frequency[self.paired, None] / self.frequency[hidden]))
+        return np.asarray((apart < NEAR).any(1))
 
     def at_channels(self, channels: tuple[str, ...]) -> FloatArray:
         """Return the modes at sensors (n_channels, n_modes)."""
@@ -102,7 +109,7 @@ def learn_reference(
     tracked = stack_tracks(estimates, tracks)
     every = mean_modes(tracked)
     calibration = calibrate(structure, every)
-    calibration = calibration.only(~_mistakable(every, calibration))
+    calibration = calibration.only(~_mistakable(every, calibration.tracks))
     kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
     scatter = stated_scatter(kept) if stated else learn_scatter(kept)
     baseline = scatter.mean(kept)
@@ -120,21 +127,16 @@ def learn_reference(
     )
 
 
-def _mistakable(measured: ModalMean, calibration: Calibration) -> npt.NDArray[np.bool_]:
-    """Tell which tracks (n_tracks,) the sensors may take another mode for, once something has changed.
+def _mistakable(measured: ModalMean, tracks: IndexArray) -> npt.NDArray[np.bool_]:
+    """Tell which tracks (n_tracks,) the sensors cannot tell from a mode that was measured too and the model has not.
 
-    A twist that they see as the bending beside it, since it has a little of that: one that was measured too, or one of
-    the model's that only shows where the two mix. Three tracks are left at least.
+    After a change either may be the other: a twist that they see as the bending beside it, since it has a little of
+    that. Three are left at least.
     """
-    tracks, paired = calibration.tracks, calibration.paired
     others = np.setdiff1d(np.flatnonzero(np.isfinite(measured.log_frequency)), tracks)
-    alike = mac_matrix(measured.shape[tracks], measured.shape[others]) > _SAME_SHAPE
-    near = np.abs(measured.log_frequency[tracks, None] - measured.log_frequency[others]) < _NEAR
-    frequency = calibration.modes.frequency
-    moves = np.linalg.norm(channel_rows(calibration.model, measured.channels) @ calibration.modes.shape, axis=0)
-    hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[paired])), paired)
-    beside = np.abs(np.log(frequency[paired, None] / frequency[hidden])) < _MIXED
-    found = np.asarray((alike & near).any(1) | beside.any(1))
+    alike = mac_matrix(measured.shape[tracks], measured.shape[others]) > SAME_SHAPE
+    near = np.abs(measured.log_frequency[tracks, None] - measured.log_frequency[others]) < NEAR
+    found = np.asarray((alike & near).any(1))
     return found if (~found).sum() >= 3 else np.zeros(len(tracks), bool)
 
 
