@@ -33,7 +33,9 @@ _SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less th
 _MOST_MODES = 120  # of the model
 _REACH = 8.0  # times the highest frequency that was measured, that modes should go to ...
 _MOST_FOR_REACH = 60  # ... as far as so many do
-_ALIKE = 0.9  # MAC beyond which a mode answers to one of the model as the file has it, no doubt
+_ALIKE = 0.9  # share of a shape from which on it answers to the model's modes as the file has them, no doubt
+_UNLIKE = 0.7  # under which it does not, once the model is nearly right
+_CLOSE = 0.03  # of ln f: modes that turn into each other
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
 
@@ -98,14 +100,14 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
             f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
             "mapped rightly?"
         )
-    likeness = _likeness(measured, answers, seen)
-    knobs, alike = knobs_of(structure), np.flatnonzero(likeness > _ALIKE)
+    knobs, alike = knobs_of(structure), np.flatnonzero(_within(measured, answers, modes.frequency, seen) > _ALIKE)
     if 3 <= len(alike) < (answers >= 0).sum():  # what else answers is told better by a model that is nearly right
         first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
         nearer = best_model(apply_knobs(structure, knobs, first.value))
         close = nearer.modes(len(modes.frequency))
-        read = channel_rows(nearer, measured.channels)
-        answers = pair_modes(frequency, measured.shape, close.frequency, (read @ close.shape).T)
+        read = (channel_rows(nearer, measured.channels) @ close.shape).T
+        answers = pair_modes(frequency, measured.shape, close.frequency, read)
+        answers = np.where(_within(measured, answers, close.frequency, read) > _UNLIKE, answers, -1)
     tracks = np.flatnonzero(answers >= 0)
     misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
     fit = fit_parameters(misfit, _prior(knobs))
@@ -126,6 +128,19 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         ),
         reason=fit.reason,
     )
+
+
+def _within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
+    """Return the share (n_tracks,) of each shape that is of the model's modes about the one that answers to it.
+
+    Close modes turn into each other by what no model knows; 0 where none answers.
+    """
+    found = np.zeros(len(answers))
+    for track in np.flatnonzero(answers >= 0).tolist():
+        about = np.abs(np.log(frequency / frequency[answers[track]])) < _CLOSE
+        basis, _ = np.linalg.qr(seen[about].T)
+        found[track] = ((basis.T @ measured.shape[track]) ** 2).sum()
+    return found
 
 
 def _likeness(measured: ModalMean, answers: IndexArray, seen: FloatArray) -> FloatArray:
