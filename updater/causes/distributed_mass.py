@@ -1,7 +1,8 @@
 """Mass spread over a stretch of a member, or gone from it: snow, water, a cable, ice.
 
-Modal mass I + m / e int (Phi^T Phi + r^2 Theta^T Theta) dx over the stretch of length e: Phi the modes' displacements,
-Theta their rotations in the member's axes, r the section's radii of gyration, as if its material were denser.
+Modal mass I + m / e int (Phi^T Phi + g r^2 Theta^T Theta) dx over the stretch of length e: Phi the modes'
+displacements, Theta their rotations in the member's axes, r the section's radii of gyration; g is 1 if it lies as the
+material does, less for water in a pipe and more for ice on it.
 """
 
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from updater.fit import Fit
 
 _LEAST = 1e-4  # of the structure's mass
+_GYRATION_STD = 0.7  # of g: nobody knows how a load lies
 _REMOVABLE = 0.9  # of a stretch's own mass
 #: from a sixth of the longest member to all of it: what is shorter is a body
 _LENGTHS = Kinds(
@@ -38,9 +40,10 @@ _LENGTHS = Kinds(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistributedMass(Spread):
-    """Stretches of all members; the parameter is the mass [kg]."""
+    """Stretches of all members; parameters are the mass [kg], the shift, the length and g - 1."""
 
-    summed: FloatArray  #: (n_edges, n_modes, n_modes) modal mass of 1 kg/m from each member's start
+    moved: FloatArray  #: (n_edges, n_modes, n_modes) modal mass of 1 kg/m from each member's start, as it moves
+    turned: FloatArray  #: likewise as it turns, about axes as far as the material's
     own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
     name: str = "distributed_mass"
     advice: str = "Look along the stretch that is named for what lies or hangs on it."
@@ -51,22 +54,27 @@ class DistributedMass(Spread):
 
     @property
     def prior_std(self) -> FloatArray:
-        """Of the mass [kg], the shift and the length."""
-        return np.array([MASS_STD * self._total, WITHIN, WITHIN])
+        """Of the mass [kg], the shift, the length and how it lies about the axis."""
+        return np.array([MASS_STD * self._total, WITHIN, WITHIN, _GYRATION_STD])
 
     @property
     def lower(self) -> FloatArray:
         """Only what is there can be taken off."""
         there = _REMOVABLE / 1.5 * self.own[self.member] * self.size * self.cells.length[self.member]
-        least = np.full((len(there), 3), -np.inf)
+        least = np.full((len(there), 4), -np.inf)
         least[:, 0] = -np.minimum(there, LARGEST_REMOVED * self._total)
+        least[:, 3] = -1.0
         return least
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes."""
         along = theta[:, 0] / (self.sizes(theta, rows) * self.cells.length[self.member[rows]])
-        mass = along[:, None, None] * self.matrix(self.summed, theta, rows)
-        return replace(no_effect(len(rows), self.comparison), mass=mass)
+        return replace(no_effect(len(rows), self.comparison), mass=along[:, None, None] * self.per_metre(theta, rows))
+
+    def per_metre(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the modal mass (len(rows), n_modes, n_modes) of 1 kg/m over the stretches."""
+        turned = (1 + theta[:, 3])[:, None, None] * self.matrix(self.turned, theta, rows)
+        return self.matrix(self.moved, theta, rows) + turned
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a mass of any order makes of the evidence."""
@@ -94,16 +102,17 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
     structure = reference.calibration.structure
     if not may_be_cut(structure):
         return None
-    cells, summed = _mass(reference)
+    cells, moved, turned = _mass(reference)
     own = [structure.material[m.material].density * structure.section[m.section].area for m in structure.member]
     found = DistributedMass(
         reference=reference,
         comparison=comparison,
         cells=cells,
         kinds=_LENGTHS,
-        summed=summed,
+        moved=moved,
+        turned=turned,
         own=np.array(own),
-        **everywhere(cells, _LENGTHS, 3),
+        **everywhere(cells, _LENGTHS, 4),
     )
     return begun(found, _first_order(found))
 
@@ -111,22 +120,22 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
 def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -m/2 dM_ii, fitted to the log frequencies."""
     comparison = cause.comparison
-    per_metre = cause.matrix(cause.summed, cause.start, np.arange(len(cause.member)))
+    per_metre = cause.per_metre(cause.start, np.arange(len(cause.member)))
     heavier = np.diagonal(per_metre, axis1=1, axis2=2)[:, comparison.paired]
     mass, explained = strength(comparison, -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None])
     return np.clip(mass, cause.lower[:, 0] / 2, cause.prior_std[0]), explained
 
 
 @lru_cache(maxsize=4)
-def _mass(reference: Reference) -> tuple[Cells, FloatArray]:
-    """Return the modal mass of all stretches if they weighed a kilogram a metre."""
+def _mass(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
+    """Return the modal mass of all stretches if they weighed a kilogram a metre: as it moves, and as it turns."""
     structure, model = reference.calibration.structure, reference.calibration.model
-    cells, factors = cut(structure.member), []
+    cells, ways, turns = cut(structure.member), [], []
     for m, member in enumerate(cells.members):
         section = structure.section[member.section]
         gyration = np.array([sum(section.second_moment), *section.second_moment]) / section.area
         axes = local_axes(np.subtract(member.end, member.start), member.local_y)
         moved = (model.reader(member.point(cells.middles(m))) @ reference.shape).reshape(cells.count[m], 6, -1)
-        turned = np.sqrt(gyration)[:, None] * (axes @ moved[:, 3:])
-        factors.append(np.concatenate([moved[:, :3], turned], axis=1))
-    return cells, cells.summed(factors)
+        ways.append(moved[:, :3])
+        turns.append(np.sqrt(gyration)[:, None] * (axes @ moved[:, 3:]))
+    return cells, cells.summed(ways), cells.summed(turns)
