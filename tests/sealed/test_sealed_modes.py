@@ -35,6 +35,8 @@ CASES = [
     ("attached_oscillator", 9400021),  # its own mode moves no sensor
     ("local_stiffness + added_mass", 684200013),  # the best of either alone is on the wrong member
     ("local_stiffness + added_mass", 684200006),  # 102 g beside two thirds of a member's stiffness
+    ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
+    ("mast: distributed_mass", 327700050),  # which does not lie as the tube does
     ("bridge: support_stiffness", 778200000),  # a bearing
     ("bridge: temperature", 258200000),  # which leaves the bearings alone
     ("bridge: distributed_mass", 4300000),  # carries a bending mode across a twist
