@@ -76,7 +76,7 @@ shown: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/diagnosis_shown.py docs
 
 # What is done against what `diagnose` says of its modes, drawn by a code of its own: the tables of docs/diagnosis.md.
-# It goes on where it was stopped (confusion.jsonl); `make confusion ARGUMENTS="--minutes 30"`.
+# It goes on where it was stopped (confusion.jsonl); `make confusion ARGUMENTS="--minutes 30"`, `--elsewhere`: other structures.
 confusion: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/confusion.py $(ARGUMENTS)
 
