@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from sealed_frame import Bar, Frame, Ground, Lump, Meeting, Vector
-from sealed_specimen import FrameBody, Random, Scale, Sensor, State
+from sealed_specimen import FrameBody, Random, Scale, Sensor, State, mounted
 
 _AXES = ("x", "y", "z")
 _USUAL = 210e9 * 9.3e-8 / 1.48, 7.5, 1.48  # of the T-frame: E I / L [N m], mass [kg], longest bar [m]
@@ -151,20 +151,7 @@ class Design:
         found = []
         for bar, s, device, axes in self.devices:
             length = next(b for b in self.bars if b.name == bar).length
-            off = float(np.clip(s + 1.35e-3 * length * random.standard_normal(), 0.0, length))
-            turn = np.radians(1.0) * random.standard_normal(3)
-            for axis in axes:
-                unit = np.eye(3)[_AXES.index(axis)]
-                direction = unit + np.cross(turn, unit)
-                found.append(
-                    Sensor(
-                        channel=f"{device}_{axis}",
-                        device=device,
-                        bar=bar,
-                        s=off,
-                        direction=_three(direction / np.linalg.norm(direction)),
-                    )
-                )
+            found += mounted(random, device, axes, bar, s, length=length, off=1.35e-3 * length)
         return tuple(found)
 
     def _forces(self, random: Random) -> tuple[Sensor, ...]:

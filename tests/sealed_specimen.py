@@ -236,22 +236,22 @@ def _sensors(random: Random) -> tuple[Sensor, ...]:
     """Every device is off its place by 2 mm and turned by one degree."""
     found = []
     for bar, s, device, axes in _PLACES:
-        off = s + 2e-3 * random.standard_normal()
         length = _SPAN if bar == "column" else 2 * _HALF
-        turn = np.radians(1.0) * random.standard_normal(3)
-        for axis in axes:
-            unit = np.eye(3)["xyz".index(axis)]
-            direction = unit + np.cross(turn, unit)
-            found.append(
-                Sensor(
-                    channel=f"{device}_{axis}",
-                    device=device,
-                    bar=bar,
-                    s=float(np.clip(off, 0.0, length)),
-                    direction=_three(direction / np.linalg.norm(direction)),
-                )
-            )
+        found += mounted(random, device, axes, bar, s, length=length, off=2e-3)
     return tuple(found)
+
+
+def mounted(random: Random, device: str, axes: str, bar: str, s: float, *, length: float, off: float) -> list[Sensor]:
+    """Return a device's channels, off their place on a bar by a deviation [m], and turned by one degree."""
+    place = float(np.clip(s + off * random.standard_normal(), 0.0, length))
+    turn = np.radians(1.0) * random.standard_normal(3)
+    found = []
+    for axis in axes:
+        unit = np.eye(3)["xyz".index(axis)]
+        direction = unit + np.cross(turn, unit)
+        unit = direction / np.linalg.norm(direction)
+        found.append(Sensor(channel=f"{device}_{axis}", device=device, bar=bar, s=place, direction=_three(unit)))
+    return found
 
 
 def _forces(random: Random) -> tuple[Sensor, ...]:

@@ -11,14 +11,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import low_grade
+from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
 from monitor.settings import AXES, DeviceSettings
 from monitor.site import Site, load_site
 from monitor.surroundings import look_around
-
-_DONE, _NEEDS_A_PERSON = 0, 1
 
 console = Console(highlight=False)
 
@@ -49,7 +48,7 @@ def check_command(path: Path, given: Sequence[str] = ()) -> int:
         console.print(f"[yellow]{escape(problem)}[/]")
     console.print("all devices answer" if not problems else "the devices answer, but see above")
     well = _say_around(site)
-    return _DONE if well and not problems else _NEEDS_A_PERSON
+    return DONE if well and not problems else NEEDS_A_PERSON
 
 
 def _say_around(site: Site) -> bool:

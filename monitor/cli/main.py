@@ -1,4 +1,4 @@
-"""`modalwatch`: the table of commands, and the one place where errors become exit codes."""
+"""`modalwatch`: the table of commands."""
 
 import os
 import sys
@@ -7,11 +7,10 @@ from typing import Annotated
 
 import typer
 
+from monitor.cli.exits import DONE, INTERRUPTED, explain
 from monitor.cli.log_table import log_app
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-
-DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 
 
 app.add_typer(log_app, name="log")
@@ -388,21 +387,5 @@ def _run() -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except Exception as error:  # noqa: BLE001 - the daemon's edge: nothing may leave without an exit code
-        return _explain(error)
+        return explain(error, debug=any(_debug))
     return DONE
-
-
-def _explain(error: Exception) -> int:
-    """Say what went wrong in one line; return the exit code."""
-    from daq import DaqError
-    from monitor.errors import MonitorError, StartError
-    from oma import OmaError
-    from updater import UpdaterError
-
-    if isinstance(error, DaqError | OmaError | MonitorError | UpdaterError):
-        typer.echo(f"error: {error}", err=True)
-        return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
-    typer.echo(f"internal error: {type(error).__name__}: {error}", err=True)
-    if any(_debug):
-        raise error
-    return INTERNAL

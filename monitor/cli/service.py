@@ -7,12 +7,12 @@ from pathlib import Path
 import httpx
 import typer
 
+from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.errors import ArgumentError
 from monitor.site import Site, load_site
 from monitor.unit_file import unit_of
 from monitor.web import read_token
 
-_WELL, _NEEDS_A_PERSON = 0, 1
 _SECONDS = 5.0  # to wait for an answer
 
 
@@ -33,14 +33,14 @@ def install_command(path: Path, *, of_user: bool, only_print: bool) -> int:
     unit = unit_of(site.path, tuple(dict.fromkeys(writable)), of_user=of_user)
     if only_print:
         typer.echo(unit.text, nl=False)
-        return _WELL
+        return DONE
     unit.write()
     command = "systemctl --user" if of_user else "systemctl"
     typer.echo(f"written: {unit.path}")
     typer.echo(f"to start it now and at every boot: {command} daemon-reload && {command} enable --now {unit.path.name}")
     if of_user:
         typer.echo("to have it run while nobody is logged in: loginctl enable-linger")
-    return _WELL
+    return DONE
 
 
 def _give_to_owner(folder: Path, site: Site) -> None:
@@ -65,7 +65,7 @@ def health_command(path: Path) -> int:
         problems = [f"no answer: {error}"]
     for problem in problems:
         typer.echo(problem)
-    return _NEEDS_A_PERSON if problems else _WELL
+    return NEEDS_A_PERSON if problems else DONE
 
 
 def _asked(site: Site) -> list[str]:

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from monitor.channel_check import check_channels, measured_only
+from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.cli.sight_json import as_json
 from monitor.cli.sight_shown import body_table, channel_words, clearer_words, helper_words, modes_table, plan_tables
@@ -17,7 +18,6 @@ from monitor.structure_picture import draw_structure
 from monitor.target import Plan, plan
 from updater import ModelError, Record, StructureError, Target, load_structure
 
-_DONE, _NEEDS_A_PERSON = 0, 1
 console = Console(highlight=False)
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
@@ -104,7 +104,7 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
     if json_path:
         write_json(json_path, as_json(sight, planned))
-    return _DONE if check is None or check.good else _NEEDS_A_PERSON
+    return DONE if check is None or check.good else NEEDS_A_PERSON
 
 
 def _planned(sight: Sight, target: Target | None) -> Plan | None:

@@ -140,8 +140,8 @@ def _springs(
         return None  # of matrices from elsewhere nobody knows E I / L
     stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
     bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
-    usual = np.array([[_STD if a in TURNS else 0.0 for a in axes] for _, axes, _ in sprung])
-    usual = np.where(usual, usual, np.maximum(_SOFTER * bending / stiffness, _GIVES))
+    turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
+    usual = np.where(turning, _STD, np.maximum(_SOFTER * bending / stiffness, _GIVES))
     unit = bending * _STD / usual
     own = unit / stiffness
     moment = np.where(np.isfinite(stiffness), stiffness, 0.0)[:, :, None] * (
