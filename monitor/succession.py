@@ -3,11 +3,12 @@
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from daq import Event, HostClock, Item, LogError, LogThread
+from daq import Event, HostClock, Item, LogError, LogKeeper, LogThread
 from monitor.analysing import Analysis, blocks_a_second, most_waiting, new_analysis
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
 from monitor.result_events import result_event
@@ -20,6 +21,14 @@ _POLL = 0.2  # s
 _LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
 _LAST_WORDS = 20.0  # s that one which gives way to another is waited for: the watchdog is fed four times a minute
 _REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedLog:
+    """What is asked of a log that is closed; its keeper holds all that was written in front of each file."""
+
+    paths: tuple[Path, ...]
+    problem: str | None
 
 
 class Succession:
@@ -51,7 +60,7 @@ class Succession:
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, clock, self._take, self._kept)
         self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
-        self._keepers = [self._analysis.keeper]  # of all logs so far
+        self._logs: list[LogKeeper | FinishedLog] = [self._analysis.keeper]  # all so far
         seconds = site.settings.recorder.chunk_seconds
         self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
         self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
@@ -106,8 +115,8 @@ class Succession:
             self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
             return
         self._analysis, self._revive_at = new, 0.0
-        self._keepers.append(new.keeper)
-        self._log.switch(new.keeper, partial(self._feed_to, new))
+        self._logs.append(new.keeper)
+        self._log.switch(new.keeper, partial(self._go_over, old.keeper, new))
         new.worker.__enter__()
         old.worker.__exit__()
         self._say_refused()
@@ -127,7 +136,7 @@ class Succession:
     @property
     def files(self) -> tuple[Path, ...]:
         """All logs, in the order of writing."""
-        return tuple(path for keeper in self._keepers for path in keeper.paths)
+        return tuple(path for log in self._logs for path in log.paths)
 
     @property
     def dropped(self) -> int:
@@ -147,7 +156,7 @@ class Succession:
     @property
     def disk_failure(self) -> str | None:
         """What is not in the logs, and why."""
-        return "; ".join(filter(None, (keeper.problem for keeper in self._keepers))) or None
+        return "; ".join(filter(None, (log.problem for log in self._logs))) or None
 
     @property
     def state(self) -> dict[str, Any]:
@@ -192,8 +201,10 @@ class Succession:
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept
 
-    def _feed_to(self, analysis: Analysis) -> None:
-        self._worker = analysis.worker
+    def _go_over(self, old: LogKeeper, new: Analysis) -> None:
+        """Feed the new analysis, the old log being closed; in the log's thread."""
+        self._logs[self._logs.index(old)] = FinishedLog(paths=old.paths, problem=old.problem)
+        self._worker = new.worker
 
     def _report(self) -> bool:
         """Log and hand on what the analysis has found; False once it has said its last word, or has died."""

@@ -18,7 +18,7 @@ from monitor.live import LiveView, live_view
 from monitor.memory import recall
 from monitor.mending import mend_logs
 from monitor.only_one import only_one
-from monitor.processes import give_back_memory
+from monitor.processes import give_back_memory, spare_what_is_loaded
 from monitor.replay import replay
 from monitor.results import AlarmResult, Result
 from monitor.site import Site, load_site
@@ -61,6 +61,7 @@ def _watch(site: Site, read_again: Callable[[], Site], *, as_json: bool) -> int:
     ):
         tell_live(console, live)
         _tell_page(site)
+        spare_what_is_loaded()
         report = run(
             site,
             stop,
