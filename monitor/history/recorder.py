@@ -19,7 +19,7 @@ _CAPACITY = 10_000  # items that may wait in memory
 _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
 _MUTE = 15.0  # s that a database may take over a batch: longer than it may be locked, or gone
-_FORGET = 3600.0  # s between looks at whether there are too many events
+_FORGET = 3600.0  # s between looks at whether there are too many events or diagnoses
 _LAST = 5.0  # s that an end waits for it
 
 

@@ -18,6 +18,7 @@ from monitor.history.engines import open_engine, said, shown_url
 from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
 from monitor.history.rollup import roll_up
+from monitor.history.thinning import thin_diagnoses
 from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.words import change_text
@@ -77,27 +78,32 @@ class HistoryStore:
         return 0
 
     def forget(self, keep: int) -> None:
-        """Delete the oldest events of kinds that there are more than `keep` of.
+        """Delete the oldest events of kinds that there are more than `keep` of, and diagnoses that say nothing new.
 
-        By their number, not their age: a plug that is loose for a week fills no disk, and a clock that is set ahead
-        by years costs nothing.
+        Events by their number, not their age: a plug that is loose for a week fills no disk, and a clock that is set
+        ahead by years costs nothing.
 
         Raises
         ------
         HistoryError
             If the database is locked, damaged or gone.
         """
-        table = schema.events
-        topic, time = table.c.topic, table.c.time
         try:
             with self._engine.begin() as connection:
-                many = select(topic).group_by(topic).having(func.count() > keep)
-                for kind in list(connection.scalars(many)):
-                    newest = select(time).where(topic == kind).order_by(time.desc())
-                    first = newest.limit(1).offset(keep - 1).scalar_subquery()
-                    connection.execute(delete(table).where(topic == kind, time < first))
+                _forget_events(connection, keep)
+                thin_diagnoses(connection)
         except SQLAlchemyError as error:
             raise HistoryError(self.url, said(error)) from error
+
+
+def _forget_events(connection: Connection, keep: int) -> None:
+    table = schema.events
+    topic, time = table.c.topic, table.c.time
+    many = select(topic).group_by(topic).having(func.count() > keep)
+    for kind in list(connection.scalars(many)):
+        newest = select(time).where(topic == kind).order_by(time.desc())
+        first = newest.limit(1).offset(keep - 1).scalar_subquery()
+        connection.execute(delete(table).where(topic == kind, time < first))
 
 
 def _write(connection: Connection, item: Event) -> int | None:
