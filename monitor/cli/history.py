@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from time import time_ns
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -14,7 +15,7 @@ from monitor.alarm_words import duration_text
 from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.event_words import event_name, event_said
-from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, database_url
+from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow, database_url
 from monitor.results import TOPIC_SELF_TEST
 from monitor.site import load_site
 from monitor.words import utc
@@ -23,6 +24,8 @@ console = Console(highlight=False)
 _DAY = 86_400 * 10**9  # ns
 _EVER = 2**62  # ns UTC
 _MOST = 20  # lines of a table
+_ALL = 10**6  # windows: more than two weeks have
+_EONS = 1e5  # days
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +33,8 @@ class Found:
     """What a span holds."""
 
     span: Span
+    newest: int  # end of the newest window, which may be before the span [ns UTC]
+    counts: tuple[int, int, int]  # of windows, of those that were judged, of those over the limit
     state: str
     days: list[DayRow]
     levels: list[tuple[int, float]]  #: time [ns UTC], novelty over its limit; by the day the highest
@@ -49,9 +54,9 @@ class Outputs:
 
 
 def history_command(target: str, days: float | None, outputs: Outputs) -> int:
-    """Say what a site's history holds of the last days, or of all time."""
+    """Say what a site's history holds of the last days until now, or of all time."""
     with Reader(target_url(target)) as reader:
-        found = look(reader, days)
+        found = look(reader, None if days is None else _last(days))
     _say(found)
     if outputs.csv:
         write_csv(outputs.csv, found)
@@ -77,8 +82,15 @@ def target_url(target: str) -> str:
     return f"sqlite:///{path}"
 
 
-def look(reader: Reader, last: float | None) -> Found:
-    """Return what the last days hold; of all time unless given.
+def _last(days: float) -> Span:
+    now = time_ns()
+    return Span(start=now - round(min(_EONS, days) * _DAY), end=now)
+
+
+def look(reader: Reader, wanted: Span | None) -> Found:
+    """Return what a span until now holds; of all time unless given.
+
+    What lies ahead of now, by a clock that ran ahead or a rig that plays faster, is in it too.
 
     Raises
     ------
@@ -88,13 +100,18 @@ def look(reader: Reader, last: float | None) -> Found:
     whole = reader.span()
     if whole is None:
         raise HistoryError(reader.url, "no window has been analysed yet")
-    span = whole if last is None else Span(start=max(whole.start, whole.end - round(last * _DAY)), end=whole.end)
+    span = whole
+    if wanted is not None:
+        span = Span(start=max(whole.start, wanted.start), end=max(whole.end, wanted.end))
     later = Span(start=span.start, end=_EVER)  # what happened after the last window too
+    days, windows = reader.days(span), reader.windows(span, _ALL) if span.every == "window" else None
     return Found(
         span=span,
+        newest=whole.end,
+        counts=_counts(days) if windows is None else _counts_of(windows),
         state=reader.state(),
-        days=(days := reader.days(span)),
-        levels=_levels(reader, span, days),
+        days=days,
+        levels=_levels_by_day(days) if windows is None else _levels(windows),
         alarms=reader.alarms(span),
         trends={mode: reader.trend(mode, span) for mode in reader.modes()},
         events=reader.events(later),
@@ -102,11 +119,21 @@ def look(reader: Reader, last: float | None) -> Found:
     )
 
 
-def _levels(reader: Reader, span: Span, days: list[DayRow]) -> list[tuple[int, float]]:
-    if span.every == "day":
-        return [(day.day * _DAY + _DAY // 2, day.level) for day in days if day.level is not None]
-    found = reader.windows(span, most=100_000)
-    return [(w.end, w.t2 / w.limit) for w in found if w.t2 is not None and w.limit]
+def _counts(days: list[DayRow]) -> tuple[int, int, int]:
+    return sum(day.n for day in days), sum(day.n_judged for day in days), sum(day.n_over for day in days)
+
+
+def _counts_of(windows: list[WindowRow]) -> tuple[int, int, int]:
+    judged = [(w.t2, w.limit) for w in windows if w.t2 is not None]
+    return len(windows), len(judged), sum(limit is not None and t2 > limit for t2, limit in judged)
+
+
+def _levels_by_day(days: list[DayRow]) -> list[tuple[int, float]]:
+    return [(day.day * _DAY + _DAY // 2, day.level) for day in days if day.level is not None]
+
+
+def _levels(windows: list[WindowRow]) -> list[tuple[int, float]]:
+    return [(w.end, w.t2 / w.limit) for w in windows if w.t2 is not None and w.limit]
 
 
 def write_csv(path: Path, found: Found) -> None:
@@ -140,9 +167,10 @@ def _told(events: list[EventRow]) -> list[dict[str, object]]:
 
 
 def _say(found: Found) -> None:
-    n, judged, over = (sum(getattr(day, name) for day in found.days) for name in ("n", "n_judged", "n_over"))
+    n, judged, over = found.counts
+    newest = f"; the newest {utc(found.newest)}" if found.newest < found.span.end else ""
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
-    console.print(f"{n} windows, {judged} judged, {over} over the limit")
+    console.print(f"{n} windows, {judged} judged, {over} over the limit{newest}", soft_wrap=True)
     console.print(f"state: {found.state}")
     console.print(_self_tests(found.self_tests), soft_wrap=True)
     _say_alarms(found.alarms)

@@ -111,7 +111,9 @@ def health(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
 @app.command()
 def history(
     target: Annotated[str, typer.Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
-    days: Annotated[float | None, typer.Option(help="Only the last days; all of them unless given.", min=0.0)] = None,
+    days: Annotated[
+        float | None, typer.Option(help="Only the last days, counted from now; all of them unless given.", min=0.0)
+    ] = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the modes' courses.")] = None,
     plot: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Novelty and shifts over time.")] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets all of it.")] = None,

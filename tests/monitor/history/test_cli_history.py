@@ -9,7 +9,9 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from history_helpers import HOUR, START, change, run_events, sqlite_url, write_years
 
+from daq import Event
 from monitor.history import HistoryStore
+from monitor.history.schema import DAY
 from monitor.result_events import result_event
 from monitor.results import SelfTestResult
 
@@ -65,11 +67,37 @@ def test_self_tests_are_told_in_a_line(modalwatch: Commands, file: Path, tmp_pat
     ]
 
 
-def test_only_the_last_days(modalwatch: Commands, tmp_path: Path) -> None:
-    write_years(sqlite_url(tmp_path), years=0.02, step=HOUR, n_modes=1)
-    done = modalwatch("history", sqlite_url(tmp_path), "--days", "1", "--json", tmp_path / "h.json")
-    assert done.code == 0, done.err
-    assert len(json.loads((tmp_path / "h.json").read_text())["trends"]["1"]) == 25  # both ends included
+@pytest.mark.parametrize(
+    ("down", "days", "n", "newest"),
+    [
+        (0, "1", 25, ""),  # both ends included
+        (12 * HOUR, "1", 13, "; the newest 2026-01-08 07:00:00 UTC"),
+        (14 * DAY, "7", 0, "; the newest 2026-01-08 07:00:00 UTC"),
+        (14 * DAY, "16", 56, "; the newest 2026-01-08 07:00:00 UTC"),  # by the day: whole ones
+        (-2 * HOUR, "1", 27, ""),  # by a clock that ran ahead
+        (0, "inf", 175, ""),
+    ],
+)
+def test_last_days_are_counted_from_now(
+    modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, down: int, days: str, n: int, newest: str
+) -> None:
+    """A watch that has been down for so long, its alarm since raised, and a notice that could not be told later."""
+    url = sqlite_url(tmp_path)
+    end = START + HOUR * write_years(url, years=0.02, step=HOUR, n_modes=1)
+    with HistoryStore(url) as store:
+        late = Event(topic="/event/notice_failed", time=end + 10 * DAY, payload={"why": "broken"})
+        store.write([change(end - 3 * DAY, "alarm", "a mass"), late])
+    monkeypatch.setattr("monitor.cli.history.time_ns", lambda: end + down)
+    files = [tmp_path / name for name in ("h.json", "h.csv", "h.png")]
+    done = modalwatch("history", url, "--days", days, "--json", files[0], "--csv", files[1], "--plot", files[2])
+    assert (done.code, done.err) == (0, "")
+    assert f"\n{n} windows, {n} judged, 0 over the limit{newest}\n" in done.out
+    for text in ("state: alarm", "a mass", "broken"):
+        assert text in done.out
+    found = json.loads(files[0].read_text())
+    if found["every"] == "window":
+        assert len(found["trends"]["1"]) == len(files[1].read_text().splitlines()) - 1 == n
+    assert found["end"] == end + max(0, down)
 
 
 def test_what_cannot_be_read_is_one_line(modalwatch: Commands, tmp_path: Path, file: Path) -> None:
