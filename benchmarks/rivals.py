@@ -16,7 +16,8 @@ from scipy.optimize import minimize, nnls
 
 from daq import FloatArray
 from updater import MassUpdater, Reference, locate_mass, spread_mass
-from updater.comparison import Comparison, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.reanalysis import no_effect, picked, predict, reanalyse
 from updater.statistics import ModalMean
 

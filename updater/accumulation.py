@@ -13,7 +13,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.added_mass import DENSITY_STD, AddedMass
 from updater.causes.bodies import Bodies
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.fit import Fit, linearised
 from updater.localization import MassChange, fit_mass, mass_change
 from updater.reference import Reference

@@ -22,7 +22,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.sensor_delay import begin_at
 from updater.circumstances import NOTHING_KNOWN, Circumstances
-from updater.comparison import Comparison, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.fit import fit
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference

@@ -15,7 +15,7 @@ from scipy.stats import chi2, ncx2
 from daq import FloatArray, IndexArray
 from updater.calibration import best_model
 from updater.causes.added_mass import AddedMass, propose_added_mass
-from updater.comparison import SHAPE_BIAS, compare
+from updater.comparing import compare
 from updater.errors import ModelError
 from updater.expected_noise import Record, shape_errors
 from updater.expected_reference import expected_reference, shape_covariance, told_apart
@@ -23,6 +23,7 @@ from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.reference import Reference
 from updater.sensor import Sensor
+from updater.shape_errors import SHAPE_BIAS
 from updater.statistics import COMMON_STD
 from updater.structure import Structure
 

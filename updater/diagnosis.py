@@ -20,7 +20,8 @@ from updater.candidates import Candidate, Weighing, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
-from updater.comparison import MODEL_ERROR, Comparison, compare
+from updater.comparing import MODEL_ERROR, compare
+from updater.comparison import Comparison
 from updater.compositions import Compositions, common
 from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout

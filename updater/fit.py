@@ -9,8 +9,9 @@ from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, residual
+from updater.comparison import Comparison
 from updater.reanalysis import Changed, Effect, derivative, picked, predict, reanalyse
+from updater.residual import residual
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last

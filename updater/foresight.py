@@ -12,11 +12,13 @@ from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, Prediction, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.detectability import Outlook
 from updater.errors import ModalDataError, ModelError
 from updater.posterior import likeliest_place
 from updater.reanalysis import picked, predict, reanalyse
+from updater.residual import Prediction
 from updater.statistics import ModalMean
 
 _DRAWS = 200

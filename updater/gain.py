@@ -12,9 +12,10 @@ import numpy as np
 from daq import FloatArray
 from updater.agreement import agreeing
 from updater.causes.composite import Chosen
-from updater.comparison import Comparison, Prediction, Whitener, residual
+from updater.comparison import Comparison, Whitener
 from updater.lags import without_mode
 from updater.prediction import mac_of, prediction
+from updater.residual import Prediction, residual
 from updater.verdict import Gain, Pair
 
 _SIGNIFICANT = 2.0  # standard deviations

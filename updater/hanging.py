@@ -6,8 +6,9 @@ What answers at omega acts along its spring like a mass m / (1 - omega_i^2 / ome
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, NewModes, shaken
+from updater.comparison import Comparison, NewModes
 from updater.fe.element import local_axes
+from updater.new_shapes import shaken
 from updater.reference import Reference
 from updater.screening import linear_in_mass
 from updater.shape_errors import beside

@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.added_mass import AddedMass, propose_added_mass
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.fe.element import local_axes
 from updater.fit import Fit, fit
 from updater.posterior import Place, credible

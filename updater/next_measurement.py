@@ -15,10 +15,12 @@ from updater.causes.added_mass import AddedMass
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.causes.temperature import SOFTENING, SOFTENING_STD
-from updater.comparison import MODEL_ERROR, Comparison, compare, residual
+from updater.comparing import MODEL_ERROR, compare
+from updater.comparison import Comparison
 from updater.prediction import effect_of, prediction
 from updater.reanalysis import Changed, Effect, picked, reanalyse
 from updater.reference import Reference
+from updater.residual import residual
 from updater.statistics import ModalMean
 
 _DECIDES = 3.0  # standard deviations

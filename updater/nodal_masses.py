@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, compare, residual
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.fe.assembly import build_model
 from updater.reanalysis import Changed, derivative, no_effect, picked, predict, reanalyse
 from updater.reference import Reference
+from updater.residual import residual
 from updater.sensitivity import Convergence, Prior, SensitivityFit, fit_parameters
 from updater.statistics import ModalMean
 

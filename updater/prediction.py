@@ -6,8 +6,9 @@ import numpy as np
 
 from daq import FloatArray
 from updater.causes.composite import Beside, Chosen
-from updater.comparison import Comparison, Prediction
+from updater.comparison import Comparison
 from updater.reanalysis import Effect, picked, predict, reanalyse
+from updater.residual import Prediction
 
 
 def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:

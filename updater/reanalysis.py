@@ -13,7 +13,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, Prediction
+from updater.comparison import Comparison
+from updater.residual import Prediction
 
 _SPLIT = 0.05  # of a compared mode, that is what hangs on the structure: then either of two modes may be meant
 _NEAR = 0.5  # of ln f: how far what hangs on a structure may yet answer from where it is begun

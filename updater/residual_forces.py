@@ -26,7 +26,8 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray
-from updater.comparison import Comparison, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.errors import ModelError
 from updater.fe.model import Model
 from updater.hinges import flexibility, hinges_of

@@ -10,7 +10,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.added_mass import AddedMass, propose_added_mass
 from updater.causes.bodies import PER_BODY, Bodies
 from updater.causes.nothing import Nothing
-from updater.comparison import Comparison, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.fit import Fit, fit, linearised
 from updater.localization import FITS, MODEL_ERRORS, MassChange, mass_change
 from updater.reanalysis import Effect

@@ -5,6 +5,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.reference import Reference
 
+SHAPE_BIAS = 6e-4  #: of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
 _LEAST_GAP = 1e-6  # of squared frequencies
 _MOST_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known

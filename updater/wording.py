@@ -13,9 +13,10 @@ from updater.causes.attached_oscillator import hides
 from updater.causes.base import Placed
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
-from updater.comparison import Comparison, residual
+from updater.comparison import Comparison
 from updater.prediction import mac_of, prediction
 from updater.reference import Reference
+from updater.residual import residual
 from updater.shape_errors import beside
 from updater.size import size
 from updater.statistics import ModalMean

@@ -23,7 +23,7 @@ from updater import (
 )
 from updater.candidates import Weighing
 from updater.causes.added_mass import AddedMass
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.next_measurement import next_measurement
 
 GAIN = np.ones(12)

@@ -22,7 +22,8 @@ from updater import (
 from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import Chosen
-from updater.comparison import Comparison, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.fit import fit
 from updater.prediction import prediction
 

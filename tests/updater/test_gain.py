@@ -9,7 +9,7 @@ from diagnosis_helpers import Change, learnt
 from updater import Body, diagnose
 from updater.agreement import agreeing
 from updater.candidates import Weighing
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.gain import gain_left_out, gain_on_heldout
 from updater.prediction import prediction
 

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import eigsh
 from updater import Body, Model, ModelError, build_model, learn_reference, locate_mass, stack_tracks
 from updater.causes import added_mass
 from updater.causes.added_mass import propose_added_mass
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.fe.lanczos import block_lanczos
 from updater.fe.modes import lowest_modes
 from updater.fe.solver import factorise

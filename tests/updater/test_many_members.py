@@ -5,7 +5,7 @@ from updater_helpers import measure, t_frame
 
 from updater import Segment, Structure, build_model, learn_reference, matched, stack_tracks
 from updater.causes.catalogue import CATALOGUE
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.fit import fit
 
 TRACK = np.arange(8)

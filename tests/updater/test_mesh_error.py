@@ -16,7 +16,7 @@ from updater import (
     stack_tracks,
 )
 from updater.causes.mesh_error import propose_mesh_error
-from updater.comparison import compare
+from updater.comparing import compare
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)

@@ -12,7 +12,7 @@ from updater import diagnose, learn_reference, matched, stack_tracks
 from updater.candidates import Weighing
 from updater.causes.added_mass import AddedMass
 from updater.causes.composite import Chosen
-from updater.comparison import compare
+from updater.comparing import compare
 from updater.next_measurement import next_measurement
 
 COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))

@@ -9,7 +9,8 @@ from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
 from updater import Reference, build_model, learn_reference, stack_tracks
-from updater.comparison import Comparison, compare
+from updater.comparing import compare
+from updater.comparison import Comparison
 from updater.reanalysis import derivative, no_effect, picked, reanalyse
 
 TRACK = np.arange(8)

@@ -7,9 +7,10 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.chain import Chain, corrected, groups_of
-from updater.comparison import Comparison, residual
+from updater.comparison import Comparison
 from updater.reanalysis import Effect, no_effect, picked, predict, reanalyse
 from updater.reference import Reference
+from updater.residual import residual
 from updater.structure import Structure
 from updater.verdict import Quantity
 
