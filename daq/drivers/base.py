@@ -8,14 +8,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from daq.drivers.guarded import guarded
+from daq.drivers.pace import Pace
 from daq.errors import DeviceLost, DriverError
 from daq.hostclock import HostClock
 from daq.log import Event, Item
 from daq.recording import Block, Flag, IndexArray, IntArray
 from daq.timebase import unwrap
 
-_PACE_SECONDS = 20.0  # of wall time until a rate is believed: a busy host may be a second late
-_RATE_TOLERANCE = 0.05  # twice that lateness, and far more than a clock is off
 _RETRY_SECONDS = 0.1
 
 
@@ -218,34 +217,6 @@ def _in_order(index: IndexArray, following: int) -> IndexArray | slice:
     return np.flatnonzero(ascending)
 
 
-class _Pace:
-    """Tells, once, that a device does not send at the rate that is expected of it.
-
-    One that cannot be told its rate, or does as it likes, would shift all frequencies by as much.
-
-    Parameters
-    ----------
-    rate : expected, scans a second [Hz]
-    seconds : of data to watch [s]
-    """
-
-    def __init__(self, rate: float, seconds: float) -> None:
-        self._rate, self._seconds = rate, seconds
-        self._began: tuple[int, int] | None = None  # (index, time) of the first block
-        self._told = False
-
-    def differs(self, block: Block) -> float | None:
-        """Return the rate found [Hz] if it is another one."""
-        if self._began is None or block.flags & Flag.RESTARTED:
-            self._began = block.pair_index, block.pair_time
-        seconds = 1e-9 * (block.pair_time - self._began[1])
-        if self._told or seconds < self._seconds:
-            return None
-        found = (block.pair_index - self._began[0]) / seconds
-        self._told = abs(found / self._rate - 1) > _RATE_TOLERANCE
-        return found if self._told else None
-
-
 class DeviceReader(threading.Thread):
     """Reads one device for as long as asked, and takes it back by itself when it was lost.
 
@@ -282,7 +253,7 @@ class DeviceReader(threading.Thread):
         self.bad_bytes = 0  #: dropped since the start, as no whole frame held them
         self._n_scans = max(1, round(block_seconds * rate))
         self._blocks: Blocks = after._blocks if after else self._new_blocks()
-        self._pace = _Pace(rate, _PACE_SECONDS * clock.speed)
+        self._pace = Pace(rate, clock)
         self._ending = threading.Event()
         self._end: int = after._end if after else 0  # index after the last block handed on
         self._shared: str = after._shared if after else ""  # clock of the last block, if devices share it

@@ -198,9 +198,37 @@ def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
     assert len(events_of(items, "device_back")) == 1
 
 
-@pytest.mark.parametrize(("n", "found"), [(250, None), (245, None), (100, 400.0), (300, 1200.0)])
-def test_a_device_that_sends_at_another_rate_is_told_once(n: int, found: float | None) -> None:
-    """A read brings n scans in a quarter of a second, for 25 s; after 20 s it is told, and not again."""
-    script: list[Step] = [(0.25, range(k * n, (k + 1) * n)) for k in range(100)]
-    expected = [] if found is None else [{"device": "beam", "expected": RATE, "found": pytest.approx(found)}]
-    assert events_of(played(script, speed=1.0), "wrong_rate") == expected
+def arriving(n: int, stalls: dict[int, float]) -> list[Step]:
+    """Return reads of n scans each quarter of a second, for 90 s; what waits during a stall comes at once, in pieces.
+
+    Parameters
+    ----------
+    stalls : number of the read before which the host stands still -> for so long [s]
+    """
+    script: list[Step] = []
+    owed = 0.0  # s that scans are behind
+    for k in range(360):
+        stall = stalls.get(k, 0.0)
+        seconds = max(0.0, 0.25 - owed)
+        owed = max(0.0, owed - 0.25) + stall
+        script.append((seconds + stall, range(k * n, (k + 1) * n)))
+    return script
+
+
+@pytest.mark.parametrize("stalls", [{}, {0: 6.0}, {84: 3.0}, {0: 4.0, 90: 5.0, 200: 2.0, 300: 8.0}])
+@pytest.mark.parametrize(
+    ("n", "found"), [(250, None), (245, None), (255, None), (230, 920.0), (270, 1080.0), (100, 400.0), (300, 1200.0)]
+)
+def test_a_device_that_sends_at_another_rate_is_told_once(
+    n: int, found: float | None, stalls: dict[int, float]
+) -> None:
+    """A host that stands still for seconds neither makes it another rate nor hides one."""
+    expected = [] if found is None else [{"device": "beam", "expected": RATE, "found": pytest.approx(found, rel=0.01)}]
+    assert events_of(played(arriving(n, stalls), speed=1.0), "wrong_rate") == expected
+
+
+def test_host_that_is_busy_for_longer_than_is_looked_at_is_no_device_at_another_rate() -> None:
+    """Each read is three seconds late for half a minute, amid which a part of 20 s lies."""
+    script: list[Step] = [(0.25 + 3.0 * (k == 60), range(k * 250, (k + 1) * 250)) for k in range(180)]
+    script[180:] = [(0.25 * (k >= 192), range(k * 250, (k + 1) * 250)) for k in range(180, 400)]
+    assert events_of(played(script, speed=1.0), "wrong_rate") == []
