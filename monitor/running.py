@@ -17,6 +17,7 @@ from monitor.memory import Recalled
 from monitor.outlets import Outlets
 from monitor.results import Result
 from monitor.service_manager import SignsOfLife
+from monitor.settings import Settings
 from monitor.site import Site
 from monitor.succession import Succession
 from monitor.thermometer import Thermometer, thermometer
@@ -53,7 +54,7 @@ class Running:
         self._clock = site_clock(site.settings)
         self._mended = mended
         self._inbox, self._outlets = Inbox(site.state), Outlets(site, live)
-        self.vitals = Vitals(site.state / NAME, _names(site), _pace(site), self._clock)
+        self.vitals = Vitals(site.state / NAME, _names(site), pace_of(site.settings), self._clock)
         #: the log that is written and the analysis that is fed, and all before them
         self.logs = Succession(site, self._clock, on_result, self._take, lambda: self.vitals.lost, recalled)
         self._thermometer = ExitStack()
@@ -138,7 +139,7 @@ class Running:
         """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""
         alike = analysed_alike(old, self._site)
         stopped = self._devices.stop(changed)
-        self.vitals.follow(_names(self._site), _pace(self._site))
+        self.vitals.follow(_names(self._site), pace_of(self._site.settings))
         if not alike:
             self.logs.renew("other settings")
         self._devices.resume(drivers, stopped if alike else {})
@@ -185,10 +186,11 @@ def _names(site: Site) -> tuple[str, ...]:
     return tuple(device.name for device in site.settings.device)
 
 
-def _pace(site: Site) -> Pace:
-    settings = site.settings
+def pace_of(settings: Settings) -> Pace:
+    """Return how often windows come by the settings, and whether there are self-tests."""
     speed = settings.clock.speed if settings.clock else 1.0
-    return Pace(step=settings.step_seconds / speed, window=settings.analysis.window_seconds / speed)
+    step, window = settings.step_seconds / speed, settings.analysis.window_seconds / speed
+    return Pace(step=step, window=window, tests=settings.alarm.self_test_days > 0)
 
 
 def _free(folder: Path) -> int:

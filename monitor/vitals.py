@@ -63,6 +63,7 @@ class Pace:
 
     step: float  #: from one to the next [s]
     window: float  #: their length: the first takes that long [s]
+    tests: bool = True  #: whether there are self-tests now and then: if not, the last one says nothing any more
 
 
 class Vitals:
@@ -174,7 +175,7 @@ class Vitals:
                 "window": self._window,
                 "blind": self._sight.blind,
                 "late": self._late,
-                "self_test": self._self_test,
+                "self_test": self._self_test if self._pace.tests else None,
                 "identities": self._identities,
                 "devices": {name: device.look(now) for name, device in self._devices.items()},
             }
@@ -218,6 +219,7 @@ class Vitals:
             self._late["window"] = late
             self._windowed, self._sight = time.monotonic(), self._sight.after(result)
             self._learnt = result.phase != "learning"
+            self._self_test = self._self_test if self._learnt else None  # it was of what is not known any more
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}

@@ -12,7 +12,7 @@ from monitor.alarm_words import duration_text
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
 from monitor.web.drawings import course_svg, structure_svg
-from monitor.web.source import Past, Source, problems
+from monitor.web.source import Past, Source, problems, self_test_said
 from monitor.words import utc
 
 _ENVIRONMENT = Environment(loader=PackageLoader("monitor.web"), undefined=StrictUndefined, autoescape=True)
@@ -54,7 +54,7 @@ def _content(source: Source) -> dict[str, Any]:
         "devices": _devices(vitals) if vitals else [],
         "events": [_event(event) for event in reversed(past.events)] if past else [],
         "window": utc(past.windows[-1].end) if past else None,
-        "self_test": _self_test(vitals.get("self_test")) if vitals else None,
+        "self_test": self_test_said(test) if vitals and (test := vitals.get("self_test")) else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
     }
 
@@ -72,10 +72,6 @@ def _alarm(alarm: AlarmRow) -> dict[str, Any]:
         "text": alarm.text,
         "acknowledged": utc(alarm.acknowledged) if alarm.acknowledged else None,
     }
-
-
-def _self_test(test: dict[str, Any] | None) -> str | None:
-    return f"{test['text']} ({utc(test['time'])})" if test else None
 
 
 def _novelty(past: Past) -> dict[str, Any] | None:

@@ -9,6 +9,7 @@ from typing import Any
 from monitor.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
 from monitor.results import ReferenceResult
 from monitor.vitals import NAME
+from monitor.words import utc
 from updater import Diagnosis
 
 _STALE_SECONDS = 10.0  # without a new file of vitals
@@ -103,9 +104,14 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
     if (test := vitals.get("self_test")) and not test["passed"]:
-        found.append(test["text"])
+        found.append(self_test_said(test))
     found += [f"{name}: {vitals[name]}" for name in TROUBLES if vitals.get(name)]
     return found
+
+
+def self_test_said(test: dict[str, Any]) -> str:
+    """Say how the last self-test went, and when that was: the next may be a week away."""
+    return f"{test['text']} ({utc(test['time'])})"
 
 
 def _device_problems(name: str, device: dict[str, Any]) -> list[str]:

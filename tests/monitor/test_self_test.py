@@ -1,10 +1,12 @@
 """The self-test puts a mass where it says, finds what it ought to, and leaves the watch as it is."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from updater_helpers import measure, t_frame
+from vitals_helpers import WELL
 from watch_helpers import BASELINE, STEP, Played, judged, run, site_settings, without_answers
 
 from daq import FloatArray, SystemClock
@@ -12,7 +14,8 @@ from monitor.history import HistoryStore, Reader, Span
 from monitor.memory import memory_text, parse_memory
 from monitor.notices.news import News
 from monitor.result_events import result_event
-from monitor.results import Result, SelfTestResult
+from monitor.results import Result, SelfTestResult, WindowResult
+from monitor.running import pace_of
 from monitor.self_test import DRAWS, with_mass
 from monitor.vitals import NAME, Pace, Vitals, last_written
 from monitor.web import Source
@@ -89,24 +92,24 @@ def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypat
 
 
 TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=True, last_passed=10**18)
+FAILED = TEST.model_copy(update={"detected": 3, "passed": False})
 
 
 def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
     assert TEST.text == "self-test passed: 150 g would raise the alarm at 20 of 24 places"
     assert TEST.probability == pytest.approx(20 / 24)
-    failed = SelfTestResult(time=10**18, mass=0.15, places=24, detected=3, passed=False, last_passed=None)
     news = News("frame")
     assert news.of(result_event(TEST)) is None
-    told = [news.of(result_event(test)) for test in (failed, failed, TEST, TEST)]
+    told = [news.of(result_event(test)) for test in (FAILED, FAILED, TEST, TEST)]
     assert [(notice.kind, notice.text) if notice else None for notice in told] == [
-        ("trouble", failed.text),
-        ("trouble", failed.text),
+        ("trouble", FAILED.text),
+        ("trouble", FAILED.text),
         ("trouble", TEST.text),
         None,
     ]
     url = f"sqlite:///{tmp_path / 'history.sqlite'}"
     with HistoryStore(url) as store:
-        store.write([result_event(failed)])
+        store.write([result_event(FAILED)])
     with Reader(url) as reader:
         [event] = reader.events(Span(start=0, end=2**62))
     assert (event.topic, event.time) == ("/result/self_test", 10**18)
@@ -124,16 +127,29 @@ def test_last_test_outlives_a_restart(tmp_path: Path, text: str, found: object) 
 
 
 def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
-    failed = TEST.model_copy(update={"detected": 3, "passed": False})
-    state = dict.fromkeys(("disk", "history", "notices", "viewer", "analysis"))
-    state |= {"dropped": 0, "disk_free": 5e9, "not_in_history": 0, "waiting": {}, "bad_bytes": {}}
     source = Source(name="frame", state=tmp_path, url=f"sqlite:///{tmp_path / 'history.sqlite'}")
-    for test, ratio, count in ((TEST, 20 / 24, 1), (failed, 3 / 24, 2)):
+    for test, ratio, count in ((TEST, 20 / 24, 1), (FAILED, 3 / 24, 2)):
         vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
         vitals.take(result_event(test))
-        vitals.write(state)
+        vitals.write(WELL)
         text = metrics(source.vitals()).decode()
         assert f"modalwatch_self_test_detection_ratio {ratio}" in text
         assert "modalwatch_self_test_success_age_seconds" in text
-        assert (test.text in problems(source.vitals())) == (not test.passed)
+        assert problems(source.vitals()) == ([] if test.passed else [f"{test.text} (2001-09-09 01:46:40 UTC)"])
         assert state_html(source).count(test.text) == count  # a failed one among what is not well too
+
+
+@pytest.mark.parametrize(
+    ("days", "phase", "well"), [(7, "watching", False), (7, "learning", True), (0, "watching", True)]
+)
+def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, days: int, phase: str, well: bool) -> None:
+    """A test has failed before tests were turned off, or before all was learnt anew."""
+    path, pace = tmp_path / NAME, pace_of(site_settings(f"self_test_days = {days}"))
+    path.write_text(json.dumps({"self_test": FAILED.payload() | {"text": FAILED.text}}))
+    vitals = Vitals(path, (), pace, SystemClock())
+    window = {"index": 0, "start": 0, "end": 1, "phase": phase, "channels": [], "modes": []}
+    vitals.take(result_event(WindowResult.model_validate(window)))
+    vitals.write(WELL)
+    said = json.loads(path.read_text())
+    assert (said["self_test"] is None) == well
+    assert (problems(said) == []) == well
