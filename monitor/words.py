@@ -33,7 +33,7 @@ VERDICTS = {
     "nothing_to_explain": "Nothing to explain: the data agree with the model.",
     "explained": "Explained",
     "ambiguous": "Explained, but the data cannot tell some causes apart",
-    "unexplained": "Something has changed that no cause known here explains.",
+    "unexplained": "The data disagree with the model in a way that no cause known here explains.",
 }
 
 

@@ -116,6 +116,9 @@ def _by_sensor(model: ModalMean, now: ModalMean) -> tuple[FloatArray, FloatArray
 def as_before(reference: Reference, highest: float) -> ModalMean:
     """Return the modes that a reference expects: its baseline's, and the model's others that sensors should see.
 
+    A mode of the baseline that none of the model's answers to surely stands for the one that comes nearest: what was
+    measured before is no news, however far the model is from it.
+
     Parameters
     ----------
     reference : of the structure as it was, or of the nominal model
@@ -127,14 +130,19 @@ def as_before(reference: Reference, highest: float) -> ModalMean:
     others = np.setdiff1d(np.flatnonzero(length > _SEEN * length.max()), reference.paired)
     others = others[reference.frequency[others] < _ROOM * highest]
     lone = _simulated(base, np.log(reference.frequency[others]), (at[:, others] / length[others]).T)
-    return _in_order(base, lone)
+    if reference.unanswered is None:
+        return _in_order(base, lone)
+    measured = known(reference.unanswered)
+    measured = measured.only(np.flatnonzero(measured.log_frequency < np.log(_ROOM * highest)))
+    return _in_order(base.joined(measured), lone.only(np.flatnonzero(match_modes(lone, measured) < 0)))
 
 
 def as_extended(reference: Reference, extended: Structure, expected: ModalMean) -> ModalMean:
     """Return the modes that a reference expects once causes are written into its structure.
 
     The difference between the two models is added to what is expected, so that what both get wrong is left as it is;
-    a mode that only the extended one has, of an attached oscillator, is taken from it.
+    a mode that only the extended one has, of an attached oscillator, is taken from it. Channels that were exchanged say
+    just what the other one did: that is no difference to add.
 
     Parameters
     ----------
@@ -142,7 +150,11 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
     extended : its structure with the causes written in
     expected : (n,) by `as_before`
     """
-    before, after = (_of_model(s, expected) for s in (reference.calibration.structure, extended))
+    own, channels = reference.calibration.structure, expected.channels
+    carrier = dict(zip(own.channels, extended.channels, strict=True))
+    carried = tuple(carrier[channel] for channel in channels)
+    carried = carried if set(carried) == set(channels) else channels
+    before, after = _of_model(own, expected), _of_model(extended, expected, carried)
     old, new = match_modes(expected, before), match_modes(before, after)
     new = np.where(old >= 0, new[np.maximum(old, 0)], -1)
     there = np.flatnonzero(new >= 0)
@@ -157,13 +169,14 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
         shape=shape / np.linalg.norm(shape, axis=1, keepdims=True),
     )
     fresh = np.setdiff1d(np.flatnonzero(after.log_frequency <= expected.log_frequency.max()), new)
-    return _in_order(changed, after.only(fresh))
+    return replace(_in_order(changed, after.only(fresh)), channels=carried).at(channels)
 
 
-def _of_model(structure: Structure, like: ModalMean) -> ModalMean:
+def _of_model(structure: Structure, like: ModalMean, channels: tuple[str, ...] | None = None) -> ModalMean:
+    """Return the modes of a structure, as `like` has them; at its channels unless others are given."""
     model = best_model(structure)
     modes = model.modes(min(30, model.n_dofs))
-    at = (channel_rows(model, like.channels) @ modes.shape).T
+    at = (channel_rows(model, channels or like.channels) @ modes.shape).T
     length = np.linalg.norm(at, axis=1)
     seen = np.flatnonzero(length > _SEEN * length.max())
     return _simulated(like, np.log(modes.frequency[seen]), at[seen] / length[seen, None])

@@ -37,3 +37,16 @@ def test_what_is_only_the_measuring_chains_changes_no_shape() -> None:
     assert replace(found, shape=reference.baseline.shape).log_frequency.tolist() == (
         reference.baseline.log_frequency.tolist()
     )
+
+
+def test_exchanged_channels_are_judged_by_the_sensors_that_they_carry() -> None:
+    """They said nothing of the sensors of their names, and were called dead."""
+    reference, _, event = learnt(33)
+    pair = ("col_037_x", "beam_left_z")
+    now = event(Change(order=(pair,), gain=(("beam_right_z", 0.9),)))
+    exchanged = {pair[0]: Correction(channel=pair[1]), pair[1]: Correction(channel=pair[0])}
+    extended = reference.calibration.structure.model_copy(update={"sensors": exchanged})
+    columns = [CHANNELS.index(channel) for channel in pair]
+    assert (np.abs(sensor_health(reference, now).gain[columns] - 1) > 0.5).all()
+    found = sensor_health(with_acting(reference, extended), now).gain
+    np.testing.assert_allclose(found, np.where(np.arange(12) == CHANNELS.index("beam_right_z"), 0.9, 1.0), atol=0.02)

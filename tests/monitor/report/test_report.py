@@ -231,7 +231,8 @@ def test_diagnosis_stands_alone(tmp_path: Path) -> None:
     assert len(page.pictures) == 3  # places, errors and evidence
     nothing = answers.diagnosis().model_copy(update={"verdict": "unexplained", "causes": (), "gain": None, "modes": ()})
     diagnosis_report(nothing, tmp_path / "page.html", title="T")
-    assert headline(Page(tmp_path / "page.html")) == "Something has changed that no cause known here explains."
+    found = headline(Page(tmp_path / "page.html"))
+    assert found == "The data disagree with the model in a way that no cause known here explains."
 
 
 def test_diagnosis_is_read_back_and_a_bad_one_is_named(tmp_path: Path) -> None:
