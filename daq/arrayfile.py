@@ -13,6 +13,7 @@ import numpy as np
 from daq.errors import DataError
 from daq.matfile import read_mat
 from daq.recording import FloatArray
+from daq.timecolumn import time_column
 
 #: what numpy and scipy raise where a file is none of theirs, or damaged
 _DAMAGED = (
@@ -32,11 +33,12 @@ class Arrays:
     t: FloatArray | None  #: (n_samples,) [s]; None if the file does not say
 
 
-def read_arrays(path: Path, time: str = "t") -> Arrays:
+def read_arrays(path: Path, time: str | None = None) -> Arrays:
     """Read signals from arrays.
 
     Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
-    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time` [s].
+    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time` [s]
+    (``t`` or ``time`` unless given).
 
     Raises
     ------
@@ -44,7 +46,8 @@ def read_arrays(path: Path, time: str = "t") -> Arrays:
         Naming the file and the array.
     """
     arrays = _load(path)
-    rate, t = _first(arrays, _RATE), arrays.pop(time, None)
+    called = time_column(arrays, time)
+    rate, t = _first(arrays, _RATE), None if called is None else arrays.pop(called)
     data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
@@ -60,7 +63,7 @@ def read_arrays(path: Path, time: str = "t") -> Arrays:
         names=_channel_names(path, names, values.shape[1]),
         values=values,
         rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
-        t=None if t is None else _numbers(path, time, t).ravel(),
+        t=None if t is None else _numbers(path, called or "t", t).ravel(),
     )
 
 

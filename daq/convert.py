@@ -11,13 +11,14 @@ import numpy as np
 
 from daq.arrayfile import read_arrays
 from daq.channelmap import CHANNELS, ChannelMap
-from daq.csvfile import read_csv
+from daq.csvfile import csv_names, read_csv
 from daq.derivative import differentiated
 from daq.errors import DataError
 from daq.log import LogWriter
 from daq.matfile import write_mat
 from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
+from daq.timecolumn import no_times, time_column
 from daq.universalfile import read_universal, write_universal
 
 _LARGEST = (1 << 30) - 1  # count
@@ -33,7 +34,7 @@ def read_data(
     rate: float | None = None,
     factor: float = 1.0,
     start: int = 0,
-    time: str = "t",
+    time: str | None = None,
     columns: Mapping[str, str] | None = None,
     velocities: Collection[str] = (),
 ) -> Recording:
@@ -45,7 +46,7 @@ def read_data(
     rate : samples a second [Hz], if the file does not say
     factor : m/s2 a unit of the file
     start : time of the first sample [ns UTC]
-    time : name of the column of times [s]
+    time : name of the column of times [s]; ``t`` or ``time``, with or without ``(s)``, unless given
     columns : columns to read -> names of their channels; all under their own names unless given
     velocities : channels that hold velocities [m/s, after `factor`]; they become accelerations (`differentiated`)
 
@@ -78,11 +79,12 @@ def read_data(
 Columns = tuple[tuple[str, ...], FloatArray, float]  # names, values on an even grid, rate [Hz]
 
 
-def _table(path: Path, rate: float | None, time: str, columns: Mapping[str, str] | None) -> Columns:
-    wanted = None if columns is None else {*columns, *(() if rate else (time,))}
-    table = read_csv(path, wanted)
-    if time not in table.names:
-        return table.names, table.values, _known(path, rate, None, f"has no column {time!r} of times [s]: give --rate")
+def _table(path: Path, rate: float | None, asked: str | None, columns: Mapping[str, str] | None) -> Columns:
+    every = csv_names(path)
+    time = time_column(every, asked)
+    table = read_csv(path, None if columns is None else {*columns, *([time] if time is not None and not rate else [])})
+    if time is None or time not in table.names:
+        return table.names, table.values, _known(path, rate, None, no_times(every, asked))
     place = table.names.index(time)
     names = tuple(name for name in table.names if name != time)
     if not names:
@@ -96,7 +98,7 @@ def _table(path: Path, rate: float | None, time: str, columns: Mapping[str, str]
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
 
-def _arrays(path: Path, rate: float | None, time: str, columns: Mapping[str, str] | None) -> Columns:
+def _arrays(path: Path, rate: float | None, time: str | None, columns: Mapping[str, str] | None) -> Columns:
     universal = path.suffix.lower() in _UNIVERSAL
     arrays = read_universal(path, columns) if universal else read_arrays(path, time)
     for name in columns or ():
@@ -105,13 +107,13 @@ def _arrays(path: Path, rate: float | None, time: str, columns: Mapping[str, str
     chosen = [place for place, name in enumerate(arrays.names) if columns is None or name in columns]
     names, values = tuple(arrays.names[place] for place in chosen), arrays.values[:, chosen]
     if arrays.t is None:
-        return names, values, _known(path, rate, arrays.rate, f"has neither 'rate' nor {time!r}: give --rate")
+        return names, values, _known(path, rate, arrays.rate, f"has neither 'rate' nor {time or 't'!r}: give --rate")
     if len(arrays.t) != len(values):
-        raise DataError(path, f"{time}: expected {len(values)} times, found {len(arrays.t)}")
+        raise DataError(path, f"{time or 't'}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         return names, *_on_grid(arrays.t, values)
     except UnevenError as error:
-        raise DataError(path, f"{time}[{error.row}]: {error.why}") from error
+        raise DataError(path, f"{time or 't'}[{error.row}]: {error.why}") from error
 
 
 def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:

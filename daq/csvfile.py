@@ -3,6 +3,7 @@
 import csv
 import itertools
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +35,12 @@ class _Layout:
     chosen: tuple[int, ...]  # places in the header
 
 
+def csv_names(path: Path) -> tuple[str, ...]:
+    """Return the names of a table's columns; errors as for `read_csv`."""
+    with _content_of(path) as lines:
+        return _layout(path, next(lines, None), ()).header
+
+
 def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
     """Read a table of text.
 
@@ -50,9 +57,15 @@ def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
     DataError
         Naming the file, and line and column where there is one.
     """
+    with _content_of(path) as lines:
+        return _read(path, lines, wanted)
+
+
+@contextmanager
+def _content_of(path: Path) -> Iterator[Iterator[Line]]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            return _read(path, _content(file), wanted)
+            yield _content(file)
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

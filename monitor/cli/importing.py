@@ -28,7 +28,7 @@ class ImportOptions:
     unit: str = "m/s2"
     scale: float = 1.0  #: units a number
     start: str | None = None  #: ISO 8601
-    time: str = "t"  #: column of times
+    time: str | None = None  #: column of times; t or time unless given
     columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
     velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
     structure: Path | None = None

@@ -219,7 +219,9 @@ def import_(
     unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
     scale: Annotated[float, typer.Option(help="Units a number, if not 1.", min=1e-12)] = 1.0,
     start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
-    time: Annotated[str, typer.Option(metavar="NAME", help="Column of times [s].")] = "t",
+    time: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Column of times [s]; t or time unless given.")
+    ] = None,
     column: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME[=SENSOR]", help="Column to take, and the sensor it is; repeat. All unless given."),

@@ -113,6 +113,19 @@ def test_chosen_columns_only(tmp_path: Path, rate: float | None) -> None:
     assert found.rate == 4.0
 
 
+@pytest.mark.parametrize("name", ["t", "time", "Time", "TIME [s]", "t (s)", "Time (sec)"])
+def test_times_are_known_by_what_they_are_usually_called(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(f"left;{name}\n1;0\n2;0,5\n3;1,0\n")
+    found = read_data(path)
+    assert ([c.name for c in found.channels], found.rate) == (["left"], 2.0)
+    assert read_data(path, columns={"left": "x"}).rate == 2.0
+    with pytest.raises(DataError, match="of times: leave out --rate"):
+        read_data(path, rate=2.0)
+    np.savez(tmp_path / "data.npz", **{"data": np.ones((3, 2)), name: np.arange(3) / 2})  # type: ignore[arg-type]
+    assert read_data(tmp_path / "data.npz").rate == 2.0
+
+
 def test_chosen_arrays_only(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, data=np.arange(12.0).reshape(4, 3), seconds=np.arange(4) / 2)
@@ -211,7 +224,11 @@ TABLES = {
     "no names": ("0,1\n1,2\n", "line 1: expected the columns' names, found numbers"),
     "no rows": ("t,a\n", "holds no numbers"),
     "no channel": ("t\n1\n2\n", "has no column beside 't'"),
-    "no time": ("a,b\n1,2\n", "has no column 't' of times \\[s\\]: give --rate"),
+    "no time": (
+        "a,b\n1,2\n",
+        r"has no column of times \[s\], as 't' or 'time \(s\)', but a, b: give --time NAME or --rate",
+    ),
+    "milliseconds": ("time [ms],b\n1,2\n", r"has no column of times \[s\], .* but time \[ms\], b: give --time NAME"),
     "name twice": ("t,a,a\n0,1,2\n", "line 1: the column name 'a' is given twice"),
     "no name": ("t,,a\n0,1,2\n", "line 1: the column name '' is empty"),
     "word": ("t,a\n0,1\n# c\n1,x1\n", "line 4, column 'a': expected a number, found 'x1'"),

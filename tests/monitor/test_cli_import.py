@@ -91,7 +91,10 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
         (("--start", "1066-10-14"), "--start: expected a time after 1970"),
         (("--column", "a=x", "--column", "b=x"), "--column: expected different names, found a=x, b=x"),
         (("--column", "left"), "data.csv: line 1: expected a column 'left', found t, beam_left_y, beam_left_z"),
-        (("--time", "zeit"), "data.csv: has no column 'zeit' of times [s]: give --rate"),
+        (
+            ("--time", "zeit"),
+            "data.csv: has no column 'zeit' of times [s], but t, beam_left_y, beam_left_z: give --time NAME or --rate",
+        ),
         (("--rate", "10"), "data.csv: has a column 't' of times: leave out --rate"),
         (("--structure", "none.toml"), "none.toml: cannot be read: "),
     ],
