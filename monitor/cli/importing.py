@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
@@ -41,17 +42,23 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     """Write the log; say what is in it."""
     recording = _read(data, options)
     attachments: dict[str, str] = {}
+    notes: list[str] = []
     if options.site is not None:
         recording, attachments = _for_site(data, recording, options.site)
     if options.structure is not None:
-        attachments["structure.toml"] = _structure_text(data, recording, options.structure)
+        attachments["structure.toml"], lacking = _structure_text(data, recording, options.structure)
+        if lacking:
+            notes.append(f"note: no column for {', '.join(lacking)} of {options.structure}")
     write_recording(out, recording, attachments)
     missing = sum(gap.stop - gap.start for gap in recording.gaps)
     console.print(
         f"{escape(str(out))}: {len(recording.channels)} channels, "
-        f"{recording.duration:.6g} s at {recording.rate:.6g} Hz, {len(recording.gaps)} gaps ({missing} samples)",
+        f"{recording.duration:.6g} s at {recording.rate:.6g} Hz, {len(recording.gaps)} gaps ({missing} samples)"
+        f"{_level(recording)}",
         soft_wrap=True,
     )
+    for line in notes:
+        console.print(escape(line), soft_wrap=True, style="yellow")
     return 0
 
 
@@ -113,11 +120,21 @@ def _for_site(data: Path, recording: Recording, path: Path) -> tuple[Recording, 
     return moved, {"site.toml": site.site_text, "structure.toml": site.structure_text}
 
 
-def _structure_text(data: Path, recording: Recording, path: Path) -> str:
-    """Return the text of a structure file, once all columns are known to be sensors of it."""
+def _level(recording: Recording) -> str:
+    """Say how much the channels move about their means: a wrong unit shows in that."""
+    known = np.isfinite(recording.data).any(0)
+    if not known.any():
+        return ""
+    rms = np.nanstd(recording.data[:, known], axis=0)
+    return f", rms {rms.min():.2g} to {rms.max():.2g} m/s2"
+
+
+def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, list[str]]:
+    """Return the text of a structure file, once all columns are known to be sensors of it, and what has no column."""
     text = portable_text(path)
     known = parse_structure(text, path).channels
     for channel in recording.channels:
         if channel.name not in known:
             raise DataError(data, f"column {channel.name!r} is no sensor of {path}; there are {', '.join(known)}")
-    return text
+    there = {channel.name for channel in recording.channels}
+    return text, [channel for channel in known if channel not in there]

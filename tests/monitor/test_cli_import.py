@@ -41,9 +41,11 @@ def imported(path: Path) -> Recording:
 def test_import_says_what_it_wrote(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--unit", "g", "--start", "2026-01-01T00:00:00Z")
     assert (done.code, done.err) == (0, "")
-    assert done.out == f"{tmp_path}/log.mcap: 2 channels, 3 s at 100 Hz, 1 gaps (1 samples)\n"
-    found = imported(tmp_path / "log.mcap")
     values = np.genfromtxt(table, delimiter=",", skip_header=1)[:, 1:]
+    least, most = sorted(9.80665 * np.nanstd(values, axis=0))
+    level = f"rms {least:.2g} to {most:.2g} m/s2"
+    assert done.out == f"{tmp_path}/log.mcap: 2 channels, 3 s at 100 Hz, 1 gaps (1 samples), {level}\n"
+    found = imported(tmp_path / "log.mcap")
     np.testing.assert_allclose(found.data, 9.80665 * values, rtol=0, atol=1e-7)
     assert found.start == 1_767_225_600_000_000_000
     assert list(read_attachments(tmp_path / "log.mcap")) == ["channels.json"]
@@ -75,7 +77,12 @@ def test_import_for_a_site_takes_its_devices(modalwatch: Commands, table: Path, 
 
 def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     structure = tmp_path / "t_structure.toml"
-    assert modalwatch("import", table, "-o", tmp_path / "log.mcap", "--structure", structure).code == 0
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--structure", structure)
+    assert done.code == 0, done.err
+    note = done.out.splitlines()[1]
+    assert note.startswith("note: no column for col_037_x, ")
+    assert note.endswith(f" of {structure}")
+    assert "beam_left_y" not in note
     assert read_attachments(tmp_path / "log.mcap")["structure.toml"] == t_structure_toml()
     table.write_text("t,left\n0,1\n1,2\n")
     done = modalwatch("import", table, "-o", tmp_path / "other.mcap", "--structure", structure)
