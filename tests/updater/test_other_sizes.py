@@ -16,6 +16,9 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
+from updater.causes.added_mass import propose_added_mass
+from updater.comparing import compare
+from updater.fit import fit
 
 TRACK = np.arange(8)
 
@@ -74,3 +77,41 @@ def test_sensors_in_a_plane_see_modes_beyond_those_measured() -> None:
     found = calibrate(given, seen)
     moved = np.linalg.norm(found.model.sensor_rows @ found.modes.shape, axis=0)
     assert (moved > 1e-3 * moved.max()).sum() >= at.sum() + 4
+
+
+def girder(youngs_modulus: float, elements: int) -> Structure:
+    """Twelve metres on two bearings, with six sensors each across and upwards on the axis."""
+    sensors = "".join(
+        f'[[sensor]]\nchannel = "{axis}{round(10 * x)}"\nat = [{x}, 0, 0]\ndirection = {direction}\n'
+        for x in (1.5, 3.5, 5.0, 6.5, 8.5, 10.5)
+        for axis, direction in (("y", [0, 1, 0]), ("z", [0, 0, 1]))
+    )
+    return parse_structure(
+        f'name = "girder"\n[material.s]\nyoungs_modulus = {youngs_modulus}\npoisson_ratio = 0.3\ndensity = 7850\n'
+        "[section.g]\narea = 0.00774\nsecond_moment = [9.88e-5, 5.26e-5]\n"
+        "torsion_constant = 1.04e-4\nshear_factor = 0.44\n"
+        '[[member]]\nname = "girder"\nfrom = [0, 0, 0]\nto = [12, 0, 0]\nmaterial = "s"\nsection = "g"\n'
+        f"elements = {elements}\nlocal_y = [0, 1, 0]\n"
+        '[[support]]\nat = [0, 0, 0]\nfixed = ["x", "y", "z", "rx"]\n'
+        f'[[support]]\nat = [12, 0, 0]\nfixed = ["y", "z", "rx"]\n{sensors}'
+    )
+
+
+def test_a_body_under_a_girder_is_found_though_nothing_says_to_which_side_it_hangs() -> None:
+    """On the axis of what is symmetric about it a fit finds no slope to either side, and stayed there."""
+    given, true = girder(210e9, 30), girder(207e9, 60)
+    random, gain = np.random.default_rng(5), np.ones(len(given.channels))
+    at = np.flatnonzero(np.abs(measure(build_model(true), random, gain, n_modes=14).shape).max(1) > 0.05)
+
+    def windows(body: tuple[Body, ...], n: int) -> list[ModalEstimate]:
+        model = build_model(true.with_bodies(body), shear_flexible=True, mass="consistent")
+        return [measure(model, random, gain, n_modes=14) for _ in range(n)]
+
+    reference = learn_reference(given, windows((), 6), [at] * 6)
+    body = Body(at=(3.16, 0, 0), mass=40.0, offset=(0, -0.05, 0.15))
+    now = reference.mean_of(stack_tracks(windows((body,), 5), [at] * 5))
+    data = compare(reference, matched(reference.baseline, now))
+    found = fit(data, propose_added_mass(reference, data))
+    assert found.p_value > 1e-3
+    distance, std = found.hypotheses.distance(found.hypotheses.places(found)[0])
+    assert abs(distance - 3.16) < 4 * std

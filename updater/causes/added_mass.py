@@ -34,12 +34,14 @@ _COARSE = 0.01  # m between them elsewhere
 _MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
 _KEPT = 100  # nodes, each of which may be on several members
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
+_ARRIVED = 300.0  # of log density under the best: what is farther may not have come to where it could
 _MOST_FINE = 120  # fine positions on one member
 _MOST_FINE_IN_ALL = 480
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
 OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of a body's centre beside the member's axis
+_BEGUN_BESIDE = 0.1  # of that, where fits begin
 GYRATION_STD = 0.03**2  # m2 on such a frame, prior of its squared radius of gyration
 
 
@@ -116,15 +118,19 @@ class AddedMass:
         )
 
     def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass":
-        """Return the positions and, where one comes near the best, many more between."""
-        near = log_density > log_density.max() - _NEAR
+        """Return the positions and, where one comes near the best, many more about it.
+
+        They start from what those about them came to, but from none that got nowhere.
+        """
+        near, arrived = (log_density > log_density.max() - less for less in (_NEAR, _ARRIVED))
         grids, starts = {}, []
         most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
         for m in np.unique(self.member).tolist():
             here = self.member == m
             spacing = max(self._fine, 2 * self.gap * near[here].sum() / most)
             grids[m] = _closer(self.position[here], near[here], self.gap, spacing)
-            starts.append([np.interp(grids[m], self.position[here], values) for values in theta[here].T])
+            known = here & arrived if near[here].any() else here
+            starts.append([np.interp(grids[m], self.position[known], values) for values in theta[known].T])
         return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)
 
     def _member(self, row: int) -> Member:
@@ -205,7 +211,7 @@ def propose_added_mass(reference: Reference, comparison: Comparison, spacing: fl
     A centimetre unless given, less on structures of less than a metre and a half.
     """
     members = reference.calibration.structure.member
-    spacing = _COARSE * fineness(reference.calibration.structure) if spacing is None else spacing
+    spacing = _COARSE * size(reference.calibration.structure) if spacing is None else spacing
     steps = [max(4, round(member.length / spacing)) for member in members]
     if sum(steps) > _MOST:
         return along(reference, comparison, *_likely_nodes(reference, comparison))
@@ -280,14 +286,18 @@ def _axes_along(direction: Vector, local_y: Vector | None) -> FloatArray:
 
 
 def _first_order(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
-    """Return d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies; no offset, no inertia."""
+    """Return d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies; hardly an offset, no inertia.
+
+    On the axis itself of a structure that is symmetric about it no slope says that a body may hang beside it.
+    """
     whitener = comparison.drifting.matrix
     effect = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1) @ whitener.T
     mass = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
     # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
     total = reference.calibration.model.total_mass()
     mass = np.clip(mass, -LARGEST_REMOVED * total, MASS_STD * total)
-    return np.column_stack([mass, np.zeros((len(mass), 3))])
+    beside = np.full((len(mass), 2), _BEGUN_BESIDE * size(reference.calibration.structure) * OFFSET_STD)
+    return np.column_stack([mass, beside, np.zeros(len(mass))])
 
 
 def _lengths(position: FloatArray, gap: float) -> FloatArray:
