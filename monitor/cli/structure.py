@@ -13,6 +13,7 @@ from monitor.cli.files import write_json
 from monitor.cli.sight_json import as_json
 from monitor.cli.sight_shown import body_table, channel_words, clearer_words, helper_words, modes_table, plan_tables
 from monitor.errors import ArgumentError
+from monitor.odd_units import odd_units
 from monitor.sight import ALIKE, Sight, look
 from monitor.structure_picture import draw_structure
 from monitor.target import Plan, plan
@@ -101,6 +102,8 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     _say(sight, planned)
     for words in channel_words(structure, check):
         console.print(escape(words))
+    for note in odd_units(structure):
+        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
     console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
     if json_path:
         write_json(json_path, as_json(sight, planned))

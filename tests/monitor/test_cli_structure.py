@@ -8,6 +8,7 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from PIL import Image
 
+from monitor.odd_units import odd_units
 from monitor.sight import look
 from updater import Structure, parse_structure, t_structure_toml
 
@@ -188,3 +189,25 @@ def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) 
     assert f"{site}: its 3 channels are the structure's sensors" in done.out
     assert "s1 and s2 measure the same motion" in done.out
     assert_refused(modalwatch("structure", bar, "--channels", tmp_path / "none.toml"), "none.toml: cannot be read")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("210e9", "210e3", "material steel: waves would run through it at 5.2 m/s (steel: 5200); is"),
+        ("7850", "7.85", "material steel: waves would run through it at 1.6e+05 m/s (steel: 5200); is"),
+        ("[8e-10, 4e-10]", "[800, 400]", "section bar: its radius of gyration is 2.83e+03 m, the whole structure 1 m"),
+    ],
+)
+def test_figures_in_other_units_are_noted(old: str, new: str, says: str) -> None:
+    assert not odd_units(parse_structure(CANTILEVER))
+    (note,) = odd_units(parse_structure(CANTILEVER.replace(old, new)))
+    assert note.startswith(says)
+
+
+def test_structure_says_what_looks_like_another_unit(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(cantilever((1.0, "y"), (0.5, "z")).replace("210e9", "210e3"), encoding="utf-8")
+    done = modalwatch("structure", path)
+    assert (done.code, done.err) == (0, "")
+    assert "\nnote: material steel: waves would run through it at 5.2 m/s" in done.out
