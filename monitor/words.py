@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq import FloatArray
-from monitor.discrepancy import SensorBeside
+from monitor.discrepancy import BalanceResult, SensorBeside, Vector
 from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from updater import Cause, Diagnosis, Pair, Quantity, Where
@@ -28,6 +28,8 @@ _CLOCKS = frozenset({"sensor_delay"})  # taken out of all modes before a mass is
 _MASSES = frozenset({"added_mass", "distributed_mass"})
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: down to where it is told in whole mm, from where on in m
 _LARGE = 10.0  # kg: smaller masses are told in grams
+CLEAR_ODDS = 5.0  #: log evidence from which only one reading of the forces left over is shown
+SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
 
 VERDICTS = {
     "nothing_to_explain": "Nothing to explain: the data agree with the model.",
@@ -178,6 +180,26 @@ def missed_text(sensors: Sequence[SensorBeside]) -> str:
 
 def _root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
+    """Say where forces are left over most, read as the modes clearly speak for; empty where nothing stands out.
+
+    Parameters
+    ----------
+    balance : of the nodes
+    nodes : their places [m]
+    """
+    lacking = balance.log_odds < 0
+    pairs = zip(*((balance.loss, balance.loss_std) if lacking else (balance.added, balance.added_std)), strict=True)
+    known = [(v, s, at) for (v, s), at in zip(pairs, nodes, strict=True) if v is not None and s is not None]
+    if abs(balance.log_odds) <= CLEAR_ODDS or not known:
+        return ""
+    value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
+    if abs(value) <= SIGNIFICANT * std:
+        return ""
+    what = "stiffness that is lacking" if lacking else "mass that is on top"
+    return f"forces left over look like {what}, most at ({x:.2f}, {y:.2f}, {z:.2f}) m; no cause was assumed for that"
 
 
 def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:

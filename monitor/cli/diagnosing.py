@@ -11,6 +11,7 @@ from monitor.beside import discrepancy_result
 from monitor.cli.diagnosis_shown import say
 from monitor.cli.drawing import draw, written
 from monitor.cli.files import write_json
+from monitor.describe import bare_reference
 from monitor.diagnosing import Observation, explain, observe, window_seconds
 from monitor.errors import ArgumentError, StateError
 from monitor.modal_table import is_table, read_tables
@@ -63,7 +64,7 @@ def diagnose_command(
         diagnosis = _write(found.explained, structure_path, logs, out, json_path)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)
-    say(console, diagnosis, beside)
+    say(console, diagnosis, beside, bare_reference(found.reference.calibration.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):

@@ -1,13 +1,15 @@
 """A diagnosis in the terminal: the verdict first, then what it rests on."""
 
+from collections.abc import Sequence
+
 from rich import box
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.discrepancy import DiscrepancyResult, ModeBeside
+from monitor.discrepancy import DiscrepancyResult, ModeBeside, Vector
 from monitor.sensors_said import health_text
-from monitor.words import cause_text, gain_text, missed_text, plain, share_text, verdict_text
+from monitor.words import cause_text, gain_text, left_over_text, missed_text, plain, share_text, verdict_text
 from updater import Cause, Diagnosis, Gain
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
@@ -16,11 +18,13 @@ _STANDS_OUT = 3.0  # times what noise leaves, from which a sensor is named
 _MOST = 6  # refused causes that are told one by one
 
 
-def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult) -> None:
-    """Print verdict, causes, modes, what the explanation gains, and what to do next."""
+def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
+    """Print verdict, causes, modes, what the explanation gains, and what to do next; `nodes` [m] are the model's."""
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in diagnosis.causes:
         console.print(_cause(cause))
+    if diagnosis.verdict == "unexplained" and found.balance and (where := left_over_text(found.balance, nodes)):
+        console.print(escape(where))
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))

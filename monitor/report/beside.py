@@ -9,12 +9,11 @@ from monitor.discrepancy import BalanceResult, DiscrepancyResult, SensorBeside, 
 from monitor.report.frame import Frame
 from monitor.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, new_figure
 from monitor.results import ReferenceResult
-from monitor.words import number_text
+from monitor.words import SIGNIFICANT, number_text
 
 WIDTH = 5.2  # inches: half of the page, all of a telephone's
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
 _LEAST = 1e-5  # of what is drawn on a logarithmic scale
-_SIGNIFICANT = 3.0  # standard deviations from which a peak is named
 
 
 def mac_figure(found: DiscrepancyResult) -> Figure | None:
@@ -131,11 +130,11 @@ def balance_figure(
     frame.draw_values(axes, 100 * values, what)
     peak = int(np.nanargmax(np.abs(values)))
     text = f"{100 * values[peak]:+.1f} ± {100 * std[peak]:.1f} %"
-    if abs(values[peak]) > _SIGNIFICANT * std[peak]:
+    if abs(values[peak]) > SIGNIFICANT * std[peak]:
         frame.draw_note(axes, reference.nodes[peak], text)
         x, y, z = reference.nodes[peak]
         return figure, f"strongest {text} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
-    return figure, f"nowhere beyond {_SIGNIFICANT:g} standard deviations"
+    return figure, f"nowhere beyond {SIGNIFICANT:g} standard deviations"
 
 
 def signal_figures(signal: SignalBeside) -> tuple[Figure, Figure]:

@@ -8,9 +8,7 @@ from monitor.report.evidence import density_figure
 from monitor.report.picture import optional, picture
 from monitor.results import ReferenceResult
 from monitor.sensors_said import health_rows
-from monitor.words import missed_text, number_text, plain
-
-_CLEAR = 5.0  # log evidence from which only one reading of the forces left over is shown
+from monitor.words import CLEAR_ODDS, missed_text, number_text, plain
 
 
 def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:
@@ -77,7 +75,7 @@ def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> lis
     if found.balance is None or reference is None or len(found.balance.loss) != len(reference.nodes):
         return []
     readings = {"added": "as mass that is on top", "loss": "as stiffness that is lacking"}
-    if abs(found.balance.log_odds) > _CLEAR:  # one reading explains all modes together far better
+    if abs(found.balance.log_odds) > CLEAR_ODDS:  # one reading explains all modes together far better
         readings.pop("loss" if found.balance.log_odds > 0 else "added")
     parts = []
     for reading, name in readings.items():

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 import viewer_helpers as made
 
+from monitor.discrepancy import BalanceResult
 from monitor.viewer.cards import window_card
-from monitor.words import gain_text, is_one_mass, number_text, parameter_text, where_text
+from monitor.words import gain_text, is_one_mass, left_over_text, number_text, parameter_text, where_text
 from updater import Pair, Quantity, Where
 
 
@@ -109,3 +110,18 @@ def test_alternatives_that_are_all_masses_are_one_mass() -> None:
     assert is_one_mass(either)
     both = either.model_copy(update={"verdict": "explained"})
     assert not is_one_mass(both)
+
+
+def test_forces_left_over_are_told_where_they_say_something() -> None:
+    nodes = [(0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 2.0)]
+    balance = BalanceResult(
+        loss=(None, 0.03, -0.01), loss_std=(None, 0.001, 0.001), added=(None, 0.01, 0.2), added_std=(None, 0.1, 0.1),
+        log_odds=-18.0,
+    )  # fmt: skip
+    assert left_over_text(balance, nodes).startswith(
+        "forces left over look like stiffness that is lacking, most at (0.00, 0.00, 1.00) m"
+    )
+    assert not left_over_text(balance.model_copy(update={"log_odds": -1.0}), nodes)  # either reading may be right
+    assert not left_over_text(balance.model_copy(update={"log_odds": 18.0}), nodes)  # mass, two deviations
+    surer = balance.model_copy(update={"log_odds": 18.0, "added_std": (None, 0.01, 0.01)})
+    assert "mass that is on top, most at (0.00, 0.00, 2.00) m" in left_over_text(surer, nodes)
