@@ -188,12 +188,14 @@ def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
     Parameters
     ----------
     balance : of the nodes
-    nodes : their places [m]
+    nodes : their places [m]; nothing is said of those of another model
     """
+    if abs(balance.log_odds) <= CLEAR_ODDS or len(nodes) != len(balance.loss):
+        return ""
     lacking = balance.log_odds < 0
     pairs = zip(*((balance.loss, balance.loss_std) if lacking else (balance.added, balance.added_std)), strict=True)
     known = [(v, s, at) for (v, s), at in zip(pairs, nodes, strict=True) if v is not None and s is not None]
-    if abs(balance.log_odds) <= CLEAR_ODDS or not known:
+    if not known:
         return ""
     value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
     if abs(value) <= SIGNIFICANT * std:

@@ -121,6 +121,7 @@ def test_forces_left_over_are_told_where_they_say_something() -> None:
     assert left_over_text(balance, nodes).startswith(
         "forces left over look like stiffness that is lacking, most at (0.00, 0.00, 1.00) m"
     )
+    assert not left_over_text(balance, nodes[:2])
     assert not left_over_text(balance.model_copy(update={"log_odds": -1.0}), nodes)  # either reading may be right
     assert not left_over_text(balance.model_copy(update={"log_odds": 18.0}), nodes)  # mass, two deviations
     surer = balance.model_copy(update={"log_odds": 18.0, "added_std": (None, 0.01, 0.01)})
