@@ -36,6 +36,7 @@ from updater import (
 )
 
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
+_FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
 THERMOMETER_STD = 0.5  # K, of the mean of a log
@@ -80,9 +81,11 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1) -> fl
     need = _PERIODS / first
     n = min(max(1, _MOST_WINDOWS // n_logs), int(shortest / need))
     if n * n_logs < _LEAST_WINDOWS:
+        less = int(shortest / -(-_LEAST_WINDOWS // n_logs))
+        way_out = f"; --window {less} takes shorter ones, which are less sure" if less * first > _FEWEST_PERIODS else ""
         raise ValueError(
             f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
-            f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s"
+            f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
         )
     return shortest / n
 
