@@ -69,12 +69,12 @@ def _ours(path: str, rate: float, method: Any) -> Work:
 
     def work() -> Stabilization:
         sums = correlation_sums(data, 2 * BLOCK_ROWS + 1, 1)
-        space = method.subspace(sums.mean, every, rate, 1)
-        return stabilization(realisations(space, method.orders), (0.0, rate / 2), method.selection)
+        space = method.subspace(sums.mean, every, rate, 1, MAX_ORDER)
+        return stabilization(realisations(space, method.orders(MAX_ORDER)), (0.0, rate / 2), method.selection)
 
     def poles(found: Stabilization) -> Poles:
         every = list(zip(found.frequency.tolist(), found.damping.tolist(), strict=True))
-        return [[every[i] for i in np.flatnonzero(found.order == order)] for order in method.orders]
+        return [[every[i] for i in np.flatnonzero(found.order == order)] for order in method.orders(MAX_ORDER)]
 
     return work, poles
 
