@@ -16,6 +16,7 @@ from updater.residual import residual
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
+_FEW, _FROM = 150, 1  # alternatives that go on from that step on, of more: those that are promised most
 _HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 
@@ -190,9 +191,12 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
     begun = np.flatnonzero(moving)
     slope = _of_priors(hypotheses, point)
     slope[begun] = _slope(comparison, hypotheses, point, begun)
-    for reach in _REACH:
+    for number, reach in enumerate(_REACH):
         step, promised = _newton(slope, point.residual)
-        alive = np.flatnonzero(moving & (point.cost - promised < point.cost.min() + reach))
+        least = point.cost - promised
+        alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
+        if number >= _FROM:
+            alive = np.sort(alive[np.argsort(least[alive], kind="stable")[:_FEW]])
         if not len(alive):
             break
         before = point.cost[alive]

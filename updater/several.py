@@ -93,9 +93,10 @@ class Among:
         of_free = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n])
         return of_free + self.others.log_ratio(theta[:, n:], covariance[:, n:, n:])
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> "Among":
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> "Among | None":
         """Refine the free mass."""
-        return replace(self, free=self.free.finer(log_density, theta[:, : len(self.free.prior_std)]))
+        closer = self.free.finer(log_density, theta[:, : len(self.free.prior_std)])
+        return None if closer is None else replace(self, free=closer)
 
 
 def locate_masses(reference: Reference, event: ModalMean, *, most: int = 3) -> MassChanges:

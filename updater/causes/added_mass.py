@@ -79,6 +79,11 @@ class AddedMass:
         return np.array([MASS_STD * self._total, large * OFFSET_STD, large * OFFSET_STD, large**2 * GYRATION_STD])
 
     @property
+    def idle(self) -> FloatArray:
+        """Without mass, hardly beside the axis."""
+        return self.start * [0.0, 1.0, 1.0, 1.0]
+
+    @property
     def lower(self) -> FloatArray:
         """Only so much can be taken off."""
         return np.tile([-LARGEST_REMOVED * self._total, -np.inf, -np.inf, 0.0], (len(self.position), 1))
@@ -117,18 +122,22 @@ class AddedMass:
             most=self._total,
         )
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass":
-        """Return the positions and, where one comes near the best, many more about it.
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass | None":
+        """Return the positions and, where one comes near the best, many more about it; none if it is near everywhere.
 
         They start from what those about them came to, but from none that got nowhere.
         """
         near, arrived = (log_density > log_density.max() - less for less in (_NEAR, _ARRIVED))
-        grids, starts = {}, []
         most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
-        for m in np.unique(self.member).tolist():
+        members = np.unique(self.member).tolist()
+        spacing = {m: max(self._fine, 2 * self.gap * near[self.member == m].sum() / most) for m in members}
+        refined = near & np.array([spacing[m] < self.gap for m in self.member.tolist()])
+        if not refined.any():
+            return None
+        grids, starts = {}, []
+        for m in members:
             here = self.member == m
-            spacing = max(self._fine, 2 * self.gap * near[here].sum() / most)
-            grids[m] = _closer(self.position[here], near[here], self.gap, spacing)
+            grids[m] = _closer(self.position[here], refined[here], self.gap, spacing[m])
             known = here & arrived if near[here].any() else here
             starts.append([np.interp(grids[m], self.position[known], values) for values in theta[known].T])
         return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)

@@ -76,6 +76,11 @@ class AttachedOscillator:
         return self.reference.calibration.model.total_mass()
 
     @property
+    def idle(self) -> FloatArray:
+        """Without mass, tuned to the mode that it is tried at."""
+        return np.zeros(self.start.shape)
+
+    @property
     def prior_std(self) -> FloatArray:
         """Mass [kg] and ln f."""
         return np.array([_MASS_STD * self._total, _TUNED if self.new else _STEP])

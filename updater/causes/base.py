@@ -36,6 +36,11 @@ class Cause(Hypotheses, Protocol):
         """The measurement that would settle what is left open."""
         ...
 
+    @property
+    def idle(self) -> FloatArray:
+        """Where a fit beside other causes begins (n_alternatives, n_parameters): what has a place does nothing yet."""
+        ...
+
     def where(self, fit: "Fit[Cause]") -> Where | None:
         """Return the place, None if the cause has none."""
         ...
@@ -87,6 +92,11 @@ class Discrete:
     def start(self) -> FloatArray:
         """Nothing has changed."""
         return np.zeros(self.lower.shape)
+
+    @property
+    def idle(self) -> FloatArray:
+        """What has no place begins as it does alone."""
+        return self.start
 
     @property
     def log_prior(self) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Cause, Discrete
+from updater.causes.base import Cause
 from updater.fit import Fit
 from updater.reanalysis import Effect
 
@@ -43,8 +43,7 @@ class Beside(Generic[C]):
     @property
     def start(self) -> FloatArray:
         """Of all: the chosen ones begin where they were."""
-        own = np.zeros(self.free.lower.shape) if self.fresh and not isinstance(self.free, Discrete) else self.free.start
-        return self._beside(own, [c.theta for c in self.chosen])
+        return self._beside(self.free.idle if self.fresh else self.free.start, [c.theta for c in self.chosen])
 
     def _beside(self, own: FloatArray, others: list[FloatArray]) -> FloatArray:
         return np.concatenate([own, *(np.tile(other, (len(own), 1)) for other in others)], axis=1)

@@ -26,6 +26,7 @@ _KEPT = 240  # of those
 _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
+_FEWER = 4  # times fewer edges than what falls between them
 _OF_EACH = 2  # and of each length
 
 
@@ -72,6 +73,11 @@ class Stretches:
     drifting: bool = True
     place_free: bool = False
     cannot_be_told_from: tuple[str, ...] = ()
+
+    @property
+    def idle(self) -> FloatArray:
+        """As they are looked at first, with nothing done to them."""
+        return np.zeros(self.start.shape)
 
     def middles(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the middles (len(rows),) [cells] for parameters (len(rows), n_parameters)."""
@@ -216,14 +222,22 @@ class Spread(Stretches):
 def between(cells: Cells, table: FloatArray, member: IndexArray, number: FloatArray) -> FloatArray:
     """Return a table's values (n, ...) between the edges of cells (n,), linearly.
 
+    Where many fall between the same few edges, as what is fixed beside all places of another cause, by one product.
+
     Parameters
     ----------
     table : (n_edges, ...)
     number : (n,) cells from the member's start
     """
     low = np.clip(np.floor(number), 0, cells.count[member] - 1).astype(np.intp)
-    share = (number - low).reshape(-1, *[1] * (table.ndim - 1))
+    share = number - low
     edge = cells.edge(member, low)
+    edges, which = np.unique(np.stack([edge, edge + 1]), return_inverse=True)
+    if _FEWER * len(edges) < len(edge):
+        weight = np.zeros((len(edge), len(edges)))
+        weight[np.arange(len(edge)), which.reshape(2, -1)] = 1 - share, share
+        return np.asarray(np.tensordot(weight, table[edges], axes=1))
+    share = share.reshape(-1, *[1] * (table.ndim - 1))
     return np.asarray((1 - share) * table[edge] + share * table[edge + 1])
 
 
