@@ -11,6 +11,7 @@ from sqlalchemy.exc import ArgumentError, NoSuchModuleError
 
 from monitor.history.errors import HistoryError
 
+_CACHE_KB = 512  # of pages that a connection to SQLite keeps; by itself it takes 2 MB, in hours
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
 _LOCK_SECONDS = 10.0  # that a session of PostgreSQL's may hold what is asked for
 _PATIENCE = {  # libpq's, with a server that is not there any more: by the kernel's own measure that is hours
@@ -70,6 +71,7 @@ def _set_pragmas(connection: Any, _record: object) -> None:  # noqa: ANN401 - sq
     cursor = connection.cursor()
     cursor.execute("PRAGMA journal_mode=WAL")
     cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.execute(f"PRAGMA cache_size={-_CACHE_KB}")
     cursor.close()
 
 
