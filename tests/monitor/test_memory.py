@@ -172,7 +172,7 @@ def test_no_memory_is_no_complaint(tmp_path: Path) -> None:
 
 
 def test_other_version_is_refused() -> None:
-    with pytest.raises(CodecError, match="it is of version 99, this program reads 4"):
+    with pytest.raises(CodecError, match="it is of version 99, this program reads 5"):
         parse_memory('{"modalwatch": 99, "sha256": ""}\n{}')
 
 
