@@ -32,8 +32,9 @@ _REPLY_SECONDS = 0.5
 _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
 _SERVICE_IDS = np.array(list(_SERVICES), np.uint32)
 _BUS_ERRORS = (can.CanError, OSError, ValueError)
-#: python-can's backends raise the others where a vendor's library is missing
-_OPEN_ERRORS = (*_BUS_ERRORS, ImportError, NameError, AttributeError, TypeError, NotImplementedError)
+#: what python-can's backends raise besides: kvaser a name that its vendor's library should have defined, neovi the
+#: import of its own, socketcand arguments that a place does not have
+_BACKEND_ERRORS = (*_BUS_ERRORS, NameError, ImportError, TypeError)
 for _name in ("can", "canopen"):
     logging.getLogger(_name).addHandler(logging.NullHandler())  # what goes wrong is raised, not printed
 
@@ -172,11 +173,12 @@ class CanHub:
 
 
 def _open_bus(place: CanPlace) -> can.BusABC:
+    raised = _BUS_ERRORS if place.interface == OURS else _BACKEND_ERRORS
     try:
         if place.interface == OURS:
             return SlcanBus(place.channel, place.bitrate)
         return can.Bus(interface=place.interface, channel=place.channel, bitrate=place.bitrate)
-    except _OPEN_ERRORS as error:
+    except raised as error:
         raise DriverError(str(place), f"the bus cannot be opened: {error}") from error
 
 

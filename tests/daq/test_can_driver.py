@@ -148,6 +148,15 @@ def test_what_does_not_answer_is_an_error_that_names_bus_and_node(tmp_path: Path
         make_driver("epson-can", bad, RATE).open()
 
 
+@pytest.mark.parametrize("interface", sorted({*can.interfaces.BACKENDS} - {"virtual", "udp_multicast"}))
+def test_what_any_backend_raises_where_its_adapter_is_missing_is_that_error(interface: str) -> None:
+    address = CanAddress(interface=interface, channel="modalwatch-99", node=1)
+    with pytest.raises(DriverError, match=f"^{interface}:modalwatch-99 node 1: the bus cannot be opened: "):
+        make_driver("epson-can", address, RATE).open()
+    with pytest.raises(DriverError, match=f"^{interface}:99 node 1: the bus cannot be opened: "):
+        make_driver("epson-can", CanAddress(interface=interface, channel="99", node=1), RATE).open()
+
+
 def test_a_node_is_read_once_and_a_bus_has_one_bit_rate(tmp_path: Path) -> None:
     with can_process(tmp_path, 2) as found:
         address = on(found.channel, 1)[0]
