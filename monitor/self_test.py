@@ -22,6 +22,7 @@ from updater import Reference
 DRAWS = 24  #: places that a mass is tried at
 WITHIN = 6  #: windows that it has to be noticed in: beside a jump, the quick average of small changes tells
 _DAY = 86400e9  # ns
+_DAYS_AFTER_FAILURE = 1.0
 _PASSED = 0.5  # of them must raise the alarm: at a support no mass is heard
 
 
@@ -31,6 +32,11 @@ class Tested:
 
     last: int | None  #: when one was [ns UTC]
     passed: int | None  #: when one has passed [ns UTC]
+
+    @property
+    def failed(self) -> bool:
+        """Whether the last one has."""
+        return self.passed != self.last
 
 
 NEVER_TESTED = Tested(last=None, passed=None)
@@ -56,10 +62,12 @@ class SelfTests:
             return
         self._recent.append(window)
         days = self._settings.alarm.self_test_days
+        if self.state.failed:  # the windows of one bad day should not leave the site unwell until the next is due
+            days = min(days, _DAYS_AFTER_FAILURE)
         since = watch.learnt if self.state.last is None else self.state.last
         due = days > 0 and abs(window.end - since) >= days * _DAY  # a clock that is set back by years ends no tests
         if due and alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
-            self.state = replace(self.state, last=window.end)  # also of one that fails: the next is as far away
+            self.state = replace(self.state, last=window.end)  # also of one that ends in an error
             result = self_test(watch, alarm, tuple(self._recent), self._settings, window.end, self.state.passed)
             self.state = replace(self.state, passed=result.last_passed)
             yield result

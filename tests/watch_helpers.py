@@ -85,6 +85,10 @@ class Played:
             self._n += 1
             yield Recording(channels=self.settings.channels, data=data, rate=64 / STEP, start=start, temperature=20.0)
 
+    def wait(self, days: int) -> None:
+        """Let days pass of which there are no windows."""
+        self._n += days * 86400 // STEP
+
     def _identify(self, recording: Recording, band: object) -> Identification:
         """Return a window's modes: the same of the same recording."""
         assert band is None

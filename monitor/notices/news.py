@@ -54,7 +54,7 @@ class News:
         result = event_result(item)
         if isinstance(result, SelfTestResult):
             before, self._passed = self._passed, result.passed
-            return None if before and result.passed else self._notice("trouble", result.time, result.text)
+            return None if before == result.passed else self._notice("trouble", result.time, result.text)
         if isinstance(result, AlarmResult):
             return self._change(result)
         return self._of_window(result) if isinstance(result, WindowResult) else None

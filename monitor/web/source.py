@@ -110,7 +110,7 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
 
 
 def self_test_said(test: dict[str, Any]) -> str:
-    """Say how the last self-test went, and when that was: the next may be a week away."""
+    """Say how the last self-test went, and when that was."""
     return f"{test['text']} ({utc(test['time'])})"
 
 

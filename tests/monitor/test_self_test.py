@@ -91,6 +91,22 @@ def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypat
     assert self_tests(run(pipeline, played.windows(6))) == []
 
 
+@pytest.mark.parametrize(("percent", "passed", "tested"), [(1e-4, False, 2), (8.0, True, 1)])
+def test_one_that_failed_is_tried_again_the_next_day(
+    percent: float, passed: bool, tested: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_answers(monkeypatch)
+    played = Played(23, monkeypatch)
+    played.settings = site_settings(f"self_test_days = 2.5\nself_test_percent = {percent}")
+    pipeline = played.pipeline()
+    said = run(pipeline, played.windows(BASELINE + 6))
+    played.wait(3)
+    said += run(pipeline, played.windows(6))
+    played.wait(1)
+    said += run(pipeline, played.windows(6))
+    assert [test.passed for test in self_tests(said)] == [passed] * tested
+
+
 TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=True, last_passed=10**18)
 FAILED = TEST.model_copy(update={"detected": 3, "passed": False})
 
@@ -103,7 +119,7 @@ def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
     told = [news.of(result_event(test)) for test in (FAILED, FAILED, TEST, TEST)]
     assert [(notice.kind, notice.text) if notice else None for notice in told] == [
         ("trouble", FAILED.text),
-        ("trouble", FAILED.text),
+        None,
         ("trouble", TEST.text),
         None,
     ]
