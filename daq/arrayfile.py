@@ -31,6 +31,7 @@ class Arrays:
     values: FloatArray  #: (n_samples, n_channels)
     rate: float | None  #: [Hz]; None if the file does not say
     t: FloatArray | None  #: (n_samples,) [s]; None if the file does not say
+    t_name: str = "t"  #: of the array of times, or of the one that was looked for
 
 
 def read_arrays(path: Path, time: str | None = None) -> Arrays:
@@ -46,8 +47,8 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
         Naming the file and the array.
     """
     arrays = _load(path)
-    called = time_column(arrays, time)
-    rate, t = _first(arrays, _RATE), None if called is None else arrays.pop(called)
+    t_name = time_column(arrays, time) or time or "t"
+    rate, t = _first(arrays, _RATE), arrays.pop(t_name, None)
     data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
@@ -63,7 +64,8 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
         names=_channel_names(path, names, values.shape[1]),
         values=values,
         rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
-        t=None if t is None else _numbers(path, called or "t", t).ravel(),
+        t=None if t is None else _numbers(path, t_name, t).ravel(),
+        t_name=t_name,
     )
 
 

@@ -106,15 +106,14 @@ def _arrays(path: Path, rate: float | None, time: str | None, columns: Mapping[s
             raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
     chosen = [place for place, name in enumerate(arrays.names) if columns is None or name in columns]
     names, values = tuple(arrays.names[place] for place in chosen), arrays.values[:, chosen]
-    times = time or "t"
     if arrays.t is None:
-        return names, values, _known(path, rate, arrays.rate, f"has neither 'rate' nor {times!r}: give --rate")
+        return names, values, _known(path, rate, arrays.rate, f"has neither 'rate' nor {arrays.t_name!r}: give --rate")
     if len(arrays.t) != len(values):
-        raise DataError(path, f"{times}: expected {len(values)} times, found {len(arrays.t)}")
+        raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         return names, *_on_grid(arrays.t, values)
     except UnevenError as error:
-        raise DataError(path, f"{times}[{error.row}]: {error.why}") from error
+        raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 
 
 def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:

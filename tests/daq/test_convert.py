@@ -289,6 +289,7 @@ ARRAYS: dict[str, tuple[dict[str, object], str]] = {
     "names": ({"data": np.ones((5, 2)), "rate": 1.0, "channels": ["a"]}, "channels: expected 2 different names"),
     "lengths": ({"a": np.ones(5), "b": np.ones(6), "rate": 1.0}, r"expected 'data' or one array .* a channel, found a"),
     "times": ({"data": np.ones((5, 2)), "t": np.arange(4.0)}, "t: expected 5 times, found 4"),
+    "times so called": ({"data": np.ones((5, 2)), "Time": np.arange(4.0)}, "Time: expected 5 times, found 4"),
     "jitter": ({"data": np.ones((9, 2)), "t": np.arange(9) + 0.25 * np.eye(9)[4]}, r"t\[4\]: t = 4.25 s"),
 }
 
