@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from daq import ClockFit, FloatArray, IntArray, Scans
-from daq.drivers.base import Blocks
+from daq.drivers.blocks import Blocks
 
 RATE, SECONDS, SEED = 1000.0, 3600.0, 1
 GATHER, AHEAD, SETTLED = 0.19, 2.0, 120.0  # s

@@ -10,7 +10,8 @@ from daq.dbc import read_layout
 from daq.derivative import differentiated
 from daq.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
 from daq.disk_guard import DiskGuard, Retention
-from daq.drivers.base import DeviceReader, Driver, Scans
+from daq.drivers.base import Driver, Scans
+from daq.drivers.reader import DeviceReader
 from daq.emulator.can_dbc import EmulatedDbc
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan

@@ -18,7 +18,8 @@ from daq.can_address import DbcSensor
 from daq.can_bus import frames_of
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.dbc import read_layout
-from daq.drivers.base import Blocks, Scans
+from daq.drivers.base import Scans
+from daq.drivers.blocks import Blocks
 from daq.errors import DataError
 from daq.log import Event, Item, LogWriter
 from daq.protocol.can_scan import ScanDecoder, what_is_missing

@@ -1,0 +1,166 @@
+"""What is done with every device alike: one thread a port, silence, reconnection, gaps told."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from daq.drivers.base import Driver
+from daq.drivers.blocks import Blocks
+from daq.drivers.guarded import guarded
+from daq.drivers.pace import Pace
+from daq.errors import DeviceLost, DriverError
+from daq.hostclock import HostClock
+from daq.log import Event, Item
+from daq.recording import Block, Flag
+
+_RETRY_SECONDS = 0.1
+
+
+class DeviceReader(threading.Thread):
+    """Reads one device for as long as asked, and takes it back by itself when it was lost.
+
+    Parameters
+    ----------
+    device : its name
+    driver : of the device, not opened yet
+    rate : scans a second [Hz]
+    clock : of the host
+    sink : takes blocks and events, from this thread
+    block_seconds : length of a block [s of data]
+    silent_seconds : without a scan, of wall time, after which a device counts as lost
+    delay : how long after the motion a scan is, of which times are told [s]; as the driver knows unless given
+    after : stopped reader of the same device and rate, whose indices go on, so that one log can hold both
+    """
+
+    def __init__(
+        self,
+        device: str,
+        driver: Driver,
+        rate: float,
+        clock: HostClock,
+        sink: Callable[[Item], None],
+        *,
+        block_seconds: float = 0.2,
+        silent_seconds: float = 1.7,  # with a read's wait seen within 2 s
+        delay: float | None = None,
+        after: "DeviceReader | None" = None,
+    ) -> None:
+        super().__init__(name=f"reader {device}", daemon=True)
+        self.device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
+        self._silent_seconds = silent_seconds
+        self._delay: float = getattr(driver, "delay", 0.0) if delay is None else delay
+        self.bad_bytes = 0  #: dropped since the start, as no whole frame held them
+        self._n_scans = max(1, round(block_seconds * rate))
+        self._blocks: Blocks = after._blocks if after else self._new_blocks()
+        self._pace = Pace(rate, clock)
+        self._ending = threading.Event()
+        self._end: int = after._end if after else 0  # index after the last block handed on
+        self._shared: str = after._shared if after else ""  # clock of the last block, if devices share it
+        self._identity: dict[str, Any] = {}  # of the device that was there at the start
+        self._lost: DriverError | None = None  # why it is not open
+
+    def connect(self) -> None:
+        """Open the device before the thread starts.
+
+        Raises
+        ------
+        DriverError
+            If it does not answer.
+        """
+        self._know(self._driver.open())
+        filtered = {"filter_delay": self._delay} if self._delay else {}
+        self._sink(self._event("device_open", {**self._identity, **filtered}))
+
+    def lose(self, why: DriverError) -> None:
+        """Begin as if the device had been lost: the first to answer in its place is taken for it."""
+        self._lost = why
+
+    def _know(self, identity: dict[str, Any]) -> None:
+        """Take a device for the one that is meant."""
+        self._identity, before = identity, self._blocks
+        self._blocks = self._new_blocks()  # some devices say their scale when they are asked
+        self._blocks.go_on_from(before, self._moved())
+
+    def _new_blocks(self) -> Blocks:
+        return Blocks(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
+
+    def stop(self) -> None:
+        """Ask the thread to end."""
+        self._ending.set()
+
+    def run(self) -> None:
+        """Read until stopped; the device must be connected."""
+        while not self._ending.is_set():
+            try:
+                if self._lost is not None:
+                    raise self._lost
+                guarded(self.device, self._stream)
+            except DriverError as error:
+                self._lost = None
+                self._flush()
+                self._sink(self._event("device_lost", {"why": str(error)}))
+                self._driver.close()
+                self._reconnect()
+        self._flush()
+        self._driver.close()
+
+    def _stream(self) -> None:
+        heard = self._moved()
+        while not self._ending.is_set():
+            scans = self._driver.read()
+            self.bad_bytes += scans.bad_bytes
+            now = self._moved() - round(scans.age * self._clock.speed)
+            if scans.warning:
+                self._sink(self._event("device_warning", {"what": scans.warning}))
+            for block in self._blocks.add(scans, now):
+                self._hand_on(block)
+            if len(scans.counts):
+                heard = now
+            elif now - heard > self._silent_seconds * 1e9 * self._clock.speed:
+                raise DeviceLost(self.device, f"silent for {self._silent_seconds:g} s")
+
+    def _moved(self) -> int:
+        """Return when the motion was that arrives now [ns UTC]."""
+        return self._clock.now() - round(self._delay * 1e9)
+
+    def _flush(self) -> None:
+        for block in self._blocks.flush(self._moved()):
+            self._hand_on(block)
+
+    def _hand_on(self, block: Block) -> None:
+        """Put a block, and before it how many scans are missing; by the host's clock where the device began anew."""
+        shared = block.clock != "" and block.clock == self._shared
+        began = block.clock != "" and self._shared == ""  # others have sampled by it before
+        missing = block.first_index - self._end
+        if missing > 0 and not began:
+            exact = shared or not block.flags & Flag.RESTARTED
+            self._sink(self._event("gap", {"first_index": self._end, "missing": missing, "exact": exact}))
+        self._end, self._shared = block.end_index, block.clock
+        self._sink(block)
+        if found := self._pace.differs(block):
+            self._sink(self._event("wrong_rate", {"expected": self._rate, "found": round(found, 3)}))
+
+    def _reconnect(self) -> None:
+        """Wait for the same device: a port may be given to another one meanwhile, whose signals are not this one's."""
+        refused: dict[str, Any] | None = None
+        while not self._ending.wait(_RETRY_SECONDS):
+            try:
+                identity = guarded(self.device, self._driver.open)
+            except DriverError:
+                self._driver.close()
+                continue
+            if self._identity and identity != self._identity:
+                self._driver.close()
+                if identity != refused:
+                    self._sink(self._event("wrong_device", {"expected": self._identity, "found": identity}))
+                refused = identity
+                continue
+            if self._identity:
+                self._blocks.restart(self._moved())
+            else:
+                self._know(identity)
+            self._sink(self._event("device_back", identity))
+            return
+
+    def _event(self, what: str, payload: dict[str, Any]) -> Event:
+        return Event(topic=f"/event/{what}", time=self._clock.now(), payload={"device": self.device, **payload})
