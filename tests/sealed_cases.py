@@ -8,10 +8,10 @@ import sealed_chain as chain
 import sealed_draws as draws
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2, ncx2
+from sealed_bar import Vector, Zone
 from sealed_designs import DESIGNS
 from sealed_draws import Do, Done, Hidden
 from sealed_file import FILE, Coarse, draw_as_filed, draw_mesh
-from sealed_frame import Vector, Zone
 from sealed_outside import OUTSIDE
 from sealed_signals import N_MODES, is_seen, modal_std
 from sealed_solid_draws import SOLID, draw_bar

@@ -7,7 +7,8 @@ and point, their gains and delays.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sealed_frame import Bar, Frame, Ground, Lump, Meeting, Vector
+from sealed_bar import Bar, Vector, vector
+from sealed_frame import Frame, Ground, Lump, Meeting
 from sealed_specimen import FrameBody, Random, Scale, Sensor, State, mounted
 
 _AXES = ("x", "y", "z")
@@ -141,7 +142,7 @@ class Design:
                 bar=bar,
                 s=s,
                 mass=scale.mass * random.uniform(0.004, 0.008),
-                offset=_three(0.007 * scale.length * random.standard_normal(3)),
+                offset=vector(0.007 * scale.length * random.standard_normal(3)),
             )
             for bar, s, *_ in self.devices
         ]
@@ -157,7 +158,7 @@ class Design:
     def _forces(self, random: Random) -> tuple[Sensor, ...]:
         """Return where the wind pushes, across each bar."""
         return tuple(
-            Sensor(channel="", device="", bar=bar.name, s=s, direction=_three(np.eye(3)[axis]))
+            Sensor(channel="", device="", bar=bar.name, s=s, direction=vector(np.eye(3)[axis]))
             for bar in self.bars
             for s in random.uniform(0.1, 1.0, 3) * bar.length
             for axis in bar.order[1:]
@@ -166,7 +167,7 @@ class Design:
 
 def _scattered(springs: Vector, random: Random) -> Vector:
     """Draw springs of half to twice what the file says; those that are rigid or none stay so."""
-    return _three(np.multiply(springs, np.exp(random.uniform(-np.log(2), np.log(2), 3))))
+    return vector(np.multiply(springs, np.exp(random.uniform(-np.log(2), np.log(2), 3))))
 
 
 def _support(place: list[float], ground: Ground) -> str:
@@ -176,8 +177,3 @@ def _support(place: list[float], ground: Ground) -> str:
     springs = ", ".join(f"{n} = {k}" for n, k in zip(names, values, strict=True) if 0 < k < np.inf)
     found = f"[[support]]\nat = {place}\nfixed = {fixed}".replace("'", '"')
     return found + (f"\nstiffness = {{ {springs} }}" if springs else "")
-
-
-def _three(values: object) -> Vector:
-    x, y, z = (float(v) for v in values)  # type: ignore[attr-defined]
-    return x, y, z

@@ -1,10 +1,9 @@
 """Structures besides the T-frame: a portal, a bridge, a mast, a grid."""
 
 import numpy as np
+from sealed_bar import Bar, Vector, vector
 from sealed_design import Design, Section
-from sealed_frame import Bar, Ground, Lump, Meeting, Vector
-
-_AXES = ("x", "y", "z")
+from sealed_frame import Ground, Lump, Meeting
 
 
 def _bar(name: str, start: Vector, axis: int, length: float, section: Section, size: float) -> Bar:
@@ -49,8 +48,7 @@ def _tube(diameter: float, wall: float) -> Section:
 
 
 def _rigid_but(axes: str = "", stiffness: float = 0.0) -> Vector:
-    x, y, z = (stiffness if a in axes else np.inf for a in _AXES)
-    return x, y, z
+    return vector(stiffness if a in axes else np.inf for a in "xyz")
 
 
 _POST, _BEAM = _box(0.06, 0.06, 0.003), _box(0.04, 0.08, 0.003)

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from sealed_frame import Lump, Prop, Vector, Zone
+from sealed_bar import Vector, Zone, vector
+from sealed_frame import Lump, Prop
 from sealed_specimen import Random, Scale, State
-
-from daq import FloatArray
 
 _CLEAR = 0.06  # m: from a stretch's end to a ground, a meeting or a free end
 _EULER = np.pi**2 * 210e9 * 9.3e-8 / (4 * 1.48**2)  # N, of the T-frame's column
@@ -86,7 +85,7 @@ def added_mass(state: State, random: Random) -> Done:
     axis = state.frame.bar(bar).axis
     offset = state.scale.length * np.where(np.arange(3) == axis, 0.0, random.uniform(-0.025, 0.025, 3))
     inertia = mass * (state.scale.length * random.uniform(0.005, 0.02, 3)) ** 2
-    lump = Lump(bar=bar, s=s, mass=mass, offset=_three(offset), inertia=_three(inertia))
+    lump = Lump(bar=bar, s=s, mass=mass, offset=vector(offset), inertia=vector(inertia))
     place = state.frame.bar(bar).point(s)
     if random.random() < 0.25:
         return Done(with_lump(state, lump), state, (_at("added_mass", place, mass=-mass),))
@@ -134,7 +133,7 @@ def support_stiffness(state: State, random: Random) -> Done:
     i = _one_of([_sprung((*g.along, *g.about)) for g in grounds], random)
     left = random.uniform(0.1, 0.6, 3)
     after = replace(
-        grounds[i], along=_three(np.multiply(grounds[i].along, left)), about=_three(np.multiply(grounds[i].about, left))
+        grounds[i], along=vector(np.multiply(grounds[i].along, left)), about=vector(np.multiply(grounds[i].about, left))
     )
     springs = zip(("x", "y", "z", "rx", "ry", "rz"), (*after.along, *after.about), strict=True)
     stiffness = {f"stiffness_{axis}": k for axis, k in springs if 0 < k < np.inf}
@@ -148,7 +147,7 @@ def joint_stiffness(state: State, random: Random) -> Done:
     meetings = state.frame.meetings
     i = _one_of([_sprung(m.about) for m in meetings], random)
     left = random.uniform(0.1, 0.6, 3)
-    after = replace(meetings[i], about=_three(np.multiply(meetings[i].about, left)))
+    after = replace(meetings[i], about=vector(np.multiply(meetings[i].about, left)))
     stiffness = {f"stiffness_{a}": k for a, k in zip(("rx", "ry", "rz"), after.about, strict=True)}
     frame = replace(state.frame, meetings=(*meetings[:i], after, *meetings[i + 1 :]))
     place = frame.bar(after.bar).point(after.s)
@@ -250,13 +249,8 @@ def amplitude_softening(state: State, random: Random) -> Done:
 
 
 def _looser(about: Vector, slip: float) -> Vector:
-    return _three(np.divide(about, 1 + slip))
+    return vector(np.divide(about, 1 + slip))
 
 
 def _at(cause: str, position: Vector, *, reach: float = 0.0, **parameters: float) -> Hidden:
     return Hidden(cause=cause, position=position, reach=reach, parameters=parameters)
-
-
-def _three(values: FloatArray) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from sealed_bar import Zone
 from sealed_chain import reseated
 from sealed_draws import Do, Done, somewhere, with_lump
-from sealed_frame import Brace, Lump, Zone
+from sealed_frame import Brace, Lump
 from sealed_specimen import Random, State
 
 

@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from sealed_frame import Bar, Frame, Ground, Lump, Meeting, Vector, Zone
+from sealed_bar import Bar, Vector, Zone, vector
+from sealed_frame import Frame, Ground, Lump, Meeting
 
 from daq import FloatArray, IndexArray
 
@@ -201,7 +202,7 @@ def _frame(random: Random) -> Frame:
             )
         )
     unit = 210e9 * 9.3e-8 / _SPAN
-    foot, joint = (_three(unit / random.uniform(0.001, 0.01, 3)) for _ in range(2))
+    foot, joint = (vector(unit / random.uniform(0.001, 0.01, 3)) for _ in range(2))
     return Frame(
         bars=tuple(bars),
         grounds=(Ground(bar="column", s=0.0, about=foot),),
@@ -227,7 +228,7 @@ def _weld(name: str, much: float) -> tuple[Zone, ...]:
 def _carried(random: Random) -> tuple[Lump, ...]:
     """The accelerometers themselves."""
     return tuple(
-        Lump(bar=bar, s=s, mass=random.uniform(0.008, 0.015), offset=_three(0.01 * random.standard_normal(3)))
+        Lump(bar=bar, s=s, mass=random.uniform(0.008, 0.015), offset=vector(0.01 * random.standard_normal(3)))
         for bar, s, _, _ in _PLACES
     )
 
@@ -250,7 +251,7 @@ def mounted(random: Random, device: str, axes: str, bar: str, s: float, *, lengt
         unit = np.eye(3)["xyz".index(axis)]
         direction = unit + np.cross(turn, unit)
         unit = direction / np.linalg.norm(direction)
-        found.append(Sensor(channel=f"{device}_{axis}", device=device, bar=bar, s=place, direction=_three(unit)))
+        found.append(Sensor(channel=f"{device}_{axis}", device=device, bar=bar, s=place, direction=vector(unit)))
     return found
 
 
@@ -259,10 +260,5 @@ def _forces(random: Random) -> tuple[Sensor, ...]:
     found = []
     for bar, length, axes in (("column", _SPAN, (0, 1)), ("crossbeam", 2 * _HALF, (1, 2))):
         for s in random.uniform(0.1, 1.0, 4) * length:
-            found += [Sensor(channel="", device="", bar=bar, s=s, direction=_three(np.eye(3)[a])) for a in axes]
+            found += [Sensor(channel="", device="", bar=bar, s=s, direction=vector(np.eye(3)[a])) for a in axes]
     return tuple(found)
-
-
-def _three(values: FloatArray) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sealed_bar import Bar
 from sealed_cases import CAUSES, detection_power, draw
 from sealed_designs import BRIDGE, DESIGNS
 from sealed_draws import Done, Hidden
-from sealed_frame import Bar, Frame, Ground, Lump, Meeting
+from sealed_frame import Frame, Ground, Lump, Meeting
 from sealed_score import score
 from sealed_signals import estimated, recorded
 from sealed_specimen import draw_state
