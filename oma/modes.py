@@ -50,13 +50,14 @@ def candidates(
     influence: Callable[[int, int], PoleInfluence],
     duration: float,
     selection: Selection,
+    *,
     poles_a_mode: int = 0,
     n_beside: int = 0,
 ) -> list[Mode]:
     """Sum up every group of stable poles.
 
-    Which are modes is told by all orders; what they are by those that have poles enough. A model of fewer lays those
-    that it has between modes: of ten modes in orders 2 to 50 the highest erred by 5 standard deviations of 300 s.
+    All orders tell which are modes; those that have poles enough tell what they are. A model of fewer lays those that
+    it has between modes: of ten modes in orders 2 to 50 the highest erred by 5 standard deviations of 300 s.
 
     Parameters
     ----------
@@ -69,9 +70,9 @@ def candidates(
         Of the samples that entered [s].
     selection : Selection
     poles_a_mode : int
-        Poles for each mode that a model has at least whose poles count [-].
+        Fewest poles for each mode of a model whose poles tell what a mode is [-].
     n_beside : int
-        Modes that the models must have besides those sought.
+        Modes that the models have besides those sought, below their band [-].
 
     Returns
     -------

@@ -238,7 +238,7 @@ def test_impossible_bands_are_refused(band: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{"block_rows": 1}, {"max_order": 1}, {"order_step": 0}, {"n_blocks": 2}, {"decimation": 1}],
+    [{"block_rows": 1}, {"max_order": 1}, {"max_order": 0}, {"order_step": 0}, {"n_blocks": 2}, {"decimation": 1}],
 )
 def test_impossible_options_are_refused(options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="expected"):
