@@ -16,11 +16,9 @@ from updater.residual import residual
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
-_FEW, _FROM = 150, 1  # alternatives that go on from that step on, of more: those that are promised most
+_FEW = 150  # alternatives that go on after the first step, of more: those that are promised most
 _HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
-
-
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -195,7 +193,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
         step, promised = _newton(slope, point.residual)
         least = point.cost - promised
         alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
-        if number >= _FROM:
+        if number:
             alive = np.sort(alive[np.argsort(least[alive], kind="stable")[:_FEW]])
         if not len(alive):
             break
@@ -218,7 +216,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
     )
 
 
-def _of_priors(hypotheses: Hypotheses, point: "_Point") -> FloatArray:
+def _of_priors(hypotheses: Hypotheses, point: _Point) -> FloatArray:
     """Return the derivatives (n_alternatives, n_data + n_parameters, n_parameters) of the priors' residuals alone."""
     n = len(hypotheses.prior_std)
     slope = np.zeros((*point.residual.shape, n))
@@ -249,7 +247,7 @@ def _descend(comparison: Comparison, hypotheses: Hypotheses, point: _Point, step
             break
 
 
-def _adopt(point: _Point, tried: _Point, rows: IndexArray, chosen: npt.NDArray[np.bool_]) -> None:
+def _adopt(point: _Point, tried: _Point, rows: IndexArray, chosen: BoolArray) -> None:
     pairs = [(point, tried), (point.effect, tried.effect), (point.changed, tried.changed)]
     for into, source in pairs:
         for name, values in vars(into).items():

@@ -20,10 +20,18 @@ def new_shapes(
     frequency: FloatArray,
     model_error: float,
 ) -> NewModes | None:
-    """Return those whose shape is known at the channels: what mixes two close modes is no new one.
+    """Return those whose shape is known at the channels, None without any: what mixes two close modes is no new one.
 
     Their shapes are of what shakes the structure at one place: of each mode as much as that moves there, which the
-    reference gets wrong as for `_foreign`, and as it answers.
+    reference gets wrong as in `foreign_modes`, and as it answers.
+
+    Parameters
+    ----------
+    extra : (n_extra,) modes that the baseline has not
+    channels : that are compared
+    overdispersion : components of a shape that err as one [-]
+    at_channels, frequency : (n_channels, n_modes) and (n_modes,) [Hz] of the reference's modes
+    model_error : of a mode's typical displacement
     """
     if extra is None:
         return None

@@ -217,7 +217,7 @@ class AddedMass:
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:
     """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes.
 
-    A centimetre unless given, less on structures of less than a metre and a half.
+    A centimetre unless given where the longest member is of a metre and a half, else in proportion to it.
     """
     members = reference.calibration.structure.member
     spacing = _COARSE * size(reference.calibration.structure) if spacing is None else spacing

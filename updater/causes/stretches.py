@@ -26,7 +26,7 @@ _KEPT = 240  # of those
 _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
-_FEWER = 4  # times fewer edges than what falls between them
+_FEWER = 4  # times fewer edges than values between them: then one product is quicker
 _OF_EACH = 2  # and of each length
 
 
