@@ -6,11 +6,15 @@ import sys
 import pytest
 from cli_helpers import Commands
 
+from monitor.cli.data_table import data_app
 from monitor.cli.log_table import log_app
 from monitor.cli.main import app
+from monitor.cli.site_table import site_app
 
 COMMANDS: list[tuple[str, ...]] = [
-    (c.name or str(c.callback and c.callback.__name__),) for c in app.registered_commands
+    (c.name or str(c.callback and c.callback.__name__),)
+    for table in (app, site_app, data_app)
+    for c in table.registered_commands
 ]
 COMMANDS += [("log", str(c.name)) for c in log_app.registered_commands]
 

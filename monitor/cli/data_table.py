@@ -1,0 +1,176 @@
+"""The table of commands about files: measurements, structures, logs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+data_app = typer.Typer()
+
+
+@data_app.command("import")
+def import_(
+    data: Annotated[
+        Path,
+        typer.Argument(metavar="DATA", help="A table (CSV), .npz, .mat, .uff, .unv; .log, .blf, .asc, .trc of CAN."),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
+    rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
+    unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
+    scale: Annotated[float, typer.Option(help="Units a number, if not 1.", min=1e-12)] = 1.0,
+    start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
+    time: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Column of times [s]; t or time unless given.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME[=SENSOR]", help="Column to take, and the sensor it is; repeat. All unless given."),
+    ] = None,
+    velocity: Annotated[
+        list[str] | None, typer.Option(metavar="SENSOR", help="Sensor whose numbers are velocities [m/s]; repeat.")
+    ] = None,
+    structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
+    site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
+    dbc: Annotated[Path | None, typer.Option(metavar="FILE", help="Of CAN traffic: what the frames say.")] = None,
+    counter: Annotated[str | None, typer.Option(metavar="SIGNAL", help="Of CAN traffic: what counts scans.")] = None,
+) -> None:
+    """Make a log of a file of measurements: one column a channel, named as its sensor."""
+    from daq import CAN_LOGS
+    from monitor.cli.importing import ImportOptions, import_command
+    from monitor.cli.importing_can import import_can_command
+
+    options = ImportOptions(
+        rate=rate,
+        unit=unit,
+        scale=scale,
+        start=start,
+        time=time,
+        columns=tuple(column or ()),
+        velocities=tuple(velocity or ()),
+        structure=structure,
+        site=site,
+        dbc=dbc,
+        counter=counter,
+    )
+    command = import_can_command if dbc or data.suffix.lower() in CAN_LOGS else import_command
+    raise typer.Exit(command(data, out, options))
+
+
+@data_app.command()
+def identify(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
+    method: Annotated[str, typer.Option(help="Way of identification.")] = "ssi-data",
+    window: Annotated[
+        float | None,
+        typer.Option(help="Length of a window [s]; that of the log's settings, else the whole log.", min=0.1),
+    ] = None,
+    band: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Where modes are sought [Hz].")
+    ] = None,
+    structure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="structure.toml to compare with; the log's own unless given.")
+    ] = None,
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Sensor that stays while others move, each log being a set-up; repeat."),
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PICTURE.png", help="Spectrum, stabilization diagram and shapes.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that gets modes.json, modes.unv (UFF 55) and pictures.")
+    ] = None,
+) -> None:
+    """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty."""
+    from monitor.cli.identifying import Options, identify_command
+
+    options = Options(method=method, window=window, band=band, structure=structure, references=tuple(reference or ()))
+    raise typer.Exit(identify_command(logs, options, json, picture, out))
+
+
+@data_app.command()
+def diagnose(
+    structure: Annotated[Path, typer.Argument(metavar="STRUCTURE.toml")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
+    reference: Annotated[
+        list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure as it was; may be repeated.")
+    ] = None,
+    holdout: Annotated[
+        list[Path] | None, typer.Option(metavar="LOG", help="Log to measure the gain on, not used else; repeatable.")
+    ] = None,
+    window: Annotated[float | None, typer.Option(help="Length of a window [s]; chosen unless given.", min=0.1)] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that gets report, extended model and diagnosis.json.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the diagnosis.")] = None,
+) -> None:
+    """Name what has changed since the reference logs; without them, what the model gets wrong about the logs."""
+    from monitor.cli.diagnosing import Logs, diagnose_command
+
+    named = Logs(current=logs, reference=reference or (), heldout=holdout or ())
+    raise typer.Exit(diagnose_command(structure, named, window=window, out=out, json_path=json))
+
+
+@data_app.command()
+def structure(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="structure.toml.")],
+    modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Picture; beside FILE unless given.")] = None,
+    channels: Annotated[
+        Path | None, typer.Option(metavar="SITE.toml|LOG", help="Channels to set against the sensors.")
+    ] = None,
+    record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before a change, and after.")] = 600.0,
+    damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
+    highest: Annotated[float, typer.Option(metavar="HZ", help="Frequency up to which modes are identified.")] = 400.0,
+    target: Annotated[str | None, typer.Option(metavar="MASS", help="A mass to be found, such as 50g.")] = None,
+    within: Annotated[str, typer.Option(metavar="LENGTH", help="How near it must be found.")] = "50mm",
+) -> None:
+    """Draw a structure, list its modes, and say what its sensors see of them and of a mass put on it."""
+    from monitor.cli.structure import Asked, structure_command
+
+    asked = Asked(
+        n_modes=modes,
+        seconds=record,
+        damping=damping,
+        highest=highest,
+        target=target,
+        within=within,
+        channels=channels,
+    )
+    raise typer.Exit(structure_command(file, asked, json_path=json, picture=out))
+
+
+@data_app.command()
+def report(
+    path: Annotated[Path, typer.Argument(metavar="DIR|LOG.mcap")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page; beside the log unless given.")] = None,
+    diagnosis: Annotated[
+        Path | None, typer.Option(help="What `diagnose --json` wrote, to show instead of the log's own.")
+    ] = None,
+) -> None:
+    """Write what a log says as one HTML page, the verdict first."""
+    from monitor.cli.view import report_command
+
+    raise typer.Exit(report_command(path, out, diagnosis))
+
+
+@data_app.command()
+def repair(log: Annotated[Path, typer.Argument(metavar="LOG.mcap")]) -> None:
+    """Mend a log that was cut or damaged, in place: every whole chunk is kept."""
+    from monitor.cli.logs import repair_command
+
+    raise typer.Exit(repair_command(log))
+
+
+@data_app.command()
+def view(
+    target: Annotated[str, typer.Argument(metavar="DIR|LOG.mcap|URL")],
+    out: Annotated[Path | None, typer.Option(help="File that gets the recording; a cache unless given.")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the rerun viewer on it.")] = True,
+) -> None:
+    """Open the rerun viewer on what a log says, or on a monitor that runs."""
+    from monitor.cli.view import view_command
+
+    raise typer.Exit(view_command(target, out, show=show))
