@@ -192,15 +192,15 @@ def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
     """
     if abs(balance.log_odds) <= CLEAR_ODDS or len(nodes) != len(balance.loss):
         return ""
-    lacking = balance.log_odds < 0
-    pairs = zip(*((balance.loss, balance.loss_std) if lacking else (balance.added, balance.added_std)), strict=True)
-    known = [(v, s, at) for (v, s), at in zip(pairs, nodes, strict=True) if v is not None and s is not None]
+    of_mass = balance.log_odds > 0
+    values, stds = (balance.added, balance.added_std) if of_mass else (balance.loss, balance.loss_std)
+    known = [(v, s, at) for v, s, at in zip(values, stds, nodes, strict=True) if v is not None and s is not None]
     if not known:
         return ""
     value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
     if abs(value) <= SIGNIFICANT * std:
         return ""
-    what = "stiffness that is lacking" if lacking else "mass that is on top"
+    what = f"{'mass' if of_mass else 'stiffness'} that is {'on top' if of_mass == (value > 0) else 'lacking'}"
     return f"forces left over look like {what}, most at ({x:.2f}, {y:.2f}, {z:.2f}) m; no cause was assumed for that"
 
 

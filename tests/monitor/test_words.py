@@ -126,3 +126,7 @@ def test_forces_left_over_are_told_where_they_say_something() -> None:
     assert not left_over_text(balance.model_copy(update={"log_odds": 18.0}), nodes)  # mass, two deviations
     surer = balance.model_copy(update={"log_odds": 18.0, "added_std": (None, 0.01, 0.01)})
     assert "mass that is on top, most at (0.00, 0.00, 2.00) m" in left_over_text(surer, nodes)
+    gone = surer.model_copy(update={"added": (None, 0.01, -0.2)})
+    assert "mass that is lacking, most at (0.00, 0.00, 2.00) m" in left_over_text(gone, nodes)
+    stiffer = balance.model_copy(update={"loss": (None, -0.03, -0.01)})
+    assert "stiffness that is on top, most at (0.00, 0.00, 1.00) m" in left_over_text(stiffer, nodes)
