@@ -24,8 +24,18 @@ console = Console(highlight=False)
 _DAY = 86_400 * 10**9  # ns
 _EVER = 2**62  # ns UTC
 _MOST = 20  # lines of a table
-_ALL = 10**6  # windows: more than two weeks have
-_EONS = 1e5  # days
+_ALL = 10**6  # windows: more than a span has that is told by the window
+_EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windows:
+    """How many windows there are, and how near to the limit they came."""
+
+    number: int
+    judged: int
+    over: int  #: the limit
+    levels: list[tuple[int, float]]  #: time [ns UTC], novelty over its limit; by the day the highest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +43,10 @@ class Found:
     """What a span holds."""
 
     span: Span
-    newest: int  # end of the newest window, which may be before the span [ns UTC]
-    counts: tuple[int, int, int]  # of windows, of those that were judged, of those over the limit
+    newest: int  #: end of the newest window, which may be before the span [ns UTC]
     state: str
     days: list[DayRow]
-    levels: list[tuple[int, float]]  #: time [ns UTC], novelty over its limit; by the day the highest
+    windows: Windows
     alarms: list[AlarmRow]
     trends: dict[int, list[TrendPoint]]
     events: list[EventRow]
@@ -104,14 +113,13 @@ def look(reader: Reader, wanted: Span | None) -> Found:
     if wanted is not None:
         span = Span(start=max(whole.start, wanted.start), end=max(whole.end, wanted.end))
     later = Span(start=span.start, end=_EVER)  # what happened after the last window too
-    days, windows = reader.days(span), reader.windows(span, _ALL) if span.every == "window" else None
+    days = reader.days(span)
     return Found(
         span=span,
         newest=whole.end,
-        counts=_counts(days) if windows is None else _counts_of(windows),
         state=reader.state(),
         days=days,
-        levels=_levels_by_day(days) if windows is None else _levels(windows),
+        windows=_of_days(days) if span.every == "day" else _of_windows(reader.windows(span, _ALL)),
         alarms=reader.alarms(span),
         trends={mode: reader.trend(mode, span) for mode in reader.modes()},
         events=reader.events(later),
@@ -119,21 +127,23 @@ def look(reader: Reader, wanted: Span | None) -> Found:
     )
 
 
-def _counts(days: list[DayRow]) -> tuple[int, int, int]:
-    return sum(day.n for day in days), sum(day.n_judged for day in days), sum(day.n_over for day in days)
+def _of_days(days: list[DayRow]) -> Windows:
+    return Windows(
+        number=sum(day.n for day in days),
+        judged=sum(day.n_judged for day in days),
+        over=sum(day.n_over for day in days),
+        levels=[(day.day * _DAY + _DAY // 2, day.level) for day in days if day.level is not None],
+    )
 
 
-def _counts_of(windows: list[WindowRow]) -> tuple[int, int, int]:
-    judged = [(w.t2, w.limit) for w in windows if w.t2 is not None]
-    return len(windows), len(judged), sum(limit is not None and t2 > limit for t2, limit in judged)
-
-
-def _levels_by_day(days: list[DayRow]) -> list[tuple[int, float]]:
-    return [(day.day * _DAY + _DAY // 2, day.level) for day in days if day.level is not None]
-
-
-def _levels(windows: list[WindowRow]) -> list[tuple[int, float]]:
-    return [(w.end, w.t2 / w.limit) for w in windows if w.t2 is not None and w.limit]
+def _of_windows(windows: list[WindowRow]) -> Windows:
+    judged = [(w.end, w.t2, w.limit) for w in windows if w.t2 is not None]
+    return Windows(
+        number=len(windows),
+        judged=len(judged),
+        over=sum(limit is not None and t2 > limit for _, t2, limit in judged),
+        levels=[(end, t2 / limit) for end, t2, limit in judged if limit],
+    )
 
 
 def write_csv(path: Path, found: Found) -> None:
@@ -167,10 +177,11 @@ def _told(events: list[EventRow]) -> list[dict[str, object]]:
 
 
 def _say(found: Found) -> None:
-    n, judged, over = found.counts
+    windows = found.windows
     newest = f"; the newest {utc(found.newest)}" if found.newest < found.span.end else ""
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
-    console.print(f"{n} windows, {judged} judged, {over} over the limit{newest}", soft_wrap=True)
+    counts = f"{windows.number} windows, {windows.judged} judged, {windows.over} over the limit"
+    console.print(f"{counts}{newest}", soft_wrap=True)
     console.print(f"state: {found.state}")
     console.print(_self_tests(found.self_tests), soft_wrap=True)
     _say_alarms(found.alarms)

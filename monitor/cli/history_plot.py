@@ -51,8 +51,8 @@ def _figure(found: Found) -> Figure:
 
 
 def _draw_levels(axes: Axes, found: Found) -> None:
-    if found.levels:
-        dates, level = _dates([t for t, _ in found.levels]), np.maximum([v for _, v in found.levels], 1e-2)
+    if levels := found.windows.levels:
+        dates, level = _dates([t for t, _ in levels]), np.maximum([v for _, v in levels], 1e-2)
         axes.semilogy(*_broken(dates, level), color=INK, linewidth=0.7)
         axes.plot(dates[level > 1], level[level > 1], ".", color=ALARM, markersize=4)
     axes.axhline(1.0, color=ALARM, linewidth=1.0, linestyle="--")

@@ -42,13 +42,11 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     """Write the log; say what is in it."""
     recording = _read(data, options)
     attachments: dict[str, str] = {}
-    notes: list[str] = []
+    lacking: list[str] = []
     if options.site is not None:
         recording, attachments = _for_site(data, recording, options.site)
     if options.structure is not None:
         attachments["structure.toml"], lacking = _structure_text(data, recording, options.structure)
-        if lacking:
-            notes.append(f"note: no column for {', '.join(lacking)} of {options.structure}")
     write_recording(out, recording, attachments)
     missing = sum(gap.stop - gap.start for gap in recording.gaps)
     console.print(
@@ -57,8 +55,9 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
         f"{_level(recording)}",
         soft_wrap=True,
     )
-    for line in notes:
-        console.print(escape(line), soft_wrap=True, style="yellow")
+    if lacking:
+        note = f"note: no column for {', '.join(lacking)} of {options.structure}"
+        console.print(escape(note), soft_wrap=True, style="yellow")
     return 0
 
 
