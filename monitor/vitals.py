@@ -219,7 +219,8 @@ class Vitals:
             self._late["window"] = late
             self._windowed, self._sight = time.monotonic(), self._sight.after(result)
             self._learnt = result.phase != "learning"
-            self._self_test = self._self_test if self._learnt else None  # it was of what is not known any more
+            if not self._learnt:
+                self._self_test = None  # it was of what is not known any more
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
