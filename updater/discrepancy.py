@@ -150,10 +150,8 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
     extended : its structure with the causes written in
     expected : (n,) by `as_before`
     """
-    own, channels = reference.calibration.structure, expected.channels
-    carrier = dict(zip(own.channels, extended.channels, strict=True))
-    carried = tuple(carrier[channel] for channel in channels)
-    carried = carried if set(carried) == set(channels) else channels
+    own = reference.calibration.structure
+    carried = _carried(own, extended, expected.channels)
     before, after = _of_model(own, expected), _of_model(extended, expected, carried)
     old, new = match_modes(expected, before), match_modes(before, after)
     new = np.where(old >= 0, new[np.maximum(old, 0)], -1)
@@ -169,7 +167,14 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
         shape=shape / np.linalg.norm(shape, axis=1, keepdims=True),
     )
     fresh = np.setdiff1d(np.flatnonzero(after.log_frequency <= expected.log_frequency.max()), new)
-    return replace(_in_order(changed, after.only(fresh)), channels=carried).at(channels)
+    return replace(_in_order(changed, after.only(fresh)), channels=carried).at(expected.channels)
+
+
+def _carried(own: Structure, extended: Structure, channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what the sensors of these channels are carried by with the causes; as before if that is not among them."""
+    carrier = dict(zip(own.channels, extended.channels, strict=True))
+    carried = tuple(carrier[channel] for channel in channels)
+    return carried if set(carried) == set(channels) else channels
 
 
 def _of_model(structure: Structure, like: ModalMean, channels: tuple[str, ...] | None = None) -> ModalMean:
