@@ -33,7 +33,8 @@ def window(number: int, diagnosis: Diagnosis, by: float) -> Event:
     """Return a window in alarm as it stands in the log."""
     end = START + (number + 1) * STEP
     figures = {"frequency_std": 0.01, "damping": 0.012, "damping_std": 1e-3, "shift_percent": -0.7, "shape": []}
-    modes = [ModeResult.model_validate({"id": k, "frequency": 9.7 * k + 1e-3 * by} | figures) for k in range(1, 9)]
+    each = [{"id": k, "frequency": 9.7 * k + 1e-3 * by} for k in range(1, MODES + 1)]
+    modes = [ModeResult.model_validate(mode | figures) for mode in each]
     found = diagnosis.model_copy(update={"causes": tuple(moved(cause, by) for cause in diagnosis.causes)})
     fields = {"index": number, "start": end - STEP, "end": end, "phase": "alarm", "channels": [], "modes": modes}
     return result_event(WindowResult.model_validate(fields | {"diagnosis": found}))

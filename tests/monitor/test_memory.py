@@ -17,6 +17,7 @@ from daq import Event
 from monitor.alarms import Alarm, AlarmRules
 from monitor.memory import MEMORY, CodecError, MemoryFile, memory_text, parse_memory, recall
 from monitor.memory.codec import decode, encode
+from monitor.memory.contents import VERSION
 from monitor.results import AlarmResult, ReferenceResult
 from updater import Body, parse_structure, t_structure_toml
 
@@ -172,7 +173,7 @@ def test_no_memory_is_no_complaint(tmp_path: Path) -> None:
 
 
 def test_other_version_is_refused() -> None:
-    with pytest.raises(CodecError, match="it is of version 99, this program reads 5"):
+    with pytest.raises(CodecError, match=f"it is of version 99, this program reads {VERSION}"):
         parse_memory('{"modalwatch": 99, "sha256": ""}\n{}')
 
 

@@ -31,9 +31,7 @@ def _springs(structure: Structure) -> list[str]:
 @pytest.mark.parametrize("name", DESIGNS)
 def test_springs_of_half_to_twice_what_the_file_says_are_calibrated(name: str) -> None:
     """To within 0.3 %: what a beam model is allowed and half as much, before per cents off in the upper modes."""
-    reference = _learnt(name, 40)
-    print(name, _off(reference))
-    assert _off(reference) < 3e-3
+    assert _off(_learnt(name, 40)) < 3e-3
 
 
 def test_a_bearing_is_found_where_the_file_has_it_too_stiff() -> None:
