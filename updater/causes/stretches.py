@@ -26,7 +26,6 @@ _KEPT = 240  # of those
 _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
-_FEWER = 4  # times fewer edges than values between them: then one product is quicker
 _OF_EACH = 2  # and of each length
 
 
@@ -216,29 +215,7 @@ class Spread(Stretches):
         """Return the modal matrices (len(rows), n_modes, n_modes) of stretches, from sums along the members."""
         middle, half = self.middles(theta, rows), self.sizes(theta, rows) / 2
         member = self.member[rows]
-        return between(self.cells, summed, member, middle + half) - between(self.cells, summed, member, middle - half)
-
-
-def between(cells: Cells, table: FloatArray, member: IndexArray, number: FloatArray) -> FloatArray:
-    """Return a table's values (n, ...) between the edges of cells (n,), linearly.
-
-    Where many fall between the same few edges, as what is fixed beside all places of another cause, by one product.
-
-    Parameters
-    ----------
-    table : (n_edges, ...)
-    number : (n,) cells from the member's start
-    """
-    low = np.clip(np.floor(number), 0, cells.count[member] - 1).astype(np.intp)
-    share = number - low
-    edge = cells.edge(member, low)
-    edges, which = np.unique(np.stack([edge, edge + 1]), return_inverse=True)
-    if _FEWER * len(edges) < len(edge):
-        weight = np.zeros((len(edge), len(edges)))
-        weight[np.arange(len(edge)), which.reshape(2, -1)] = 1 - share, share
-        return np.asarray(np.tensordot(weight, table[edges], axes=1))
-    share = share.reshape(-1, *[1] * (table.ndim - 1))
-    return np.asarray((1 - share) * table[edge] + share * table[edge + 1])
+        return self.cells.between(summed, member, middle + half) - self.cells.between(summed, member, middle - half)
 
 
 def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,6 @@ from updater.causes.stretches import (
     Kinds,
     Stretches,
     begun,
-    between,
     everywhere,
     may_be_cut,
     strength,
@@ -65,7 +64,7 @@ class SupportSpring(Stretches):
     def at(self, theta: FloatArray, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return mu (n, n_modes) and f (n,) of alternatives."""
         which, number = np.arange(len(rows)), self.middles(theta, rows)
-        moved, give = (between(self.cells, table, self.member[rows], number) for table in (self.moved, self.give))
+        moved, give = (self.cells.between(table, self.member[rows], number) for table in (self.moved, self.give))
         return moved[which, self.kind[rows]], give[which, self.kind[rows]]
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
