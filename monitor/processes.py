@@ -44,7 +44,8 @@ def give_back_memory() -> None:
 def spare_what_is_loaded() -> None:
     """Have the garbage collector never look again at what there is by now: modules stay for good.
 
-    Each time took 45 ms, in which no thread runs, and so it was seldom; garbage lay until it was a quarter of them.
+    To look at all of it takes 45 ms, in which no thread runs, and so Python waits until a quarter as many objects have
+    come since: as long lay garbage.
     """
     gc.collect()
     gc.freeze()

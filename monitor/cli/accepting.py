@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from monitor.cli.exits import DONE
 from monitor.cli.telling import standing, tell
 from monitor.errors import ArgumentError
 from monitor.history import AlarmRow, HistoryError
@@ -32,13 +33,13 @@ def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
     console.print(escape(f"the alarm of {utc(found.raised)}: {found.text}"), soft_wrap=True)
     console.print(escape(f"is to be accepted as {cause!r}"), soft_wrap=True)
     tell(site, Acceptance(cause=cause, by=by, alarm=found.raised))
-    return 0
+    return DONE
 
 
 def undo_command(path: Path, by: str, note: str) -> int:
     """Leave word for the monitor of a site that the last acceptance was wrong."""
     tell(load_site(path), Undoing(by=by, note=note))
-    return 0
+    return DONE
 
 
 def _standing(site: Site, alarm: str | None) -> AlarmRow:

@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from monitor.cli.display import Display
+from monitor.cli.exits import INTERRUPTED
 from monitor.cli.reveal import reveal
 from monitor.cli.rig_process import RigProcess
 from monitor.cli.watch import tell_live
@@ -65,7 +66,7 @@ def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> in
         done = rig.finish()
     if display.n_windows < plan.windows:
         console.print(f"\nstopped after {display.n_windows} windows; the log is whole: {report.log}", soft_wrap=True)
-        return 130
+        return INTERRUPTED
     return reveal(console, out, scenario, display.found, report, done)
 
 

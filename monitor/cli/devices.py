@@ -15,11 +15,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import CanAddress, DriverError, Found, PortAnswer, SerialPortInfo, can_adapters, search_port, serial_ports
+from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.errors import StartError
 from monitor.settings import AXES
-
-_DONE = 0
 
 console = Console(highlight=False)
 
@@ -57,7 +56,7 @@ def devices_command(asked: Asked, json_path: Path | None) -> int:
     silent = [_why(path, answer) for path, answer in seen.items() if not isinstance(answer, PortAnswer)]
     if silent and asked.ports:
         raise StartError("; ".join(silent))
-    return _DONE
+    return DONE
 
 
 def _named(paths: Sequence[str]) -> list[SerialPortInfo]:

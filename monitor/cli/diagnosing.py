@@ -10,6 +10,7 @@ from daq import AnyLog, LogError, Recording, as_logs, load_recordings
 from monitor.beside import discrepancy_result
 from monitor.cli.diagnosis_shown import say
 from monitor.cli.drawing import draw, written
+from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.describe import bare_reference
 from monitor.diagnosing import Observation, explain, observe, window_seconds
@@ -77,7 +78,7 @@ def diagnose_command(
         console.print(
             "written: " + ", ".join(str(path) for path in written(out, diagnosis)), soft_wrap=True, markup=False
         )
-    return 0 if diagnosis.verdict in {"explained", "nothing_to_explain"} else 1
+    return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
 
 
 def _say_extended(path: str, *, fitted: bool) -> None:

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.alarm_words import duration_text
+from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.event_words import event_name, event_said
@@ -75,7 +76,7 @@ def history_command(target: str, days: float | None, outputs: Outputs) -> int:
         from monitor.cli.history_plot import draw_history  # loads matplotlib
 
         draw_history(outputs.plot, found)
-    return 0
+    return DONE
 
 
 def target_url(target: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from daq import AnyLog, LogError, Recording, as_logs, read_attachments
+from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.cli.modes_shown import as_json, console, say_modes
 from monitor.errors import ArgumentError
@@ -66,7 +67,7 @@ def identify_command(
         if out:
             over_time = () if options.references else windows.estimates
             _fill(out, over_time, fused.estimate, recording, found, model, content)
-    return 0
+    return DONE
 
 
 def _first(

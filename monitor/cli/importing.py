@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from daq import DataError, Recording, read_data, with_channels, write_recording
+from monitor.cli.exits import DONE
 from monitor.errors import ArgumentError
 from monitor.site import load_site
 from updater import parse_structure, portable_text
@@ -58,7 +59,7 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     if lacking:
         note = f"note: no column for {', '.join(lacking)} of {options.structure}"
         console.print(escape(note), soft_wrap=True, style="yellow")
-    return 0
+    return DONE
 
 
 def _read(data: Path, options: ImportOptions) -> Recording:

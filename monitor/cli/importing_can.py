@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from daq import Channel, DbcSensor, LoggedSensor, import_can_log
+from monitor.cli.exits import DONE
 from monitor.cli.importing import ImportOptions, columns_of, start_of
 from monitor.errors import ArgumentError
 from monitor.site import load_site
@@ -32,7 +33,7 @@ def import_can_command(data: Path, out: Path, options: ImportOptions) -> int:
             f"{found.seconds:.6g} s",
             soft_wrap=True,
         )
-    return 0
+    return DONE
 
 
 _What = tuple[list[LoggedSensor], tuple[Channel, ...], dict[str, str]]

@@ -24,6 +24,7 @@ from daq import (
     newest_log,
     repair_log,
 )
+from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.logged import late_devices
@@ -39,7 +40,7 @@ def repair_command(path: Path) -> int:
         console.print(f"{escape(str(path))}: whole, {state.n_messages} messages; not touched", soft_wrap=True)
     else:
         console.print(f"{escape(str(path))}: mended, {state.n_messages} messages kept; it was {state}", soft_wrap=True)
-    return 0
+    return DONE
 
 
 def info_command(paths: Sequence[Path], json_path: Path | None) -> int:
@@ -49,7 +50,7 @@ def info_command(paths: Sequence[Path], json_path: Path | None) -> int:
     _say(log, info)
     if json_path:
         write_json(json_path, as_json(log, info))
-    return 0
+    return DONE
 
 
 def one_log(paths: Sequence[Path]) -> AnyLog:
@@ -83,7 +84,7 @@ def export_command(paths: Sequence[Path], out: Path) -> int:
         f"{len(found.gaps)} gaps; it starts at {found.start} ns UTC",
         soft_wrap=True,
     )
-    return 0
+    return DONE
 
 
 def expand_command(paths: Sequence[Path], out: Path) -> int:
@@ -97,7 +98,7 @@ def expand_command(paths: Sequence[Path], out: Path) -> int:
     if late:
         said = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
         console.print(f"taken out, as the baseline found devices late: {escape(said)}", soft_wrap=True)
-    return 0
+    return DONE
 
 
 def as_json(log: AnyLog, info: LogInfo) -> dict[str, Any]:

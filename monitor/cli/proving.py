@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import AnyLog
+from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.cli.logs import one_log
 from monitor.errors import ArgumentError
@@ -44,7 +45,7 @@ def prove_command(path: Path, mass: float, at: str, logs: Sequence[Path], json: 
     kept.parent.mkdir(parents=True, exist_ok=True)
     write_json(kept, as_json(proof))
     console.print(escape(f"kept: {kept}"), soft_wrap=True)
-    return int(not proof.passed)
+    return DONE if proof.passed else NEEDS_A_PERSON
 
 
 def _unused(folder: Path, name: str) -> Path:

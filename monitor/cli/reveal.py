@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.daemon import RunReport
 from monitor.results import AlarmResult, MassAnswer, Result, WindowResult
 from monitor.rig import Scenario
@@ -54,7 +55,7 @@ def reveal(
     console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {rig['sent']}\n")
     _write_pictures(out, report)
     _say_next(console, out, report)
-    return 0 if right else 1
+    return DONE if right else NEEDS_A_PERSON
 
 
 def _table(summary: dict[str, Any], answer: MassAnswer | None, said: str) -> Table:

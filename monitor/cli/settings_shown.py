@@ -5,6 +5,7 @@ from pathlib import Path
 
 import typer
 
+from monitor.cli.exits import DONE
 from monitor.settings import annotated, json_schema, overrides, parse_settings, read_settings
 
 
@@ -23,4 +24,4 @@ def settings_command(site: Path | None, given: Sequence[str], *, schema: bool) -
     else:
         text, _ = read_settings(site, overrides(given))
         typer.echo(annotated(parse_settings(text, site)), nl=False)
-    return 0
+    return DONE

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from rich.console import Console
 
 from daq import AnyLog, files_of
+from monitor.cli.exits import DONE
 from monitor.errors import ArgumentError, ResultsError
 from monitor.logged import load_run
 from monitor.report import load_diagnosis, run_report
@@ -27,7 +28,7 @@ def report_command(path: Path, out: Path | None, diagnosis: Path | None) -> int:
     _spare(run.log, page)
     run_report(run, page, found)
     console.print(f"report: {page}", soft_wrap=True, markup=False)
-    return 0
+    return DONE
 
 
 def view_command(target: str, out: Path | None, *, show: bool) -> int:
@@ -41,7 +42,7 @@ def view_command(target: str, out: Path | None, *, show: bool) -> int:
         sources = [str(file)]
     if show:
         _open(sources)
-    return 0
+    return DONE
 
 
 def _write(path: Path, file: Path, *, in_cache: bool) -> None:

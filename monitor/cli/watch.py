@@ -9,6 +9,7 @@ from threading import Event
 from rich.console import Console
 from rich.markup import escape
 
+from monitor.cli.exits import DONE
 from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
 from monitor.cli.telling import standing_if_known, tell
@@ -77,7 +78,7 @@ def _watch(site: Site, read_again: Callable[[], Site], *, as_json: bool) -> int:
         console.print(f"log: {path}", soft_wrap=True)
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
-    return 0
+    return DONE
 
 
 def _tell_page(site: Site) -> None:
@@ -108,7 +109,7 @@ def acknowledge_command(path: Path, by: str, note: str) -> int:
     known = f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history knows of no alarm that stands"
     console.print(escape(known), soft_wrap=True)
     tell(site, Acknowledgement(by=by, note=note))
-    return 0
+    return DONE
 
 
 def tell_live(console: Console, live: LiveView) -> None:
