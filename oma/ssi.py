@@ -102,7 +102,7 @@ class CovarianceSSI:
         With 22 modes, order 50 was measured to err by 0.1 to 0.2 % in frequency, 2 to 11 standard deviations, and to
         take damping for 1.2 to 2 times what it is.
         """
-        most = 2 * self.rows(n_channels) * n_channels // 3
+        most = 2 * self.rows(n_channels) * n_channels // 3  # that so many rows are chosen for
         wanted = min(_POLES_A_MODE * n_modes, most)
         few = self.max_order is None and largest < _FEWEST_POLES_A_MODE * n_modes
         return wanted if few and wanted > largest else None
