@@ -138,22 +138,12 @@ def _springs(
     sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
     if not sprung or structure.external is not None:
         return None  # of matrices from elsewhere nobody knows E I / L
-    stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
-    bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
-    turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
-    usual = np.where(turning, _STD, np.maximum(_SOFTER * bending / stiffness, _GIVES))
-    unit = bending * _STD / usual
+    stiffness, unit = _stiffness_and_unit(structure, sprung)
     own = unit / stiffness
     moment = np.where(np.isfinite(stiffness), stiffness, 0.0)[:, :, None] * (
         np.array([rows for *_, rows in sprung]) @ reference.shape
     )
-    chosen = [
-        (i, np.array(axes))
-        for i in range(len(sprung))
-        for axes in itertools.product((False, True), repeat=3)
-        if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
-    ]
-    which, active = np.array([i for i, _ in chosen]), np.array([axes for _, axes in chosen])
+    which, active = _together(stiffness)
     couple = np.where(active[:, :, None], moment[which] / (2 * np.pi * reference.frequency) ** 2, 0.0)
     lower = -0.999 * own[which]
     first = np.maximum(_first_order(comparison, couple, unit[which]), lower)
@@ -171,6 +161,34 @@ def _springs(
         couple=np.tile(couple, (2, 1, 1)),
         begun=np.concatenate([np.zeros(first.shape), first]),
     )
+
+
+def _stiffness_and_unit(structure: Structure, sprung: Sequence[Connection]) -> tuple[FloatArray, FloatArray]:
+    """Return stiffness about or along three axes, infinite where held, and 1 / c of a parameter of one; both (n, 3).
+
+    One that is loose gives so much more (`_STD`): where it turns by E I / L, where it slides by its own spring.
+    """
+    stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
+    bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
+    turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
+    usual = np.where(turning, _STD, np.maximum(_SOFTER * bending / stiffness, _GIVES))
+    return stiffness, bending * _STD / usual
+
+
+def _together(stiffness: FloatArray) -> tuple[IndexArray, BoolArray]:
+    """Return every set of springs that may change together: connection (n_sets,), and whether each axis (n_sets, 3).
+
+    Parameters
+    ----------
+    stiffness : (n_connections, 3), infinite where nothing can change
+    """
+    sets = [
+        (i, axes)
+        for i in range(len(stiffness))
+        for axes in itertools.product((False, True), repeat=3)
+        if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
+    ]
+    return np.array([i for i, _ in sets]), np.array([axes for _, axes in sets])
 
 
 def _first_order(comparison: Comparison, couple: FloatArray, unit: FloatArray) -> FloatArray:
