@@ -21,11 +21,11 @@ from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.internal_actions import parts_between
-from updater.knobs import TURNS, Knob, apply_knobs, flexibility_unit, joint_at, knobs_of, welded
+from updater.knobs import TURNS, Knob, apply_knobs, connection_of, flexibility_unit, is_of, knobs_of, welded
 from updater.modal_checks import check_baseline, check_unit
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
-from updater.structure import AXES, Structure
+from updater.structure import AXES, Axis, Joint, Structure, Support
 
 FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
@@ -62,6 +62,19 @@ class Calibration:
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
     reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
+    knobs: tuple[Knob, ...]  #: what was fitted, or might be
+
+    @property
+    def fitted(self) -> bool:
+        """Whether anything was."""
+        return bool(self.parameters)
+
+    def flexibility_std(self, connection: Support | Joint, axis: Axis) -> float:
+        """Return how well a connection's flexibility is known [rad/(N m) or m/N]: 0 where it is the file's."""
+        for knob, parameter in zip(self.knobs, self.parameters, strict=False):
+            if knob.axis == axis and is_of(self.structure, connection, knob):
+                return parameter.std / flexibility_unit(self.structure, axis)
+        return 0.0
 
     def only(self, kept: npt.NDArray[np.bool_]) -> "Calibration":
         """Return the same with some of the tracks (n_tracks,)."""
@@ -127,6 +140,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
             for k, v, s, b in zip(knobs, value, fit.std, fit.at_bound, strict=True)
         ),
         reason=fit.reason,
+        knobs=tuple(knobs),
     )
 
 
@@ -245,17 +259,18 @@ class _Misfit:
 
     def _by_spring(self, model: Model, modes: Modes, knob: Knob) -> FloatArray:
         """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
-        if knob.kind == "support":
-            support = model.structure.support[int(knob.target)]
-            row, spring = model.node_rows(support.at, AXES.index(knob.axis)), support.stiffness[knob.axis]
-        else:
-            joint = joint_at(model.structure, knob)
-            row, spring = (
-                model.joint_rows(joint, TURNS.index(knob.axis)),
-                next(v for a, v in joint.stiffness.items() if a == knob.axis),
-            )
+        row, spring = spring_of(model, knob)
         force = spring * (row @ modes.shape)
         return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis)))
+
+
+def spring_of(model: Model, knob: Knob) -> tuple[FloatArray, float]:
+    """Return the row (n_dofs,) that reads how a connection's spring is strained, and its stiffness [N m/rad or N/m]."""
+    connection = connection_of(model.structure, knob)
+    stiffness = next(v for axis, v in connection.stiffness.items() if axis == knob.axis)
+    if isinstance(connection, Joint):
+        return model.joint_rows(connection, TURNS.index(knob.axis)), stiffness
+    return model.node_rows(connection.at, AXES.index(knob.axis)), stiffness
 
 
 def best_model(structure: Structure) -> Model:

@@ -12,6 +12,7 @@ from updater.lags import dampings_of, lags_of, unsure_of
 from updater.modal_checks import check_event
 from updater.new_shapes import new_shapes
 from updater.reference import Reference
+from updater.self_stress import self_stress
 from updater.shape_errors import SHAPE_BIAS, foreign_modes, nearer_modes, own_phases, shape_whiteners
 from updater.statistics import ModalMean
 
@@ -70,6 +71,7 @@ def compare(
         at_channels=at_channels,
         across=reference.across_channels(channels),
         frequency=reference.frequency,
+        n_stress=self_stress(reference.calibration.model).n,
         circumstances=circumstances,
         new=new_shapes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
     )

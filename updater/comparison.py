@@ -69,6 +69,7 @@ class Comparison:
     at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
     across: FloatArray  #: (2 n_channels, n_modes) of them along the two axes across each channel, first axes first
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
+    n_stress: int = 0  #: states of self-stress of the reference's model
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
     new: NewModes | None = None  #: of the circumstances, at the channels
 

@@ -96,6 +96,7 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
         nominal_mac=np.ones(len(seen)),
         parameters=(),
         reason="nothing was fitted",
+        knobs=(),
     )
     return Reference(
         calibration=calibration,

@@ -167,19 +167,24 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
 def _put_joint(joints: list[Joint], knob: Knob, spring: float) -> None:
     """Write a spring into the joint of its member at its place, which it makes if there is none."""
     for i, joint in enumerate(joints):
-        if _is_of(joint, knob):
+        if joint.member == knob.target and _same(joint.at, knob.at):
             joints[i] = joint.model_copy(update={"stiffness": {**joint.stiffness, knob.axis: spring}})
             return
     joints.append(Joint.model_validate({"member": knob.target, "at": knob.at, "stiffness": {knob.axis: spring}}))
 
 
-def joint_at(structure: Structure, knob: Knob) -> Joint:
-    """Return the joint that a knob belongs to."""
-    return next(joint for joint in structure.joint if _is_of(joint, knob))
+def connection_of(structure: Structure, knob: Knob) -> Support | Joint:
+    """Return the support or joint that a parameter is a flexibility of."""
+    if knob.kind == "support":
+        return structure.support[int(knob.target)]
+    return next(joint for joint in structure.joint if is_of(structure, joint, knob))
 
 
-def _is_of(joint: Joint, knob: Knob) -> bool:
-    return joint.member == knob.target and _same(joint.at, knob.at)
+def is_of(structure: Structure, connection: Support | Joint, knob: Knob) -> bool:
+    """Tell whether a parameter is a connection's flexibility."""
+    if isinstance(connection, Joint):
+        return knob.kind == "joint" and connection.member == knob.target and _same(connection.at, knob.at)
+    return knob.kind == "support" and connection.at == structure.support[int(knob.target)].at
 
 
 def _welds(structure: Structure, point: Vector, less: float) -> list[Segment]:

@@ -114,10 +114,10 @@ def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) ->
         if part.cause.name == "global_density" and isinstance(part.cause, CommonFactor):
             own = part.cause.effect(part.theta[None], np.array([part.row]))
             heavier = np.expm1(-2 * part.cause.log_factor(part.theta)) * np.eye(len(data.frequency))
-            effect = replace(effect, flexibility=effect.flexibility - own.flexibility, mass=effect.mass + heavier)
+            effect = replace(effect, compliance=effect.compliance - own.compliance, mass=effect.mass + heavier)
     if more is None:
         return reanalyse(data, effect)
-    added = {name: getattr(more, name) + getattr(effect, name) for name in ("mass", "flexibility")}
+    added = {name: getattr(more, name) + getattr(effect, name) for name in ("mass", "compliance")}
     hung = {name: np.repeat(getattr(effect, name), len(more.mass), axis=0) for name in ("coupling", "own")}
     return reanalyse(data, replace(more, **added, **hung))
 

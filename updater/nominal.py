@@ -7,7 +7,7 @@ import numpy as np
 from updater.calibration import Calibration, best_model, channel_rows, enough_modes
 from updater.delays import DeviceDelays
 from updater.errors import PairingError
-from updater.knobs import with_springs
+from updater.knobs import knobs_of, with_springs
 from updater.matching import match_modes
 from updater.modal_checks import check_unit
 from updater.reference import Reference
@@ -17,6 +17,7 @@ from updater.structure import Structure
 _FREQUENCY_STD = 2e-3  # of ln f: what a beam model cannot say better, whatever its parameters
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
 _SHAPE_STD = 0.01  # of a unit shape's components: gains are known to half a per cent, places to millimetres
+_TURNED = 0.02  # rad that sensors are turned by: what they see of the motion across them
 
 
 def _in_time(devices: Sequence[str]) -> DeviceDelays:
@@ -58,7 +59,11 @@ def nominal_reference(
     modes = enough_modes(model, rows, highest, len(measured.log_frequency), n_modes=n_modes)
     at_channels = (rows @ modes.shape).T
     seen = np.flatnonzero(np.linalg.norm(at_channels, axis=1) > 1e-9)
-    shape = at_channels[seen] / np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
+    length = np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
+    shape = at_channels[seen] / length
+    across = channel_rows(model, measured.channels, across=True) @ modes.shape[:, seen]
+    crossing = np.linalg.norm(across.reshape(2, *shape.T.shape), axis=0).T / length
+    shape_std = np.hypot(_SHAPE_STD, _TURNED * crossing)
     own = ModalMean(
         channels=measured.channels,
         n=np.ones(len(seen), np.intp),
@@ -67,7 +72,7 @@ def nominal_reference(
         damping=np.full(len(seen), np.nan),
         damping_std=np.full(len(seen), np.nan),
         shape=shape,
-        shape_std=np.full(shape.shape, _SHAPE_STD),
+        shape_std=shape_std,
         imaginary=np.zeros(shape.shape),
         imaginary_std=np.full(shape.shape, _SHAPE_STD),
     )
@@ -90,6 +95,7 @@ def nominal_reference(
             nominal_mac=(shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
             reason="nothing was fitted",
+            knobs=tuple(knobs_of(structure)),
         ),
         baseline=own.only(paired),
         scatter=scatter,

@@ -2,7 +2,8 @@
 
 In mass-normalised modes B of frequencies omega a structural change is one of modal mass, M' = I + dM, and of modal
 flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. Its derivatives follow from the same
-eigenvectors, so that a step of Gauss-Newton costs one decomposition an alternative.
+eigenvectors, so that a step of Gauss-Newton costs one decomposition an alternative. What gives is told as compliance in
+modes and in states of self-stress (`self_stress`), by which a redundant structure shifts its load to where it is stiff.
 
 What hangs on the structure by a spring of its own appends a degree of freedom: its motion beside the structure's, with
 unit mass, a flexibility 1 / omega_o^2 and a coupling in the mass matrix.
@@ -26,7 +27,8 @@ class Effect:
     """What each of some alternatives does."""
 
     mass: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal mass
-    flexibility: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal flexibility [s2]
+    #: (n_alternatives, n_modes + n_stress, same) compliance added in modes [s2], states of self-stress [-], and across
+    compliance: FloatArray
     #: (n_alternatives, n_channels, 3 n_channels) what the channels say over what is true along their own directions,
     #: along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
     chain: FloatArray
@@ -45,6 +47,15 @@ class Effect:
         """Change of flexibility (n_alternatives, n_modes + n_own, same), over that of the modes [s2]."""
         return _bordered(self.flexibility, np.zeros(self.coupling.shape), self.own)
 
+    @property
+    def flexibility(self) -> FloatArray:
+        """Change of modal flexibility (n_alternatives, n_modes, n_modes), self-stress having shifted the load [s2]."""
+        n = self.mass.shape[1]
+        own, across, within = self.compliance[:, :n, :n], self.compliance[:, n:, :n], self.compliance[:, n:, n:]
+        if not across.any():
+            return own
+        return own - across.transpose(0, 2, 1) @ np.linalg.solve(np.eye(within.shape[1]) + within, across)
+
     def rows(self, rows: IndexArray) -> "Effect":
         """Return some alternatives."""
         return Effect(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
@@ -61,13 +72,19 @@ class Effect:
         share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _LEAST)  # whose lag a channel has: a swap moves it
         return Effect(
             mass=self.mass + other.mass,
-            flexibility=self.flexibility + other.flexibility,
+            compliance=self.compliance + other.compliance,
             chain=chain,
             lag=(share @ self.lag[:, :, None])[:, :, 0] + other.lag,
             log_damping=self.log_damping + other.log_damping,
             coupling=np.concatenate([self.coupling, other.coupling], axis=2),
             own=np.concatenate([self.own, other.own], axis=1),
         )
+
+
+def in_modes(flexibility: FloatArray, comparison: Comparison) -> FloatArray:
+    """Return a change of modal flexibility (p, n_modes, n_modes) as compliance that shifts no load."""
+    n = comparison.n_stress
+    return np.pad(flexibility, ((0, 0), (0, n), (0, n))) if n else flexibility
 
 
 def _bordered(matrix: FloatArray, border: FloatArray, corner: FloatArray) -> FloatArray:
@@ -83,7 +100,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
     n_channels, n_modes = comparison.at_channels.shape
     return Effect(
         mass=np.zeros((n_alternatives, n_modes, n_modes)),
-        flexibility=np.zeros((n_alternatives, n_modes, n_modes)),
+        compliance=np.zeros((n_alternatives, *2 * (n_modes + comparison.n_stress,))),
         chain=np.tile(np.eye(n_channels, 3 * n_channels), (n_alternatives, 1, 1)),
         lag=np.zeros((n_alternatives, n_channels)),
         log_damping=np.zeros((n_alternatives, n_modes)),
@@ -162,12 +179,13 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
     plain = (2 * np.pi * comparison.frequency) ** -2.0
     plain = np.append(plain, np.zeros(effect.own.shape[1]))
     mass = np.eye(len(plain)) + effect.whole_mass
-    if not effect.flexibility.any() and not effect.own.shape[1]:  # its root is diagonal
+    flexibility = effect.flexibility
+    if not flexibility.any() and not effect.own.shape[1]:  # its root is diagonal
         factor = np.sqrt(plain)
         value, unit = np.linalg.eigh(factor[:, None] * mass * factor)
         return value, factor[:, None] * unit, unit / factor[:, None]
     if not effect.mass.any() and not effect.own.shape[1]:  # F' x = x / omega'^2
-        value, unit = np.linalg.eigh(np.diag(plain) + effect.flexibility)
+        value, unit = np.linalg.eigh(np.diag(plain) + flexibility)
         scale = np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None]
         return value, unit * scale, unit / scale
     root = _root(np.diag(plain) + effect.whole_flexibility)

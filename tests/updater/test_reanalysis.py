@@ -59,12 +59,12 @@ def test_derivatives_are_those_of_differences(seed: int) -> None:
     none = no_effect(1, data)
 
     def at(step: float) -> tuple[FloatArray, FloatArray]:
-        effect = replace(none, mass=((1 + step) * mass)[None], flexibility=((1 + step) * flexibility)[None])
+        effect = replace(none, mass=((1 + step) * mass)[None], compliance=((1 + step) * flexibility)[None])
         return picked(reanalyse(data, effect))
 
     h = 1e-5
     plus, minus = at(h), at(-h)
-    changed = reanalyse(data, replace(none, mass=mass[None], flexibility=flexibility[None]))
+    changed = reanalyse(data, replace(none, mass=mass[None], compliance=flexibility[None]))
     d_value, d_vector = derivative(changed, mass[None], flexibility[None])
     np.testing.assert_allclose(d_value, (plus[0] - minus[0]) / (2 * h), rtol=1e-5)
     signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]
@@ -80,7 +80,7 @@ def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
     flexibility = np.zeros((2, len(own), len(own)))
     flexibility[0, 0, 0] = -1.5 * own[0]
     mass = np.tile(0.01 * np.eye(len(own)), (2, 1, 1))
-    value, vector = picked(reanalyse(data, replace(none, mass=mass, flexibility=flexibility)))
+    value, vector = picked(reanalyse(data, replace(none, mass=mass, compliance=flexibility)))
     assert np.isfinite(value).all()
     assert np.isfinite(vector).all()
     np.testing.assert_allclose(value[0, 1:], 1.01 * own[data.paired[1:]], rtol=1e-6)

@@ -20,7 +20,7 @@ from updater.causes.common_factor import stiffened
 from updater.causes.springs import Springs, propose_joint_stiffness, propose_support_stiffness
 from updater.circumstances import Trend
 from updater.comparison import Comparison
-from updater.reanalysis import Effect, no_effect
+from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
 from updater.verdict import Quantity
@@ -50,7 +50,7 @@ class AmplitudeSoftening(Discrete):
     comparison: Comparison
     trend: Trend
     connections: tuple[Connection, ...]
-    couple: FloatArray  #: (n_axes, n_modes) mu of every axis of them that can turn [s2]
+    couple: FloatArray  #: (n_axes, n_modes + n_stress) mu [s2] of every axis of them that can turn, and self-stress
     least: FloatArray  #: (n_axes,) flexibility that can be taken off [rad/(N m)], negative
     by_axis: FloatArray  #: (n, n_axes) slope of each compared mode for a unit flexibility a m/s2
     mean: FloatArray  #: (n_axes + n,) of flexibilities a rms and the modes' own slopes, told by the windows
@@ -77,11 +77,12 @@ class AmplitudeSoftening(Discrete):
         every = np.tile(own.mean(1, keepdims=True), len(data.frequency))
         every[:, data.paired] = own
         change = np.expm1(-2 * level * every) * (2 * np.pi * data.frequency) ** -2.0
+        in_common = in_modes(change[:, :, None] * np.eye(len(data.frequency)), data)
         turned = np.einsum("pa,ar,as->prs", np.maximum(level * flexible, self.least), self.couple, self.couple)
         rise = self.damping[0] + self.damping[1] * theta[:, -2:-1]
         return replace(
             no_effect(len(rows), data),
-            flexibility=turned + change[:, :, None] * np.eye(len(data.frequency)),
+            compliance=turned + in_common,
             log_damping=np.tile(self.trend.excess * rise, len(data.frequency)),
         )
 
@@ -132,8 +133,9 @@ def propose_amplitude_softening(reference: Reference, comparison: Comparison) ->
         return None
     known, n = np.isfinite(trend.slope[tracks]), len(tracks)
     connections = _connections(reference, comparison)
-    couple = np.concatenate([np.empty((0, len(comparison.frequency))), *(_turning(c) for c in connections)])
-    by_axis = -0.5 * ((2 * np.pi * comparison.frequency) ** 2 * couple**2).T[comparison.paired]
+    n_modes = len(comparison.frequency)
+    couple = np.concatenate([np.empty((0, n_modes + comparison.n_stress)), *(_turning(c) for c in connections)])
+    by_axis = -0.5 * ((2 * np.pi * comparison.frequency) ** 2 * couple[:, :n_modes] ** 2).T[comparison.paired]
     scale = _FALL / trend.spread
     flexible = (scale / np.maximum(np.abs(by_axis).max(0), 1e-300)) ** 2
     prior = scipy.linalg.block_diag(np.diag(flexible), scale**2 * ((1 - _OWN) * np.ones((n, n)) + _OWN * np.eye(n)))
@@ -174,7 +176,7 @@ def _connections(reference: Reference, comparison: Comparison) -> tuple[Connecti
 
 
 def _turning(connection: Connection) -> FloatArray:
-    """Return the displacements (n_axes, n_modes) under unit couples about the axes that can turn."""
+    """Return what unit couples about the axes that can turn do (n_axes, n_modes + n_stress)."""
     springs, number = connection
     couple = springs.couple[number]
     return np.asarray(couple[couple.any(1)])

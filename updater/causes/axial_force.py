@@ -18,7 +18,7 @@ from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import may_be_cut
 from updater.comparison import Comparison
 from updater.fe.element import Element
-from updater.reanalysis import Effect, no_effect
+from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
 from updater.structure import Member, Structure
 from updater.verdict import Quantity, Where, vector
@@ -50,7 +50,7 @@ class AxialForce(Discrete):
         more = theta * self.share[rows]
         basis = self.basis[rows]
         change = (basis * (-more / (1 + more))[:, None, :]) @ basis.transpose(0, 2, 1)
-        return replace(no_effect(len(rows), self.comparison), flexibility=change)
+        return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a force of any order makes of the evidence."""

@@ -15,6 +15,7 @@ from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
+from updater.self_stress import self_stress
 from updater.structure import AXES, Structure
 
 if TYPE_CHECKING:
@@ -47,14 +48,15 @@ class CommonFactor(Discrete):
         return float(self.log_factor(fit.theta[0])), self.spread * float(fit.covariance[0, 0, 0] ** 0.5)
 
     @property
-    def flexibility(self) -> FloatArray:
-        """Modal flexibility Lambda^-1 (n_modes, n_modes) of what the factor is on [s2]."""
-        return np.diag((2 * np.pi * self.comparison.frequency) ** -2.0)
+    def compliance(self) -> FloatArray:
+        """Compliance (n_modes + n_stress, same) of what the factor is on: Lambda^-1 in modes [s2]."""
+        own = (2 * np.pi * self.comparison.frequency) ** -2.0
+        return np.diag(np.concatenate([own, np.ones(self.comparison.n_stress)]))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return the flexibility over the squared factor."""
-        change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.flexibility
-        return replace(no_effect(len(rows), self.comparison), flexibility=change)
+        """Return the compliance over the squared factor."""
+        change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.compliance
+        return replace(no_effect(len(rows), self.comparison), compliance=change)
 
     def where(self, fit: "Fit[Cause]") -> None:
         """Return none: it is everywhere."""
@@ -64,26 +66,28 @@ class CommonFactor(Discrete):
 class OwnFactor(CommonFactor):
     """A factor on what is the structure's own: what it stands on is not."""
 
-    ground: FloatArray  #: (n_modes, n_modes) modal flexibility of the springs to the ground [s2]
+    ground: FloatArray  #: (n_modes + n_stress, same) compliance of the springs to the ground
 
     @property
-    def flexibility(self) -> FloatArray:
-        """Modal flexibility (n_modes, n_modes) of members and joints [s2]."""
-        return super().flexibility - self.ground
+    def compliance(self) -> FloatArray:
+        """Compliance (n_modes + n_stress, same) of members and joints."""
+        return super().compliance - self.ground
 
 
-def ground_flexibility(reference: Reference) -> FloatArray:
-    """Return the modal flexibility (n_modes, n_modes) of the springs to the ground [s2].
+def ground_compliance(reference: Reference) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) of the springs to the ground.
 
     Of a spring k that modes move by u, k u_r u_s / (omega_r^2 omega_s^2).
     """
-    model, n = reference.calibration.model, len(reference.frequency)
-    found = np.zeros((n, n))
+    model = reference.calibration.model
+    stress = self_stress(model)
+    found = np.zeros(2 * (len(reference.frequency) + stress.n,))
     for support in reference.calibration.structure.support:
         for axis, stiffness in support.stiffness.items():
             moved = model.node_rows(support.at, AXES.index(axis)) @ reference.shape
             under = moved / (2 * np.pi * reference.frequency) ** 2
-            found += stiffness * np.outer(under, under)
+            force = np.concatenate([stiffness * under, stress.in_spring(support, axis)])
+            found += np.outer(force, force) / stiffness
     return found
 
 

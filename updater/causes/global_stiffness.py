@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.common_factor import OwnFactor, ground_flexibility, standard_score, stiffened
+from updater.causes.common_factor import OwnFactor, ground_compliance, standard_score, stiffened
 from updater.comparison import Comparison
 from updater.reference import Reference
 from updater.structure import Structure
@@ -41,4 +41,4 @@ class GlobalStiffness(OwnFactor):
 
 def propose_global_stiffness(reference: Reference, comparison: Comparison) -> GlobalStiffness:
     """Return the one alternative."""
-    return GlobalStiffness(**standard_score(), comparison=comparison, ground=ground_flexibility(reference))
+    return GlobalStiffness(**standard_score(), comparison=comparison, ground=ground_compliance(reference))

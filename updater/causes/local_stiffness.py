@@ -2,7 +2,7 @@
 
 One factor 1 - loss on what it bears bending and twist with adds modal flexibility
 dF = loss / (1 - loss) int A^T A dx / (omega_r^2 omega_s^2), A the modes' weighed internal actions: the unit-load
-method, exact in all modes and nearly so in thirty. How much of that it loses in shear is left open.
+method, with self-stress exact in all modes and nearly so in thirty. How much of that it loses in shear is left open.
 """
 
 from dataclasses import dataclass, replace
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.borne import borne
 from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
 from updater.comparison import Comparison
-from updater.internal_actions import weighted_actions
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Segment, Structure
@@ -43,8 +43,8 @@ _LENGTHS = Kinds(
 class LocalStiffness(Spread):
     """Stretches of all members; the parameter is -ln of the factor on stiffness."""
 
-    bent: FloatArray  #: (n_edges, n_modes, n_modes) flexibility in bending and twist from each member's start
-    sheared: FloatArray  #: (n_edges, n_modes, n_modes) in shear and along the axis
+    bent: FloatArray  #: (n_edges, n_modes + n_stress, same) compliance in bending and twist from each member's start
+    sheared: FloatArray  #: (n_edges, n_modes + n_stress, same) in shear and along the axis
     name: str = "local_stiffness"
     advice: str = "Look for a crack or a loosened splice along the stretch that is named."
 
@@ -63,7 +63,7 @@ class LocalStiffness(Spread):
         more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))[:, None, None]
         shear = np.minimum(_SHEAR + theta[:, 3], 1.0)[:, None, None]
         softer = self.matrix(self.bent, theta, rows) + shear * self.matrix(self.sheared, theta, rows)
-        return replace(no_effect(len(rows), self.comparison), flexibility=more * softer)
+        return replace(no_effect(len(rows), self.comparison), compliance=more * softer)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a loss of any order makes of the evidence."""
@@ -130,10 +130,8 @@ def _first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
 
 @lru_cache(maxsize=4)
 def _flexibility(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
-    """Return the modal flexibility of all stretches, that of the calibrated model's actions in the updated modes."""
-    model, modes = reference.calibration.model, reference.calibration.modes
-    cells = cut(model.structure.member)
-    turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
-    found = weighted_actions(model, modes, {m: cells.middles(m) for m in range(len(cells.members))})
-    actions = [found[m] @ turned for m in range(len(cells.members))]
+    """Return the compliance of all stretches, summed from each member's start."""
+    cells = cut(reference.calibration.structure.member)
+    found = borne(reference, {m: cells.middles(m) for m in range(len(cells.members))})
+    actions = [found[m] for m in range(len(cells.members))]
     return cells, cells.summed([a[:, 3:] for a in actions]), cells.summed([a[:, :3] for a in actions])

@@ -16,7 +16,7 @@ from updater.calibration import best_model
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.fe.model import Model
-from updater.reanalysis import Effect, no_effect
+from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
 from updater.verdict import Quantity
@@ -43,7 +43,8 @@ class MeshError(Discrete):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the finer mesh's flexibility."""
         del theta
-        return replace(no_effect(len(rows), self.comparison), flexibility=np.tile(self.flexibility, (len(rows), 1, 1)))
+        change = np.tile(self.flexibility, (len(rows), 1, 1))
+        return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
     def where(self, fit: "Fit[Cause]") -> None:
         """Return none: it is everywhere."""
@@ -63,8 +64,7 @@ def propose_mesh_error(reference: Reference, comparison: Comparison) -> MeshErro
     """Return the finer mesh; None where a baseline was measured, or the mesh is fine already."""
     calibration = reference.calibration
     model = calibration.model
-    learnt = calibration.reason != "nothing was fitted"
-    if learnt or calibration.structure.external is not None or _FINER * model.n_dofs > _MOST_DOFS:
+    if calibration.fitted or calibration.structure.external is not None or _FINER * model.n_dofs > _MOST_DOFS:
         return None
     finer = best_model(_refined(calibration.structure))
     modes = finer.modes(len(reference.frequency))

@@ -1,7 +1,7 @@
 """A foot or a joint that gives more, or less, than it did: modal flexibility Lambda^-1 + sum_a c_a mu_a mu_a^T.
 
 mu_a = (moment of each mode in the spring about axis a) / omega^2 is the modal displacement under a unit couple at the
-spring, so that a flexibility c_a [rad/(N m)] more is exact in all modes and nearly so in thirty.
+spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact in all modes and nearly so in thirty.
 """
 
 import itertools
@@ -18,6 +18,7 @@ from updater.comparison import Comparison
 from updater.knobs import flexibility_unit
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
+from updater.self_stress import self_stress
 from updater.structure import AXES, Axis, Joint, Structure, Support
 from updater.verdict import Quantity, Where
 
@@ -48,8 +49,9 @@ class Springs(Discrete):
     connections: tuple[Support | Joint, ...]  #: (n,) of each alternative
     axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
     active: BoolArray  #: (n, 3) of which each alternative changes these
+    before_std: FloatArray  #: (n, 3) of the flexibility that each had [rad/(N m)] or [m/N]
     unit: FloatArray  #: (n, 3) 1 / c of a parameter of one [N m/rad] or [N/m]
-    couple: FloatArray  #: (n, 3, n_modes) mu, 0 where there is nothing to change [s2]
+    couple: FloatArray  #: (n, 3, n_modes + n_stress) mu, and moments of self-stress; 0 where there is nothing to change
     begun: FloatArray  #: (n, 3) where the fit begins
     place_free: bool = False
 
@@ -61,8 +63,8 @@ class Springs(Discrete):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
         couple = self.couple[rows]
-        flexibility = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
-        return replace(no_effect(len(rows), self.comparison), flexibility=flexibility)
+        compliance = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
+        return replace(no_effect(len(rows), self.comparison), compliance=compliance)
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return the node."""
@@ -74,7 +76,8 @@ class Springs(Discrete):
         """Return the stiffness about or along each axis."""
         found = {}
         for a, axis, now in self._now(fit.best, fit.theta[fit.best]):
-            std = float(fit.covariance[fit.best, a, a] ** 0.5) / self.unit[fit.best, a] * now**2
+            more = float(fit.covariance[fit.best, a, a] ** 0.5) / self.unit[fit.best, a]
+            std = float(np.hypot(more, self.before_std[fit.best, a])) * now**2
             found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
         return found
 
@@ -140,11 +143,15 @@ def _springs(
         return None  # of matrices from elsewhere nobody knows E I / L
     stiffness, unit = _stiffness_and_unit(structure, sprung)
     own = unit / stiffness
+    stress = self_stress(reference.calibration.model)
     moment = np.where(np.isfinite(stiffness), stiffness, 0.0)[:, :, None] * (
         np.array([rows for *_, rows in sprung]) @ reference.shape
     )
+    shifted = np.array([[stress.in_spring(c, a) for a in axes] for c, axes, _ in sprung])
+    both = np.concatenate([moment / (2 * np.pi * reference.frequency) ** 2, shifted], axis=2)
+    before_std = np.array([[reference.calibration.flexibility_std(c, a) for a in axes] for c, axes, _ in sprung])
     which, active = _together(stiffness)
-    couple = np.where(active[:, :, None], moment[which] / (2 * np.pi * reference.frequency) ** 2, 0.0)
+    couple = np.where(active[:, :, None], both[which], 0.0)
     lower = -0.999 * own[which]
     first = np.maximum(_first_order(comparison, couple, unit[which]), lower)
     return Springs(
@@ -157,6 +164,7 @@ def _springs(
         connections=2 * tuple(sprung[i][0] for i in which),
         axes=2 * tuple(sprung[i][1] for i in which),
         active=np.tile(active, (2, 1)),
+        before_std=np.tile(before_std[which], (2, 1)),
         unit=np.tile(unit[which], (2, 1)),
         couple=np.tile(couple, (2, 1, 1)),
         begun=np.concatenate([np.zeros(first.shape), first]),

@@ -25,7 +25,7 @@ from updater.causes.stretches import (
 )
 from updater.comparison import Comparison
 from updater.hinges import flexibility
-from updater.reanalysis import Effect, no_effect
+from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
 from updater.structure import AXES, Structure, Support
 from updater.verdict import Quantity, vector
@@ -72,7 +72,7 @@ class SupportSpring(Stretches):
         moved, give = self.at(theta, rows)
         held = -np.expm1(-np.minimum(theta[:, 0], _MOST)) / give
         change = -held[:, None, None] * moved[:, :, None] * moved[:, None, :]
-        return replace(no_effect(len(rows), self.comparison), flexibility=change)
+        return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a stiffness of any order makes of the evidence; half of that prior would pull."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.common_factor import COMMON_FACTOR_STD, OwnFactor, ground_flexibility, standard_score, stiffened
+from updater.causes.common_factor import COMMON_FACTOR_STD, OwnFactor, ground_compliance, standard_score, stiffened
 from updater.comparison import Comparison
 from updater.reference import Reference
 from updater.structure import Structure
@@ -66,7 +66,7 @@ def propose_temperature(reference: Reference, comparison: Comparison) -> Tempera
     return Temperature(
         **standard_score(),
         comparison=comparison,
-        ground=ground_flexibility(reference),
+        ground=ground_compliance(reference),
         centre=centre,
         spread=spread,
         warmer=known.warmer,

@@ -1,0 +1,35 @@
+"""What members bear: in each mode under the load that makes it, and in each state of self-stress."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from daq import FloatArray
+from updater.internal_actions import weighted_actions
+from updater.reference import Reference
+from updater.self_stress import self_stress
+
+
+def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+    """Return the actions at stations along members, each over the root of the stiffness that bears it.
+
+    Products of these, summed along a stretch, are the compliance that it has; those of modes are the calibrated
+    model's, turned to the updated ones, over omega^2.
+
+    Parameters
+    ----------
+    reference : whose model's elements are beams
+    stations : number of a member -> distances from its start (n,) [m]
+
+    Returns
+    -------
+    dict
+        Number of the member -> (n, 6, n_modes + n_stress).
+    """
+    model, modes = reference.calibration.model, reference.calibration.modes
+    turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    stress, members = self_stress(model), model.structure.member
+    return {
+        m: np.concatenate([of_modes @ turned, stress.actions(members[m], stations[m])], axis=2)
+        for m, of_modes in weighted_actions(model, modes, dict(stations)).items()
+    }
