@@ -40,7 +40,7 @@ def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: 
     both: dict[str, Any] = {"cell": case.cell, "seed": case.seed, "noise": noise, "kind": case.kind, "done": done}
     if isinstance(answer, str):
         return Result(**both, outcome="refused", said=answer)
-    judged = score(answer, case.done.hidden, case.kind, near=case.near)
+    judged = score(answer, case.done.hidden, case.kind, near=case.near, built=case.built)
     gain = answer["gain"]["frequency_error_percent"] if answer["gain"] else {"before": None, "after": None}
     return Result(
         **both,

@@ -23,7 +23,7 @@ FRAME = parse_structure(t_structure_toml())
 @lru_cache
 def structure_of(cell: str) -> Structure:
     """Return what the user believes to stand there."""
-    which, _, _ = cell.rpartition(": ")
+    which = cell.rpartition(": ")[0].removeprefix("built ")
     if which in DESIGNS:
         return parse_structure(DESIGNS[which].toml())
     return parse_structure(SOLID_STRUCTURE) if which == "solid" else FRAME
@@ -32,9 +32,10 @@ def structure_of(cell: str) -> Structure:
 def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     """Return the diagnosis of modes with noise, as JSON would hold it; the gain is measured on windows of their own."""
     random = np.random.default_rng((case.seed, 6))
-    if case.cell.startswith("file: "):
+    if case.built or case.cell.startswith("file: "):
         measured, heldout = (_after(case, random, noise) for _ in range(2))
-        return explain(_filed(case), None, measured, heldout).explained.diagnosis.model_dump(mode="json")
+        structure = structure_of(case.cell) if case.built else _filed(case)
+        return explain(structure, None, measured, heldout).explained.diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     after, heldout = (_after(case, random, noise) for _ in range(2))
     found = explain_change(structure_of(case.cell), before, after, heldout)

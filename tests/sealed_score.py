@@ -10,6 +10,13 @@ from sealed_draws import Hidden
 RIGHT, ALIAS, WRONG, MISPLACED, REFUSED, MISSED = "right", "alias", "wrong", "misplaced", "refused", "missed"
 
 
+#: what any file gets a little wrong, and what says the same of one record
+_OF_FILES = {
+    *("model_parameters", "support_stiffness", "joint_stiffness"),
+    *("global_stiffness", "global_density", "temperature", "sampling_clock"),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Score:
     """One word, and how far off a place and sizes are."""
@@ -25,7 +32,9 @@ class Score:
         return self.outcome in {RIGHT, ALIAS}
 
 
-def score(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, *, near: float = 0.1) -> Score:
+def score(
+    answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, *, near: float = 0.1, built: bool = False
+) -> Score:
     """Judge.
 
     - right: the verdict and every name, channel and place (as near as `near`, or where it acts) are what was done;
@@ -39,7 +48,12 @@ def score(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, *, nea
     hidden : what was done
     kind : of the case, which says what may be expected
     near : a cause named farther from where it is than this [m] is not the one that was done
+    built : whether a file, which is a little wrong everywhere, is all that there was: to say so beside it is right
     """
+    if built:
+        named = [cause for cause in answer["causes"] if cause["cause"] not in _OF_FILES]
+        verdict = answer["verdict"] if named or answer["verdict"] == "unexplained" else "nothing_to_explain"
+        answer = {**answer, "causes": named, "verdict": verdict}
     outcome = _outcome(answer, hidden, kind, near)
     first = answer["causes"][0] if len(answer["causes"]) == 1 and len(hidden) == 1 else None
     same = first is not None and first["cause"] == hidden[0].cause

@@ -17,6 +17,7 @@ from updater.prediction import prediction
 from updater.reference import Reference
 
 PRIOR_NOTHING = 0.5
+OF_THE_FILE = "model_parameters"  #: what may stand beside any other cause
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
 _EQUAL = 0.02  # of log evidence, between causes that nothing tells apart
@@ -105,7 +106,9 @@ class Weighing:
 
     def log_prior(self, name: str) -> float:
         """Return the log probability of a cause."""
-        whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE)
+        if name == OF_THE_FILE:
+            return float(np.log(PRIOR_NOTHING))  # that the file is right is no likelier
+        whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE if each != OF_THE_FILE)
         return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
 
     def singles(self) -> list[Candidate]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from updater.agreement import agreeing, drift_beside
-from updater.candidates import Candidate, Weighing, ranked, say_nothing
+from updater.candidates import OF_THE_FILE, Candidate, Weighing, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.circumstances import NOTHING_KNOWN, Circumstances
@@ -102,7 +102,8 @@ def diagnose(
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if _nothing(search, singles):
         return _refused("nothing_to_explain", case, search.log_nothing, "None: the data are what the reference says.")
-    found = _stepwise(search, [c for c in singles if c.effective], rough=True)
+    alone = [c for c in singles if c.effective]
+    found = _stepwise(search, ranked([*alone, *_beside_the_file(search, alone)]), rough=True)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and _fits(found[0]):
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
@@ -119,6 +120,16 @@ def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
     everything = [weighing.log_nothing, *(c.log_evidence for c in singles if c.effective)]
     share = weighing.log_nothing - float(logsumexp(np.array(everything)))
     return share >= np.log(1 - _SURE) and weighing.nothing.p_value >= LEAST_P
+
+
+def _beside_the_file(weighing: Weighing, singles: list[Candidate]) -> list[Candidate]:
+    """Return causes beside a file that is a little off in many places, where that is asked, however well one fits.
+
+    Files are: what is looked for beside them is else taken for what acts like it and a little like them.
+    """
+    several = Compositions(weighing)
+    promises = several.promising([c for c in singles if c.names == (OF_THE_FILE,)])
+    return [c for c in several.together(promises) if c.earned(singles)] if promises else []
 
 
 def _fits(best: Candidate) -> bool:

@@ -47,5 +47,5 @@ def test_what_was_done_is_what_is_said(cell: str, seed: int) -> None:
     """Fixed seeds; benchmarks/confusion.py draws hundreds, and says how often this fails."""
     case = draw(cell, seed)
     print(cell, seed, case.done.hidden)
-    judged = score(answer(case), case.done.hidden, case.kind, near=case.near)
+    judged = score(answer(case), case.done.hidden, case.kind, near=case.near, built=case.built)
     assert judged.fine, judged

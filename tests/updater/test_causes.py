@@ -28,6 +28,7 @@ from updater.fit import fit
 from updater.prediction import prediction
 
 TRACK = np.arange(8)
+OF_FILES = ("mesh_error", "model_parameters")  # asked where nothing was learnt: they have tests of their own
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,7 @@ def in_full(reference: Reference, chosen: Chosen, channels: tuple[str, ...]) -> 
     return modes.frequency, turned
 
 
-@pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "mesh_error"])  # which has a test of its own
+@pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in OF_FILES])
 @pytest.mark.parametrize("seed", range(3))
 def test_prediction_is_the_extended_structures(compared: tuple[Reference, Comparison], name: str, seed: int) -> None:
     """Thirty modes miss a full solution by under 3e-4 of frequency and 2e-3 of a unit shape, for such changes."""
@@ -104,7 +105,7 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     np.testing.assert_allclose(predicted.lag[0], (sign * lag[partner])[: len(predicted.lag[0])], atol=2e-3)
 
 
-@pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "mesh_error"])  # which has a test of its own
+@pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in OF_FILES])
 def test_alternatives_share_the_prior_and_their_fit_says_where_and_what(
     compared: tuple[Reference, Comparison], name: str
 ) -> None:

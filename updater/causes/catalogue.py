@@ -13,6 +13,7 @@ from updater.causes.global_density import propose_global_density
 from updater.causes.global_stiffness import propose_global_stiffness
 from updater.causes.local_stiffness import propose_local_stiffness
 from updater.causes.mesh_error import propose_mesh_error
+from updater.causes.model_parameters import propose_model_parameters
 from updater.causes.plugins import Catalogue
 from updater.causes.sampling_clock import propose_sampling_clock
 from updater.causes.sensor_dead import propose_sensor_dead
@@ -35,6 +36,7 @@ _OWN: dict[str, Propose[Cause]] = {
     "support_spring": propose_support_spring,
     "attached_oscillator": propose_attached_oscillator,
     "mesh_error": propose_mesh_error,
+    "model_parameters": propose_model_parameters,
     "damping_change": propose_damping_change,
     "amplitude_softening": propose_amplitude_softening,
     "support_stiffness": propose_support_stiffness,

@@ -1,0 +1,85 @@
+"""A structure file that is a little off everywhere, against modes of what was built."""
+
+import numpy as np
+import pytest
+from sealed_cases import draw
+from sealed_path import answer, structure_of
+from updater_helpers import measure, t_frame, true_model
+
+from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
+from updater.causes.composite import Chosen
+from updater.causes.model_parameters import propose_model_parameters
+from updater.comparing import compare
+from updater.comparison import Comparison
+from updater.prediction import prediction
+from updater.structure import Structure
+
+TRACK = np.arange(8)
+
+
+def _asked(structure: Structure, random: np.random.Generator) -> tuple[Reference, Comparison]:
+    """Return the file as a reference, and modes that are its own."""
+    model = build_model(structure, shear_flexible=True, mass="consistent")
+    gain = np.ones(len(structure.channels))
+    windows = stack_tracks([measure(model, random, gain) for _ in range(3)], [TRACK] * 3)
+    reference = nominal_reference(structure, windows)
+    return reference, compare(reference, matched(reference.baseline, reference.mean_of(windows)))
+
+
+@pytest.mark.parametrize("name", ["frame", "portal", "grid", "bridge"])
+def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> None:
+    """E off by 4 %, feet and joints that give up to 0.1 L / (E I), welds of half a joint's zone, all at once."""
+    random = np.random.default_rng(951)
+    reference, data = _asked(structure_of(f"{name}: "), random)
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None
+    theta = cause.prior_std * random.uniform(-0.8, 0.8, len(cause.knobs))
+    theta = np.maximum(np.where(cause.lower[0] > -0.5 * cause.prior_std, np.abs(theta), theta), cause.lower[0])
+    extended = cause.extend(reference.calibration.structure, 0, theta)
+    exact = build_model(extended, shear_flexible=True, mass="consistent").modes(40).frequency
+    found = data.frequency[data.paired] * np.exp(prediction(data, [Chosen(cause, 0, theta)]).log_ratio[0])
+    assert np.abs(np.log(found / data.frequency[data.paired])).max() > 0.005
+    assert np.abs(np.log(found[:, None] / exact)).min(1).max() < 2e-3
+
+
+@pytest.mark.parametrize("seed", [953, 955])
+def test_a_file_is_told_and_mended(seed: int) -> None:
+    """E and density off by per cents, a foot and a joint that give: what is told is of that, and mends it."""
+    random = np.random.default_rng(952)
+    truth = true_model(np.random.default_rng(seed))
+    windows, others = (
+        stack_tracks([measure(truth, random, np.ones(12)) for _ in range(5)], [TRACK] * 5) for _ in range(2)
+    )
+    reference = nominal_reference(t_frame(), windows)
+    found = diagnose(reference, matched(reference.baseline, reference.mean_of(windows)))
+    told = {cause.cause: cause for cause in found.diagnosis.causes}
+    print(found.diagnosis.verdict, sorted(told))
+    assert set(told) <= {"model_parameters", "support_stiffness", "joint_stiffness"}
+    if "model_parameters" in told:
+        stiffness = told["model_parameters"].parameters["stiffness of steel"]
+        steel, filed = truth.structure.material["steel"], t_frame().material["steel"]
+        expected = steel.youngs_modulus / filed.youngs_modulus * filed.density / steel.density
+        assert abs(stiffness.value - expected) < 3 * stiffness.std
+    assert found.extended is not None
+    again = nominal_reference(found.extended, others)
+    said = diagnose(again, matched(again.baseline, again.mean_of(others))).diagnosis
+    assert said.verdict == "nothing_to_explain"
+
+
+def test_a_body_is_found_beside_it() -> None:
+    """41 kg on a bridge of 12 m whose bearings are off by as much as makes 2 % of frequency; no log of it without."""
+    case = draw("built bridge: added_mass", 1)
+    [true] = case.done.hidden
+    assert true.position is not None
+    found = {cause["cause"]: cause for cause in answer(case)["causes"]}
+    assert set(found) == {"model_parameters", "added_mass"}
+    body = found["added_mass"]
+    assert np.linalg.norm(np.subtract(body["where"]["position"], true.position)) < 0.1
+    assert abs(body["parameters"]["mass"]["value"] - true.parameters["mass"]) < 3 * body["parameters"]["mass"]["std"]
+
+
+def test_a_calibrated_reference_has_none() -> None:
+    random = np.random.default_rng(954)
+    bare = true_model(np.random.default_rng(955))
+    reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(5)], [TRACK] * 5)
+    assert propose_model_parameters(reference, compare(reference, reference.baseline)) is None

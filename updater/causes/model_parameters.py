@@ -1,0 +1,156 @@
+"""What the structure file says is a little off in many places: stiffness, feet, bearings, joints, welds, all at once.
+
+A question about a structure file alone, asked where no reference was learnt: a baseline's calibration has answered it.
+All parameters that a calibration would fit have the prior that they have there. Each of them adds compliance, of a
+material's members, of a spring, or takes that of a joint's zone away.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from daq import FloatArray, IndexArray
+from updater.borne import borne
+from updater.calibration import spring_of
+from updater.causes.base import Discrete
+from updater.comparison import Comparison
+from updater.fe.model import Model
+from updater.knobs import TURNS, Knob, apply_knobs, connection_of, flexibility_unit, welded
+from updater.reanalysis import Effect, no_effect
+from updater.reference import Reference
+from updater.self_stress import self_stress
+from updater.structure import Structure
+from updater.verdict import Quantity
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.fit import Fit
+
+_STIFFNESS_STD = 0.05  # of ln E, density's share included, which frequencies cannot tell from it
+_GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, for nobody has looked
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
+_TURNED = slice(3, None)  # twist and bending: what a joint's zone has less of
+_TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave less is one they tell of
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModelParameters(Discrete):
+    """One alternative: all parameters, over what the file says of them."""
+
+    comparison: Comparison
+    knobs: tuple[Knob, ...]
+    said: FloatArray  #: (n_knobs,) what the file's model has for them
+    compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds
+    name: str = "model_parameters"
+    place_free: bool = True
+    advice: str = (
+        "Use the extended model, or learn a reference from logs, which calibrates the same parameters; then only what "
+        "changes is left to explain."
+    )
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return compliances; that of a material goes with 1 / E."""
+        stiffness = np.array([knob.kind == "stiffness" for knob in self.knobs])
+        more = np.where(stiffness, np.expm1(-theta), theta)
+        change = np.einsum("pk,krs->prs", more, self.compliance)
+        return replace(no_effect(len(rows), self.comparison), compliance=change)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what is left of the priors, and of the posteriors, above the least values."""
+        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        kept = log_ndtr((theta - self.lower) / std) - log_ndtr(-self.lower / self.prior_std)
+        return np.asarray(kept.sum(1))
+
+    def where(self, fit: "Fit[Cause]") -> None:
+        """Return none: they are everywhere."""
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return those that the data tell of: factors of stiffness, and the others as calibrations have them."""
+        std = np.sqrt(np.diagonal(fit.covariance[0]))
+        found = {}
+        for k in np.flatnonzero(std < _TOLD * self.prior_std).tolist():
+            knob, value = self.knobs[k], float(self.said[k] + fit.theta[0, k])
+            if knob.kind == "stiffness":
+                factor = float(np.exp(value))
+                found[knob.name] = Quantity(value=factor, std=factor * float(std[k]), unit="-")
+            else:
+                found[knob.name] = Quantity(value=value, std=float(std[k]), unit=_unit(knob))
+        return found
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Write the new values."""
+        del row
+        return apply_knobs(structure, list(self.knobs), self.said + theta)
+
+
+def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
+    """Return the one alternative; None where a baseline was calibrated, or of matrices from elsewhere, a factor's."""
+    calibration = reference.calibration
+    if calibration.fitted or not calibration.knobs or calibration.structure.external is not None:
+        return None
+    knobs, model = calibration.knobs, calibration.model
+    said = np.array([_said(model, knob) for knob in knobs])
+    lower = np.array([knob.lower for knob in knobs]) - said
+    return ModelParameters(
+        prior_std=np.array([_prior(knob) for knob in knobs]),
+        lower=np.minimum(lower, 0.0)[None],
+        drifting=False,
+        comparison=comparison,
+        knobs=knobs,
+        said=said,
+        compliance=np.array([_compliance(reference, knob) for knob in knobs]),
+    )
+
+
+def _unit(knob: Knob) -> str:
+    """Return what a parameter counts in: flexibilities in those of the longest member."""
+    if knob.kind in ("stiffness", "weld"):
+        return "-"
+    return "L/(E I)" if knob.axis in TURNS else "L3/(E I)"
+
+
+def _prior(knob: Knob) -> float:
+    """Return the standard deviation of a parameter about what the file says."""
+    if knob.kind == "stiffness":
+        return _STIFFNESS_STD
+    rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
+    return _GIVES if rigid else knob.prior
+
+
+def _said(model: Model, knob: Knob) -> float:
+    """Return what the model has for a parameter."""
+    if knob.kind in ("stiffness", "weld"):
+        return 0.0
+    return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
+
+
+def _compliance(reference: Reference, knob: Knob) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) that one of a parameter adds; of ln E, that there is."""
+    model = reference.calibration.model
+    members = model.structure.member
+    if knob.kind == "stiffness":
+        parts = [
+            _between(reference, m, np.linspace(0, member.length, member.elements + 1), slice(None))
+            for m, member in enumerate(members)
+            if member.material == knob.target
+        ]
+        return np.asarray(np.sum(parts, axis=0))
+    if knob.kind == "weld":
+        zones = welded(model.structure, knob.at)
+        parts = [_between(reference, members.index(m), np.array([start, end]), _TURNED) for m, start, end in zones]
+        return np.asarray(-np.sum(parts, axis=0))
+    row, spring = spring_of(model, knob)
+    of_modes = spring * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    force = np.concatenate([of_modes, self_stress(model).in_spring(connection_of(model.structure, knob), knob.axis)])
+    return np.outer(force, force) / flexibility_unit(model.structure, knob.axis)
+
+
+def _between(reference: Reference, member: int, edges: FloatArray, actions: slice) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) of a member between edges (n,) [m], by some of its actions."""
+    half = np.diff(edges)[:, None] / 2
+    at = (edges[:-1, None] + half * (_POINTS + 1)).ravel()
+    found = borne(reference, {member: at})[member][:, actions] * np.sqrt((half * _WEIGHTS).reshape(-1, 1, 1))
+    flat = found.reshape(-1, found.shape[2])
+    return flat.T @ flat
