@@ -67,8 +67,8 @@ def test_a_file_is_told_and_mended(seed: int) -> None:
 
 
 def test_a_body_is_found_beside_it() -> None:
-    """41 kg on a bridge of 12 m whose bearings are off by as much as makes 2 % of frequency; no log of it without."""
-    case = draw("built bridge: added_mass", 1)
+    """414 g on a frame whose file is 1.5 % off in frequency without it; a body alone would be an oscillator."""
+    case = draw("built frame: added_mass", 1)
     [true] = case.done.hidden
     assert true.position is not None
     found = {cause["cause"]: cause for cause in answer(case)["causes"]}
