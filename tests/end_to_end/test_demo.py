@@ -53,7 +53,7 @@ def test_ctrl_c_stops_cleanly_with_the_log_whole(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, out + err
-    assert "Traceback" not in err
+    assert "Traceback" not in err, err
     items = list(read_log(log))
     assert items[-1].topic == "/event/stopped" or len(items) > 100  # type: ignore[union-attr]
     assert log.read_bytes()[-8:] == b"\x89MCAP0\r\n"  # finished: stock readers open it

@@ -14,7 +14,7 @@ from monitor.replay import replay
 from monitor.rig import draw_t_frame
 from updater import t_structure_toml
 
-WINDOW, BASELINE, AFTER, RATE = 20.0, 8, 4, 500.0
+WINDOW, BASELINE, AFTER, RATE = 20.0, 8, 3, 500.0
 SITE = site_toml(window=WINDOW, baseline_windows=BASELINE, rate=RATE)
 
 

@@ -17,7 +17,7 @@ from monitor.replay import logged_results, replay
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from monitor.rig import T_DEVICES
 
-pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]
+pytestmark = pytest.mark.live  # its devices are a log, which waits: beside what must keep up with time it may run
 
 RECORDED = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
 MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
