@@ -8,6 +8,7 @@ from daq import FloatArray, IndexArray
 from monitor.results import ReferenceResult
 
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of the viewer's eye
+_LEVEL = 1e-6  # m: ends no higher than the lowest
 _HELD = 1e-9  # largest displacement in any mode of a node that a support holds, as a share of the mode's largest
 
 
@@ -102,7 +103,11 @@ def screen(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _held(reference: ReferenceResult) -> IndexArray:
-    """Return the nodes that no mode moves: the supports; the lowest node if the modes tell of none."""
+    """Return the nodes that no mode moves: the supports; the lowest of members' ends if the modes tell of none."""
     shapes = np.array([mode.displacement for mode in reference.modes], float).reshape(-1, len(reference.nodes), 3)
     still = np.flatnonzero(np.abs(shapes).max(axis=(0, 2), initial=0.0) < _HELD) if len(shapes) else np.array([], int)
-    return still if len(still) else np.array([np.argmin(np.array(reference.nodes)[:, 2])])
+    if len(still):
+        return still
+    ends = np.unique([node for nodes in reference.lines.values() for node in (nodes[0], nodes[-1])])
+    height = np.array(reference.nodes)[ends, 2]
+    return np.asarray(ends[height <= height.min() + _LEVEL], np.intp)

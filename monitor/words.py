@@ -27,6 +27,7 @@ _NAMES = {
 _CLOCKS = frozenset({"sensor_delay"})  # taken out of all modes before a mass is located
 _MASSES = frozenset({"added_mass", "distributed_mass"})
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: down to where it is told in whole mm, from where on in m
+_MANY, _FEW = 6, 3  # parameters of a cause: of more than so many, so many are told in a line
 _LARGE = 10.0  # kg: smaller masses are told in grams
 CLEAR_ODDS = 5.0  #: log evidence from which only one reading of the forces left over is shown
 SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
@@ -109,7 +110,10 @@ def cause_text(cause: Cause) -> str:
     if cause.cause == "added_mass" and mass:
         size = mass.model_copy(update={"value": abs(mass.value)})
         return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
-    values = ", ".join(f"{plain(name)} {parameter_text(name, q)}" for name, q in cause.parameters.items())
+    told = [f"{plain(name)} {parameter_text(name, q)}" for name, q in cause.parameters.items()]
+    if len(told) > _MANY:
+        told[_FEW:] = [f"and {len(told) - _FEW} more"]
+    values = ", ".join(told)
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""
     )

@@ -7,8 +7,8 @@ import viewer_helpers as made
 
 from monitor.discrepancy import BalanceResult
 from monitor.viewer.cards import window_card
-from monitor.words import gain_text, is_one_mass, left_over_text, number_text, parameter_text, where_text
-from updater import Pair, Quantity, Where
+from monitor.words import cause_text, gain_text, is_one_mass, left_over_text, number_text, parameter_text, where_text
+from updater import Cause, Pair, Quantity, Where
 
 
 @pytest.mark.parametrize(
@@ -130,3 +130,15 @@ def test_forces_left_over_are_told_where_they_say_something() -> None:
     assert "mass that is lacking, most at (0.00, 0.00, 2.00) m" in left_over_text(gone, nodes)
     stiffer = balance.model_copy(update={"loss": (None, -0.03, -0.01)})
     assert "stiffness that is on top, most at (0.00, 0.00, 1.00) m" in left_over_text(stiffer, nodes)
+
+
+def test_of_many_parameters_few_are_told_in_a_line() -> None:
+    quantity = Quantity(value=0.95, std=0.01, unit="-")
+    many = Cause(
+        cause="model_parameters",
+        probability=1.0,
+        where=None,
+        parameters={f"stiffness of {k}": quantity for k in "abcdefg"},
+    )
+    told = "stiffness of a 0.950 ± 0.010, stiffness of b 0.950 ± 0.010, stiffness of c 0.950 ± 0.010, and 4 more"
+    assert cause_text(many) == f"model parameters: {told}"

@@ -64,6 +64,8 @@ def test_supports_are_the_nodes_that_no_mode_moves() -> None:
 def test_lowest_node_is_the_support_if_all_nodes_move() -> None:
     free = [m.model_copy(update={"displacement": [(1.0, 0.0, 0.0)] * len(REFERENCE.nodes)}) for m in REFERENCE.modes]
     assert Geometry(REFERENCE.model_copy(update={"modes": free})).held.tolist() == [0]
+    ends = Geometry(BRIDGE).held
+    assert Geometry(BRIDGE.model_copy(update={"modes": []})).held.tolist() == ends.tolist()  # all as high: the ends
     assert Geometry(REFERENCE.model_copy(update={"modes": []})).held.tolist() == [0]
 
 
