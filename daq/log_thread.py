@@ -63,7 +63,7 @@ class LogThread:
         self._thread = threading.Thread(target=self._run, name="log")
         self.dropped = 0  #: items that found the queue full
         self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
-        self.failure: OSError | None = None  #: why writing stopped; items go on to `on_written`
+        self.failure: OSError | None = None  #: why writing stopped for good; items go on to `on_written`
 
     def put(self, item: Item) -> None:
         """Take one item from any thread; never blocks."""
@@ -128,13 +128,15 @@ class LogThread:
             if not self._queue.empty():
                 self._waits = time.monotonic()
             self._guarded(self._writer.flush)
-            self.turned = self._flushed = time.monotonic()
+            self._flushed = time.monotonic()
+            if self.failure is None:
+                self.turned = self._flushed
 
     def _turn_to(self, switch: _Switch) -> None:
         """Finish the log and go on with another."""
         self._guarded(self._writer.close)
-        self._writer, self.failure = switch.writer, None
         switch.then()
+        self._writer, self.failure = switch.writer, None
 
     def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
         """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""

@@ -5,6 +5,7 @@ import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import FileIO
 from pathlib import Path
 from typing import IO, cast
 
@@ -103,8 +104,16 @@ def repair_log(path: Path) -> LogState:
     LogError
         If it cannot be read, is not a log, is being written, or the new one cannot be written.
     """
-    if not has_end(path) and (ended := _ended(path)):
-        return ended
+    try:
+        if not has_end(path) and (ended := _ended(path)):
+            return ended
+        return _copied(path)
+    except OSError as error:
+        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+
+
+def _copied(path: Path) -> LogState:
+    """Put what is sound of a log in its place, unless it is whole."""
     survey = _survey(path)
     state = _state(path, survey)
     if state.whole:
@@ -118,11 +127,7 @@ def repair_log(path: Path) -> LogState:
 
 def _ended(path: Path) -> LogState | None:
     """Write the end that a log lacks; None, and nothing done, if it lacks more or is no log of ours."""
-    try:
-        file = path.open("r+b")
-    except OSError as error:
-        raise LogError(path, f"cannot be mended: {error.strerror}") from error
-    with file:
+    with path.open("r+b", buffering=0) as file:  # a buffer would be written once more on closing, with what was refused
         if next(_records(file, _Survey()), None) != Header(PROFILE, "modalwatch") or not lock(file):
             return None
         try:
@@ -132,27 +137,28 @@ def _ended(path: Path) -> LogState | None:
         rest = file.seek(0, os.SEEK_END) - log.good
         if rest > _LARGEST_REST:
             return None
-        _end(path, file, log)
+        _end(file, log)
     return LogState(n_messages=log.n_messages, lost_chunks=0, lost_bytes=rest, finished=False)
 
 
-def _end(path: Path, file: IO[bytes], log: PlainLog) -> None:
+def _end(file: FileIO, log: PlainLog) -> None:
     """Put the end in the place of an unfinished rest, or leave that as it was if the disk does not take it."""
     file.seek(log.good)
     rest = file.read()
     try:
         _put(file, log.good, log.end())
-    except OSError as error:
+    except OSError:
         with contextlib.suppress(OSError):
             _put(file, log.good, rest)
-        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+        raise
 
 
-def _put(file: IO[bytes], at: int, data: bytes) -> None:
+def _put(file: FileIO, at: int, data: bytes) -> None:
     file.seek(at)
-    file.write(data)
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) :]
     file.truncate()
-    file.flush()
     os.fsync(file.fileno())
 
 
@@ -175,9 +181,9 @@ def _replace(path: Path, survey: _Survey) -> None:
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
-    except OSError as error:
+    except OSError:
         temporary.unlink(missing_ok=True)
-        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+        raise
 
 
 def _survey(path: Path) -> _Survey:

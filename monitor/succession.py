@@ -156,14 +156,14 @@ class Succession:
     @property
     def disk_failure(self) -> str | None:
         """What is not in the logs, and why."""
-        return "; ".join(filter(None, (log.problem for log in self._logs))) or None
+        return "; ".join(filter(None, map(self._problem, self._logs))) or None
 
     @property
     def state(self) -> dict[str, Any]:
         """What is well or not."""
         return {
             "dropped": self._log.dropped,
-            "disk": self._analysis.keeper.problem,
+            "disk": self._problem(self._analysis.keeper),
             "memory": self._memory.problem,
             "analysis": None if self._worker else "its process has died; it is started again",
         }
@@ -172,6 +172,12 @@ class Succession:
     def waiting(self) -> dict[str, int]:
         """Items that wait for the log, and for the analysis."""
         return {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0}
+
+    def _problem(self, log: LogKeeper | FinishedLog) -> str | None:
+        """Tell what is not in a log, and why."""
+        if isinstance(log, FinishedLog) or self._log.failure is None:
+            return log.problem
+        return "; ".join(filter(None, (log.problem, f"nothing more is written: {self._log.failure}")))
 
     def _hear_out(self, seconds: float) -> None:
         """Wait for the analysis to say its last word, so long at most; what it leaves out then stands in the log."""
@@ -203,7 +209,7 @@ class Succession:
 
     def _go_over(self, old: LogKeeper, new: Analysis) -> None:
         """Feed the new analysis, the old log being closed; in the log's thread."""
-        self._logs[self._logs.index(old)] = FinishedLog(paths=old.paths, problem=old.problem)
+        self._logs[self._logs.index(old)] = FinishedLog(paths=old.paths, problem=self._problem(old))
         self._worker = new.worker
 
     def _report(self) -> bool:

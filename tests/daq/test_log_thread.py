@@ -43,9 +43,13 @@ def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(writer, failing, fail)
     told: list[Item] = []
-    with LogThread(writer, told.append, chunk_seconds=0.0) as thread:
-        for item in some_items():
-            thread.put(item)
+    thread = LogThread(writer, told.append, chunk_seconds=0.0)
+    turned = thread.turned
+    for item in some_items():
+        thread.put(item)
+    with thread:
+        pass
+    assert thread.turned == turned  # no sign of life of a disk that takes nothing
     assert contents(told) == contents(some_items())
     assert thread.failure is not None
     assert thread.failure.errno == 28

@@ -1,5 +1,6 @@
 """Mending logs: whatever was cut or damaged, every whole chunk is kept and stock readers open what is left."""
 
+import resource
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -184,6 +185,28 @@ def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatc
         repair_log(path)
     assert path.read_bytes() == content
     assert list(path.parent.glob(".*")) == []
+
+
+def test_a_disk_that_fills_amid_the_end_leaves_the_log_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    writer = LogWriter(path, ATTACHED)
+    for item in some_items():
+        writer.write(item)
+        writer.flush()
+    writer.abandon()
+    content = path.read_bytes() + b"\6\0\1"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for room in (0, 1, 10, 1000):
+        path.write_bytes(content)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(content) + room, hard))
+        try:
+            with pytest.raises(LogError, match=r"log\.mcap: cannot be mended: File too large"):
+                repair_log(path)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert path.read_bytes() == content
+    assert repair_log(path).lost_bytes == 3
+    assert contents(read_log(path)) == contents(some_items())
 
 
 def test_a_log_that_is_being_written_is_left_alone(whole: Path) -> None:

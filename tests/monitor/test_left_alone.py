@@ -147,3 +147,24 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
         ended.result()
     assert len(watched.events("analysis_behind")) == 1
     assert watched.events("gap") == []
+
+
+@pytest.mark.live
+def test_log_that_has_ended_for_good_is_told(
+    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What no disk has done yet: data flow on, and nothing of them is written. The watchdog ends that in a while."""
+    watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
+    with watched.running() as ended:
+        watched.flows("beam_left")
+
+        def fail(_: object) -> None:
+            raise OSError(5, "Input/output error")
+
+        monkeypatch.setattr("daq.LogKeeper.flush", fail)
+        watched.flows("beam_left")
+        watched.flows("beam_left")
+        watched.stop()
+        report = ended.result()
+    assert report.disk_failure == "nothing more is written: [Errno 5] Input/output error"
+    assert sum(len(block.counts) for block in blocks(report.logs, "beam_left")) < watched.scans("beam_left")
