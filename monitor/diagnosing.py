@@ -191,16 +191,21 @@ class Explanation:
     """A diagnosis with what it rests on."""
 
     explained: Explained
-    reference: Reference  #: of the structure as it was, or of the nominal model
+    sought: Reference  #: that the causes were sought with: of a file that is far off, a nearer model's
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
-    event: ModalMean  #: (n_tracks,) those that the reference knows, as they were compared
+    event: ModalMean  #: (n_tracks,) those that this reference knows, as they were compared
     circumstances: Circumstances  #: of the logs
+
+    @property
+    def reference(self) -> Reference:
+        """Of the structure as it was, or of the structure file."""
+        return self.sought.file
 
     @property
     def health(self) -> SensorHealth:
         """Gain, polarity and delay of every channel against the reference, with the causes that act on it."""
         extended = self.explained.extended
-        reference = with_acting(self.reference, extended) if extended else self.reference
+        reference = with_acting(self.sought, extended) if extended else self.sought
         return sensor_health(reference, self.event, self.circumstances)
 
 
@@ -240,7 +245,7 @@ def explain(
         explained = diagnose(reference, event, heldout=unused, circumstances=circumstances, on_cause=on_cause)
     return Explanation(
         explained=explained,
-        reference=reference,
+        sought=reference,
         measured=reference.mean_of(now.modes),
         event=event,
         circumstances=circumstances,

@@ -33,12 +33,12 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     """Return the diagnosis of modes with noise, as JSON would hold it; the gain is measured on windows of their own."""
     random = np.random.default_rng((case.seed, 6))
     if case.built or case.cell.startswith("file: "):
-        measured, heldout = (_after(case, random, noise) for _ in range(2))
+        measured, heldout = (after(case, random, noise) for _ in range(2))
         structure = structure_of(case.cell) if case.built else _filed(case)
         return explain(structure, None, measured, heldout).explained.diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
-    after, heldout = (_after(case, random, noise) for _ in range(2))
-    found = explain_change(structure_of(case.cell), before, after, heldout)
+    now, heldout = (after(case, random, noise) for _ in range(2))
+    found = explain_change(structure_of(case.cell), before, now, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 
@@ -51,7 +51,8 @@ def _filed(case: Case) -> Structure:
     return FRAME.model_copy(update={"member": members})
 
 
-def _after(case: Case, random: np.random.Generator, noise: str) -> Observation:
+def after(case: Case, random: np.random.Generator, noise: str = "law") -> Observation:
+    """Return the windows of a case's state as it is after what was done."""
     states = [case.done.during(window) for window in range(N_AFTER)]
     windows = [estimated(state, 1, random, first=w, noise=noise)[0] for w, state in enumerate(states)]
     return observation(case.done.after, windows, [state.loudness for state in states])

@@ -111,10 +111,11 @@ class Weighing:
         whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE if each != OF_THE_FILE)
         return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
 
-    def singles(self) -> list[Candidate]:
-        """Fit every cause alone, the best first."""
+    def singles(self, only: Sequence[str] = ()) -> list[Candidate]:
+        """Fit every cause alone, or only some, the best first."""
         found = []
-        for name, cause in self.causes.items():
+        for name in only or self.causes:
+            cause = self.causes[name]
             self.on_cause(name)
             whole = fit(self.data, cause)
             best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.circumstances import NOTHING_KNOWN, Circumstances
-from updater.comparison import Comparison, whiteners_of
+from updater.comparison import Comparison, FiledModes, whiteners_of
 from updater.errors import ModalDataError
+from updater.filed import answers_of_file
 from updater.lags import dampings_of, lags_of, unsure_of
 from updater.modal_checks import check_event
 from updater.new_shapes import new_shapes
@@ -67,6 +68,7 @@ def compare(
         **_shapes_of(base, event, sign, reference, circumstances, foreign),
         **lags_of(base, event, sign, reference.scatter, nearer, unsure_of(reference, base, event, circumstances)),
         **dampings_of(base, event),
+        filed=_filed_modes(reference, tracks, channels, base),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
         across=reference.across_channels(channels),
@@ -75,6 +77,20 @@ def compare(
         circumstances=circumstances,
         new=new_shapes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
     )
+
+
+def _filed_modes(
+    reference: Reference, tracks: IndexArray, channels: tuple[str, ...], base: ModalMean
+) -> FiledModes | None:
+    """Return what a structure file that is far off has in the place of the modes compared; None where it is not."""
+    if reference.filed is None:
+        return None
+    there = reference.filed.reference
+    answer = answers_of_file(reference, reference.filed, channels)[reference.paired[tracks]]
+    shape = there.at_channels(channels).T[answer]
+    shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
+    sign = np.where((shape * base.shape).sum(1) < 0, -1, 1)[:, None]
+    return FiledModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
 
 
 def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float) -> dict[str, Any]:

@@ -41,6 +41,14 @@ class NewModes:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class FiledModes:
+    """What a structure file says of the modes compared, where these are set beside a nearer model's."""
+
+    log_ratio: FloatArray  #: (n,) of its frequencies to the baseline's
+    shape: FloatArray  #: (n, n_channels) unit norm
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
     """Modes now and before, at the channels, with the reference's modes to predict from."""
 
@@ -72,6 +80,7 @@ class Comparison:
     n_stress: int = 0  #: states of self-stress of the reference's model
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
     new: NewModes | None = None  #: of the circumstances, at the channels
+    filed: FiledModes | None = None  #: of a file that is far off: what is there before any cause
 
     def trusting(self, share: float) -> "Comparison":
         """Return the same with only a share of what log frequencies are allowed for what the reference gets wrong."""

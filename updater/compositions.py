@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from updater.candidates import Candidate, Weighing
+from updater.candidates import OF_THE_FILE, Candidate, Weighing
 from updater.causes.attached_oscillator import hides
 from updater.causes.base import Cause
 from updater.causes.common_factor import CommonFactor
@@ -76,10 +76,14 @@ class Compositions:
         return [c for c in self.weighing.causes.values() if isinstance(c, CommonFactor) and not c.informed]
 
     def _said_already(self, seed: Candidate, cause: Cause) -> bool:
-        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one."""
+        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one.
+
+        A file that is off may be so in all its stiffness: that is one.
+        """
         if not isinstance(cause, CommonFactor):
             return False
-        return cause in self._same_factor[1:] or any(isinstance(c.cause, CommonFactor) for c in seed.chosen)
+        has_one = any(isinstance(c.cause, CommonFactor) or c.cause.name == OF_THE_FILE for c in seed.chosen)
+        return has_one or cause in self._same_factor[1:]
 
     def _with_other_makers(self, found: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates and the same with each other maker of a common factor in the place of the first."""

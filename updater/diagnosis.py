@@ -8,7 +8,7 @@ done with twice the error of a good model: first order misses less where less is
 then judged, and taken on, with that error itself, unless the evidence says that the model is worse.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from updater.agreement import agreeing, drift_beside
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
+from updater.causes.composite import Chosen
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparing import MODEL_ERROR, compare
 from updater.comparison import Comparison
@@ -51,6 +52,14 @@ _UNSTEADY = "Record while nothing changes: the frequencies of these windows are 
 
 
 @dataclass(frozen=True, eq=False)
+class Nearer:
+    """A structure file that is far off with its parameters fitted, which explains not all that was measured."""
+
+    structure: Structure
+    gained: Gained
+
+
+@dataclass(frozen=True, eq=False)
 class Explained:
     """A diagnosis, with the model that it extends."""
 
@@ -58,6 +67,7 @@ class Explained:
     extended: Structure | None  #: with the causes written in; None where nothing is explained
     gained: Gained | None = None  #: what that gains, and how sure it is
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
+    nearer: Nearer | None = None  #: of a file that is far off, where nothing is explained
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +106,11 @@ def diagnose(
     """
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
     search = Weighing(reference, compare(reference, event, circumstances=circumstances, model_error=less), on_cause)
-    singles = search.singles()
+    singles = search.singles(() if reference.filed is None else (OF_THE_FILE,))
     case = _Case(reference, event, search.data, singles, search)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
-    if _nothing(search, singles):
+    if reference.filed is None and _nothing(search, singles):
         return _refused("nothing_to_explain", case, search.log_nothing, "None: the data are what the reference says.")
     alone = [c for c in singles if c.effective]
     found = _stepwise(search, ranked([*alone, *_beside_the_file(search, alone)]), rough=True)
@@ -109,7 +119,9 @@ def diagnose(
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
     if not found or not _fits(found[0]):
         odd = found[0] if found else best
-        return _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
+        refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
+        unused = compare(reference, heldout) if heldout else None
+        return refused if reference.filed is None else replace(refused, nearer=_nearer(case, unused))
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
     return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
@@ -195,6 +207,18 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
     return Explained(diagnosis, None)
 
 
+def _nearer(case: _Case, heldout: Comparison | None) -> Nearer:
+    """Return a file that is far off with its parameters as they fit best alone."""
+    (chosen,) = case.singles[0].chosen
+    file = case.reference.file.calibration.structure
+    return Nearer(chosen.cause.extend(file, chosen.row, chosen.theta), _gained(case, [chosen], heldout))
+
+
+def _gained(case: _Case, chosen: Sequence[Chosen], heldout: Comparison | None) -> Gained:
+    heard = heldout is not None and heldout.channels == case.data.channels
+    return gain_on_heldout(heldout, chosen) if heldout and heard else gain_left_out(case.data, chosen)
+
+
 def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Comparison | None) -> Explained:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
 
@@ -206,14 +230,13 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
     best = found[0]
     chosen = agreeing(case.data, best.chosen)
     chosen = (*chosen, *drift_beside(case.data, chosen, case.weighing.causes.get("global_stiffness")))
-    extended = case.reference.calibration.structure
+    extended = case.reference.file.calibration.structure
     acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
-    for part in sorted(acting, key=lambda c: c.cause.place_free):  # a factor on everything comes last
+    for part in sorted(acting, key=_turn):
         extended = part.cause.extend(extended, part.row, part.theta)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
-    heard = heldout is not None and heldout.channels == case.data.channels
-    gained = gain_on_heldout(heldout, chosen) if heldout and heard else gain_left_out(case.data, chosen)
+    gained = _gained(case, chosen, heldout)
     diagnosis = Diagnosis(
         causes=named,
         rejected=rejected_causes(case.singles, accepted, searched),
@@ -223,6 +246,11 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
         **settings,
     )
     return Explained(diagnosis, extended, gained, best.parts)
+
+
+def _turn(chosen: Chosen) -> int:
+    """Return when a cause is written: what the file gets wrong first, a factor on everything last."""
+    return 0 if chosen.cause.name == OF_THE_FILE else 1 + chosen.cause.place_free
 
 
 def _next(case: _Case, left_open: list[Candidate]) -> str:

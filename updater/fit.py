@@ -190,7 +190,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
     slope = _of_priors(hypotheses, point)
     slope[begun] = _slope(comparison, hypotheses, point, begun)
     for number, reach in enumerate(_REACH):
-        step, promised = _newton(slope, point.residual)
+        step, promised = _newton(slope, point.residual, np.zeros(point.theta.shape, bool))
         least = point.cost - promised
         alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
         if number:
@@ -199,6 +199,10 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
             break
         before = point.cost[alive]
         _descend(comparison, hypotheses, point, step[alive], alive)
+        held = alive[(point.cost[alive] >= before) & (point.theta[alive] <= hypotheses.lower[alive]).any(1)]
+        if len(held):  # what would leave its bounds has led astray what would not
+            step, _ = _newton(slope[held], point.residual[held], point.theta[held] <= hypotheses.lower[held])
+            _descend(comparison, hypotheses, point, step, held)
         gained = before - point.cost[alive]
         moving[alive] = gained > _ENOUGH
         slope[alive] = _slope(comparison, hypotheses, point, alive)
@@ -224,11 +228,23 @@ def _of_priors(hypotheses: Hypotheses, point: _Point) -> FloatArray:
     return slope
 
 
-def _newton(slope: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the step of each alternative (n_alternatives, n_parameters), and what of chi-square it promises."""
-    gradient = np.einsum("pij,pi->pj", slope, residual)
-    step = np.linalg.solve(_normal(slope), gradient[..., None])[..., 0]
-    return step, np.asarray((gradient * step).sum(1))
+def _newton(slope: FloatArray, residual: FloatArray, least: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the step of each alternative (n_alternatives, n_parameters), and what of chi-square it promises.
+
+    Parameters
+    ----------
+    least : which parameters cannot become less: those that would stay, and the others are stepped without them
+    """
+    normal, gradient = _normal(slope), np.einsum("pij,pi->pj", slope, residual)
+    held = np.zeros(least.shape, bool)
+    while True:
+        free = ~held
+        alone = np.where(free[:, :, None] & free[:, None, :], normal, np.eye(least.shape[1]))
+        step = np.linalg.solve(alone, (free * gradient)[..., None])[..., 0]
+        blocked = least & (step > 0)
+        if not blocked.any():
+            return step, np.asarray((gradient * step).sum(1))
+        held |= blocked
 
 
 def _normal(slope: FloatArray) -> FloatArray:

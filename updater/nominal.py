@@ -1,23 +1,37 @@
-"""The structure file taken at its word, as a reference for what it gets wrong about measured modes."""
+"""The structure file taken at its word, as a reference for what it gets wrong about measured modes.
+
+Where it is far off - by more than 5 % in the median frequency - the model is moved first: its parameters are fitted to
+the measured frequencies, then to shapes too, with modes paired anew, until it rests. What the file says stays what is
+known beforehand.
+"""
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from updater.calibration import Calibration, best_model, channel_rows, enough_modes
+from daq import FloatArray
+from updater.calibration import Calibration, best_model, calibrate, channel_rows, enough_modes
+from updater.causes.model_parameters import propose_model_parameters
+from updater.comparing import MODEL_ERROR, compare
 from updater.delays import DeviceDelays
-from updater.errors import PairingError
-from updater.knobs import knobs_of, with_springs
-from updater.matching import match_modes
+from updater.errors import ModalDataError, PairingError
+from updater.fit import fit
+from updater.knobs import apply_knobs, knobs_of, with_springs
+from updater.matching import match_modes, matched
 from updater.modal_checks import check_unit
-from updater.reference import Reference
-from updater.statistics import ModalMean, TrackedModes, learn_scatter, stated_scatter
+from updater.reference import Filed, Reference
+from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, stated_scatter
 from updater.structure import Structure
 
 _FREQUENCY_STD = 2e-3  # of ln f: what a beam model cannot say better, whatever its parameters
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
 _SHAPE_STD = 0.01  # of a unit shape's components: gains are known to half a per cent, places to millimetres
 _TURNED = 0.02  # rad that sensors are turned by: what they see of the motion across them
+_FAR = 0.05  # of ln f, in the median: a file that is more off is moved
+_ROUNDS, _AT_REST = 6, 0.1  # times at most, or until no parameter moves by so much of its prior standard deviation
+_ROUGHER = 2.0  # times the error of a good model
 
 
 def _in_time(devices: Sequence[str]) -> DeviceDelays:
@@ -38,7 +52,8 @@ def nominal_reference(
 
     Parameters
     ----------
-    structure : as the file says; rigid feet and joints get springs stiff enough to change nothing
+    structure : as the file says; rigid feet and joints get springs stiff enough to change nothing. If it is far off,
+        the reference is of a nearer one, and `filed` of this
     windows : (n_windows, n_tracks) modes that the model is to be compared with
     devices : that sampled the channels; the model has them in time, as well as devices are
     n_modes : of the model to keep, at least
@@ -52,8 +67,56 @@ def nominal_reference(
         With fewer than three windows, unless `stated`.
     """
     scatter = stated_scatter(windows) if stated else learn_scatter(windows)
+    there = _reference(with_springs(structure), structure, windows, scatter, devices, n_modes)
+    calibration, measured = there.calibration, scatter.mean(windows)
+    off = measured.log_frequency[calibration.tracks] - np.log(calibration.nominal_frequency)
+    value = _by_frequencies(structure, measured) if np.median(np.abs(off)) > _FAR else None
+    if value is None:
+        return there
+    for _ in range(_ROUNDS):
+        moved = apply_knobs(structure, list(calibration.knobs), value)
+        nearer = _reference(moved, structure, windows, scatter, devices, n_modes)
+        found = replace(nearer, filed=Filed(reference=there, value=value))
+        step = _step(found, measured)
+        if step is None or np.abs(step[0]).max() < _AT_REST:
+            break
+        value = value + step[1]
+    return found
+
+
+def _step(reference: Reference, measured: ModalMean) -> tuple[FloatArray, FloatArray] | None:
+    """Return how far a model's parameters (n_knobs,) are from where they fit best, by their priors' deviations and not.
+
+    None where nothing can be fitted.
+    """
+    data = compare(reference, matched(reference.baseline, measured), model_error=_ROUGHER * MODEL_ERROR)
+    cause = propose_model_parameters(reference, data)
+    if cause is None:
+        return None
+    step = fit(data, cause).theta[0] - cause.moved
+    return step / cause.prior_std, step
+
+
+def _by_frequencies(structure: Structure, measured: ModalMean) -> FloatArray | None:
+    """Return the parameters with which the model's frequencies are nearest; None where too little answers to it."""
+    with suppress(PairingError, ModalDataError):
+        found = calibrate(structure, measured)
+        value = np.array([p.value for p in found.parameters])
+        stiffness = np.array([k.kind == "stiffness" for k in found.knobs])
+        return np.where(stiffness, np.log(np.where(stiffness, value, 1.0)), value)
+    return None
+
+
+def _reference(
+    sprung: Structure,
+    structure: Structure,
+    windows: TrackedModes,
+    scatter: Scatter,
+    devices: Sequence[str],
+    n_modes: int,
+) -> Reference:
+    """Return a reference of a structure's own modes; the file's parameters are those that may be off."""
     measured = scatter.mean(windows)
-    sprung = with_springs(structure)
     model = best_model(sprung)
     rows, highest = channel_rows(model, measured.channels), float(np.exp(np.nanmax(measured.log_frequency)))
     modes = enough_modes(model, rows, highest, len(measured.log_frequency), n_modes=n_modes)

@@ -12,11 +12,12 @@ from updater.residual import Prediction
 
 
 def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
-    """Return what one alternative, chosen causes together, predicts; of none, the baseline."""
+    """Return what one alternative, chosen causes together, predicts; of none, the baseline, or the file's own modes."""
     if not chosen:
         nothing = np.zeros((1, len(data.log_ratio)))
         nobody = np.empty((1, 0, data.base.shape[1]))
-        return Prediction(nothing, data.base[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
+        ratio, shape = (data.filed.log_ratio[None], data.filed.shape) if data.filed else (nothing, data.base)
+        return Prediction(ratio, shape[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
     effect = effect_of(chosen)
     return predict(data, *picked(reanalyse(data, effect)), effect)
 

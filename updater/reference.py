@@ -34,11 +34,17 @@ class Reference:
     windows: TrackedModes  #: of the baseline: what undisturbed windows look like
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
     unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
+    filed: "Filed | None" = None  #: of a structure file that is far off: what it says
 
     @property
     def known(self) -> ModalMean:
         """All modes of the baseline, the tracks first: what the modes of other windows may be."""
         return self.baseline if self.unanswered is None else self.baseline.joined(self.unanswered)
+
+    @property
+    def file(self) -> "Reference":
+        """The reference of the structure as it is in the file."""
+        return self.filed.reference if self.filed else self
 
     @property
     def paired(self) -> IndexArray:
@@ -79,6 +85,17 @@ class Reference:
     def mean_of(self, modes: TrackedModes) -> ModalMean:
         """Average windows with the standard deviations that the baseline's scatter has shown to be real."""
         return self.scatter.mean(modes)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Filed:
+    """What a structure file says that is so far off that causes are sought about a model nearer to what was measured.
+
+    Modes pair wrongly there, and what little causes do to them is not what they do to the structure's.
+    """
+
+    reference: Reference  #: the model as it is in the file
+    value: FloatArray  #: (n_knobs,) of the nearer model's parameters
 
 
 def learn_reference(

@@ -14,6 +14,7 @@ from updater.causes.base import Placed
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison
+from updater.filed import answers_of_file
 from updater.prediction import mac_of, prediction
 from updater.reference import Reference
 from updater.residual import residual
@@ -208,7 +209,7 @@ def _paired(data: Comparison, chosen: Sequence[Chosen] | None) -> list[ModeFit]:
             frequency=FrequencyFit(
                 measured=float(measured[i]),
                 std=float(measured[i] * data.log_frequency_std[i]),
-                before=float(np.exp(base[i])),
+                before=float(np.exp(base[i] + before.log_ratio[0, i])),
                 after=float(np.exp(base[i] + after.log_ratio[0, i])) if chosen else None,
             ),
             mac=Pair(before=macs[0][i], after=macs[1][i] if chosen else None),
@@ -220,9 +221,13 @@ def _paired(data: Comparison, chosen: Sequence[Chosen] | None) -> list[ModeFit]:
 def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
     """Return the modes that were there before and were not measured since."""
     gone = np.flatnonzero(~np.isfinite(event.log_frequency))
+    frequency = reference.frequency
+    if reference.filed is not None:
+        answer = answers_of_file(reference, reference.filed, reference.baseline.channels)
+        frequency = reference.file.frequency[answer]
     return [
         ModeFit(
-            frequency=FrequencyFit(measured=None, std=None, before=float(reference.frequency[m]), after=None),
+            frequency=FrequencyFit(measured=None, std=None, before=float(frequency[m]), after=None),
             mac=Pair(before=None, after=None),
         )
         for m in reference.paired[gone]

@@ -19,7 +19,7 @@ from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
-from monitor.words import cause_text, plain, share_text
+from monitor.words import cause_text, gain_text, plain, share_text
 from oma import IdentificationError
 from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
 
@@ -63,11 +63,14 @@ def diagnose_command(
             found.reference, found.measured, found.explained, sample, trends_beside(after), health
         )
         diagnosis = _write(found.explained, structure_path, logs, out, json_path)
+        nearer = _write_nearer(found.explained, structure_path, logs, out)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)
     say(console, diagnosis, beside, bare_reference(found.reference.calibration.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
+    if nearer:
+        console.print(nearer, soft_wrap=True, markup=False)
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
         console.print(
             f"note: {structure_path} holds what an earlier diagnosis found. Reference logs from before that show a "
@@ -89,6 +92,25 @@ def _say_extended(path: str, *, fitted: bool) -> None:
             "feet and joints",
             style="dim",
         )
+
+
+def _write_nearer(found: Explained, structure_path: Path, logs: Logs, out: Path | None) -> str:
+    """Write the nearer model of a file that is far off, if that is asked for; return what to say of it, if anything."""
+    if found.nearer is None:
+        return ""
+    gain, std = found.nearer.gained.gain, found.nearer.gained.std
+    before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent, ".3g")
+    what = f"with its own parameters fitted the file's frequencies are off by {after} %, not by {before} %"
+    if out is None:
+        return f"{what}: --out DIR writes that model"
+    path = out / "structure_nearer.toml"
+    given = structure_path.read_text(encoding="utf-8")
+    text = dump_structure(found.nearer.structure, given, note="fitted by modalwatch diagnose")
+    head = (
+        f"# {structure_path.name} with its own parameters fitted to {_names(logs.current)}, which it does not explain\n"
+    )
+    path.write_text(head + text, encoding="utf-8")
+    return f"nearer model: {path}\n  {what}; ask again with it"
 
 
 def _named(paths: Sequence[Path]) -> str:

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_helpers import Commands
+from sealed_cases import draw
+from sealed_path import after
 from updater_helpers import measure, t_frame, true_model
 
 from daq import LogError
 from monitor.modal_table import read_table, read_tables
 from oma import ModalEstimate
-from updater import Body, t_structure_toml
+from updater import Body, load_structure, t_structure_toml
 
 BODY = Body(at=(0.2, 0, 1.48), mass=0.3)
 CHANNELS = t_frame().channels
@@ -83,6 +85,30 @@ def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Comma
         rest = () if option == "--reference" else ("--reference", with_units)
         said = " ".join(modalwatch("diagnose", path, now, *rest, option, tmp_path / "khz.csv").err.split())
         assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in said
+
+
+def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
+    tmp_path: Path, modalwatch: Commands
+) -> None:
+    """Steel of 260 GPa, and all sensors glued anew, each a little askew."""
+    text = t_structure_toml()
+    stiff = text.replace("youngs_modulus = 210e9", "youngs_modulus = 260e9")
+    assert stiff != text
+    path = structure(tmp_path)
+    path.write_text(stiff, encoding="utf-8")
+    windows = after(draw("reseated", 1), np.random.default_rng(413)).estimates
+    tables = [table(tmp_path / f"{k}.csv", window) for k, window in enumerate(windows)]
+    done = modalwatch("diagnose", path, *tables, "--out", tmp_path / "out")
+    assert done.code == 1
+    said = " ".join(done.out.split())
+    assert "no cause known here explains" in said
+    assert "its own parameters fitted the file's frequencies are off by" in said
+    nearer = tmp_path / "out" / "structure_nearer.toml"
+    assert nearer.name in said
+    found = load_structure(nearer)
+    assert found.material["steel"].youngs_modulus < 230e9
+    again = modalwatch("diagnose", nearer, *tables)
+    assert "nearer model" not in again.out
 
 
 def test_nothing_between_two_tables_is_nothing(tmp_path: Path, modalwatch: Commands) -> None:

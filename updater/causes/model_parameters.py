@@ -32,6 +32,7 @@ _STIFFNESS_STD = 0.05  # of ln E, density's share included, which frequencies ca
 _GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, for nobody has looked
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
 _TURNED = slice(3, None)  # twist and bending: what a joint's zone has less of
+_LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
 _TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave less is one they tell of
 
 
@@ -42,7 +43,8 @@ class ModelParameters(Discrete):
     comparison: Comparison
     knobs: tuple[Knob, ...]
     said: FloatArray  #: (n_knobs,) what the file's model has for them
-    compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds
+    moved: FloatArray  #: (n_knobs,) what the reference's model has over that
+    compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds to the reference's model
     name: str = "model_parameters"
     place_free: bool = True
     advice: str = (
@@ -50,10 +52,15 @@ class ModelParameters(Discrete):
         "changes is left to explain."
     )
 
+    @property
+    def start(self) -> FloatArray:
+        """Begin as the reference's model is."""
+        return self.moved[None]
+
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return compliances; that of a material goes with 1 / E."""
         stiffness = np.array([knob.kind == "stiffness" for knob in self.knobs])
-        more = np.where(stiffness, np.expm1(-theta), theta)
+        more = np.where(stiffness, np.expm1(self.moved - theta), theta - self.moved)
         change = np.einsum("pk,krs->prs", more, self.compliance)
         return replace(no_effect(len(rows), self.comparison), compliance=change)
 
@@ -90,17 +97,20 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     calibration = reference.calibration
     if calibration.fitted or not calibration.knobs or calibration.structure.external is not None:
         return None
-    knobs, model = calibration.knobs, calibration.model
-    said = np.array([_said(model, knob) for knob in knobs])
+    knobs, filed = calibration.knobs, reference.filed
+    file = filed.reference.calibration.model if filed else calibration.model
+    said = np.array([_said(file, knob) for knob in knobs])
+    value = filed.value if filed else said
     lower = np.array([knob.lower for knob in knobs]) - said
     return ModelParameters(
-        prior_std=np.array([_prior(knob) for knob in knobs]),
+        prior_std=np.array([_prior(knob, _LESS_BELIEVED if filed else 1.0) for knob in knobs]),
         lower=np.minimum(lower, 0.0)[None],
         drifting=False,
         comparison=comparison,
         knobs=knobs,
         said=said,
-        compliance=np.array([_compliance(reference, knob) for knob in knobs]),
+        moved=value - said,
+        compliance=np.array([_compliance(reference, k, x, file.structure) for k, x in zip(knobs, value, strict=True)]),
     )
 
 
@@ -111,12 +121,12 @@ def _unit(knob: Knob) -> str:
     return "L/(E I)" if knob.axis in TURNS else "L3/(E I)"
 
 
-def _prior(knob: Knob) -> float:
-    """Return the standard deviation of a parameter about what the file says."""
+def _prior(knob: Knob, wider: float) -> float:
+    """Return the standard deviation of a parameter about what the file says, of one that is far off a wider one."""
     if knob.kind == "stiffness":
-        return _STIFFNESS_STD
+        return wider * _STIFFNESS_STD
     rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
-    return _GIVES if rigid else knob.prior
+    return wider * _GIVES if rigid else knob.prior
 
 
 def _said(model: Model, knob: Knob) -> float:
@@ -126,8 +136,14 @@ def _said(model: Model, knob: Knob) -> float:
     return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
 
 
-def _compliance(reference: Reference, knob: Knob) -> FloatArray:
-    """Return the compliance (n_modes + n_stress, same) that one of a parameter adds; of ln E, that there is."""
+def _compliance(reference: Reference, knob: Knob, value: float, file: Structure) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) that one of a parameter adds; of ln E, that there is.
+
+    Parameters
+    ----------
+    value : that the reference's model has
+    file : in whose units flexibilities count
+    """
     model = reference.calibration.model
     members = model.structure.member
     if knob.kind == "stiffness":
@@ -140,11 +156,11 @@ def _compliance(reference: Reference, knob: Knob) -> FloatArray:
     if knob.kind == "weld":
         zones = welded(model.structure, knob.at)
         parts = [_between(reference, members.index(m), np.array([start, end]), _TURNED) for m, start, end in zones]
-        return np.asarray(-np.sum(parts, axis=0))
+        return np.asarray(-np.sum(parts, axis=0)) / (1 - value)
     row, spring = spring_of(model, knob)
     of_modes = spring * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
     force = np.concatenate([of_modes, self_stress(model).in_spring(connection_of(model.structure, knob), knob.axis)])
-    return np.outer(force, force) / flexibility_unit(model.structure, knob.axis)
+    return np.outer(force, force) / flexibility_unit(file, knob.axis)
 
 
 def _between(reference: Reference, member: int, edges: FloatArray, actions: slice) -> FloatArray:

@@ -75,7 +75,7 @@ class Springs(Discrete):
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the stiffness about or along each axis."""
         found = {}
-        for a, axis, now in self._now(fit.best, fit.theta[fit.best]):
+        for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
             more = float(fit.covariance[fit.best, a, a] ** 0.5) / self.unit[fit.best, a]
             std = float(np.hypot(more, self.before_std[fit.best, a])) * now**2
             found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
@@ -84,15 +84,17 @@ class Springs(Discrete):
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new stiffnesses."""
         found = self.connections[row]
-        new = {axis: now for _, axis, now in self._now(row, theta)}
-        changed = found.model_copy(update={"stiffness": {**found.stiffness, **new}})
         kind = "joint" if isinstance(found, Joint) else "support"
-        parts = tuple(changed if _same(part, found) else part for part in getattr(structure, kind))
-        return structure.model_copy(update={kind: parts})
+        parts = [self._changed(part, row, theta) if _same(part, found) else part for part in getattr(structure, kind)]
+        return structure.model_copy(update={kind: tuple(parts)})
 
-    def _now(self, row: int, theta: FloatArray) -> list[tuple[int, Axis, float]]:
-        """Return an alternative's axes that change, with their number and what their springs are then."""
-        old = _stiffness(self.connections[row])
+    def _changed(self, connection: Support | Joint, row: int, theta: FloatArray) -> Support | Joint:
+        new = {axis: now for _, axis, now in self._now(connection, row, theta)}
+        return connection.model_copy(update={"stiffness": {**connection.stiffness, **new}})
+
+    def _now(self, connection: Support | Joint, row: int, theta: FloatArray) -> list[tuple[int, Axis, float]]:
+        """Return an alternative's axes that change, with their number and what a connection's springs are then."""
+        old = _stiffness(connection)
         return [
             (a, axis, float(1 / (1 / old[axis] + theta[a] / self.unit[row, a])))
             for a, axis in enumerate(self.axes[row])

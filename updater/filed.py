@@ -1,0 +1,26 @@
+"""What a structure file that is far off says of the modes of the nearer model that takes its place."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import IndexArray
+from oma import mac_matrix
+from updater.reference import Filed, Reference
+
+
+def answers_of_file(reference: Reference, filed: Filed, channels: tuple[str, ...]) -> IndexArray:
+    """Return which of the file's modes answers to each of the nearer model's (n_modes,): all are assigned at once.
+
+    Parameters
+    ----------
+    reference : of the nearer model
+    filed : its file
+    channels : at which shapes are compared
+    """
+    there = filed.reference
+    apart = np.log(reference.frequency[:, None] / there.frequency)
+    unlike = 1 - mac_matrix(reference.at_channels(channels).T, there.at_channels(channels).T)
+    row, answer = linear_sum_assignment(unlike + np.abs(apart - np.median(np.diag(apart))))
+    found = np.arange(len(reference.frequency))
+    found[row] = answer
+    return found
