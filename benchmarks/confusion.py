@@ -6,7 +6,7 @@ gains scattered; or a solid bar by scikit-fem. Results are appended to a file as
 last one ended, unless the code that is judged has changed since. Prints tables of docs/diagnosis.md and the misses.
 
 Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/confusion.py [--draws N] [--nulls N] [--minutes M]
-[--noise law|coarse] [--seed S] [--cells CELL ... | --elsewhere | --built] [--file FILE], or make confusion
+[--noise law|coarse] [--seed S] [--cells CELL ... | --elsewhere | --built | --far] [--file FILE], or make confusion
 """
 
 import argparse
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from confusion_run import Task, known_cells, result_of, run, seed_of
 from confusion_table import Result, tables
-from sealed_cases import BUILT, ELSEWHERE, draw
+from sealed_cases import BUILT, ELSEWHERE, FAR, draw
 from sealed_path import answer
 
 from monitor.errors import StateError
@@ -59,8 +59,11 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--elsewhere", action="store_true", help="on a portal, a bridge, a mast and a grid instead")
     parser.add_argument("--built", action="store_true", help="without reference logs, of files that are a little off")
+    parser.add_argument(
+        "--far", action="store_true", help="likewise, of files that are 15 to 35 %% too stiff or too soft"
+    )
     given = parser.parse_args()
-    cells = list(ELSEWHERE) if given.elsewhere else list(BUILT) if given.built else given.cells
+    cells = list(ELSEWHERE if given.elsewhere else BUILT if given.built else FAR if given.far else given.cells)
     tasks = tasks_of(cells, given.draws, given.nulls, given.seed, given.noise)
     done = run(judged, tasks, given.file, minutes=given.minutes, processes=given.processes)
     print(f"noise {given.noise}, seed {given.seed}\n\n{tables(done)}")

@@ -56,7 +56,10 @@ PAIRS = (
 )
 FILES = tuple(f"file: {name}" for name in FILE)
 _OF_ANY_FILE = ("nothing", "added_mass", "local_stiffness", "sensor_gain", "sensor_polarity", "sensor_swap")
-BUILT = tuple(f"built {where}: {name}" for where in ("frame", *DESIGNS) for name in _OF_ANY_FILE)
+BUILT, FAR = (
+    tuple(f"{how} {where}: {name}" for where in ("frame", *DESIGNS) for name in _OF_ANY_FILE)
+    for how in ("built", "far")
+)
 SOLIDS = tuple(f"solid: {name}" for name in SOLID)
 _ANYWHERE = (
     *(name for name in CAUSES if name not in {"joint_stiffness", "axial_force", "amplitude_softening"}),
@@ -100,8 +103,16 @@ class Case:
 
     @property
     def built(self) -> bool:
-        """Whether nothing was measured before: the file, right but for small errors everywhere, is all there is."""
-        return self.cell.startswith("built ")
+        """Whether nothing was measured before: the file, with errors everywhere, is all there is."""
+        return self.cell.startswith(("built ", "far "))
+
+    @property
+    def far(self) -> float:
+        """Return how many times too stiff all materials of the file are: 0.74 to 1.35, and by 15 % at least, or 1."""
+        if not self.cell.startswith("far "):
+            return 1.0
+        random = np.random.default_rng((self.seed, 7))
+        return float(np.exp(random.choice((-1, 1)) * random.uniform(0.15, 0.3)))
 
 
 def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
@@ -109,7 +120,7 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
 
     Before it "solid: " or a design's name, such as "bridge: ", names another specimen than the T-frame; "file: " is
     what the structure file does not know of a specimen that is else as it says, "built bridge: " or "built frame: " of
-    one that is not.
+    one that is not, "far bridge: " of one that is far from it.
 
     Raises
     ------
@@ -120,8 +131,9 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
     if cell.startswith("file: "):
         return _of_file(cell, seed, random, noise)
     which, _, name = cell.rpartition(": ")
-    state, causes = specimen(which.removeprefix("built ").removeprefix("frame"), seed)
-    if which.startswith("built ") and name != "nothing":
+    how, _, where = which.rpartition(" ")
+    state, causes = specimen(where.removeprefix("frame"), seed)
+    if how and name != "nothing":
         return Case(cell=cell, kind="detectable", seed=seed, done=_as_built(causes[name], state, random, noise))
     if name == "nothing":
         return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))

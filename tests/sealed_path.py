@@ -23,7 +23,7 @@ FRAME = parse_structure(t_structure_toml())
 @lru_cache
 def structure_of(cell: str) -> Structure:
     """Return what the user believes to stand there."""
-    which = cell.rpartition(": ")[0].removeprefix("built ")
+    which = cell.rpartition(": ")[0].rpartition(" ")[2]
     if which in DESIGNS:
         return parse_structure(DESIGNS[which].toml())
     return parse_structure(SOLID_STRUCTURE) if which == "solid" else FRAME
@@ -34,12 +34,22 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     random = np.random.default_rng((case.seed, 6))
     if case.built or case.cell.startswith("file: "):
         measured, heldout = (after(case, random, noise) for _ in range(2))
-        structure = structure_of(case.cell) if case.built else _filed(case)
+        structure = stiffer(structure_of(case.cell), case.far) if case.built else _filed(case)
         return explain(structure, None, measured, heldout).explained.diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     now, heldout = (after(case, random, noise) for _ in range(2))
     found = explain_change(structure_of(case.cell), before, now, heldout)
     return found.diagnosis.model_dump(mode="json")
+
+
+def stiffer(structure: Structure, factor: float) -> Structure:
+    """Return a structure of materials that are so many times as stiff."""
+    names = ("youngs_modulus", "shear_modulus")
+    material = {
+        name: one.model_copy(update={modulus: factor * getattr(one, modulus) for modulus in names})
+        for name, one in structure.material.items()
+    }
+    return structure.model_copy(update={"material": material})
 
 
 def _filed(case: Case) -> Structure:

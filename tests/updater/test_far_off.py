@@ -3,19 +3,12 @@
 import numpy as np
 import pytest
 from sealed_cases import Case, draw
-from sealed_path import FRAME, after
+from sealed_path import FRAME, after, stiffer
 
 from monitor.diagnosing import Explanation, explain
 from updater import Structure, build_model, nominal_reference
 
 TOO_STIFF = 1.2
-
-
-def file_of(factor: float) -> Structure:
-    """Return the shipped structure with steel that is so many times too stiff."""
-    steel = FRAME.material["steel"]
-    stiff = {name: factor * getattr(steel, name) for name in ("youngs_modulus", "shear_modulus")}
-    return FRAME.model_copy(update={"material": {"steel": steel.model_copy(update=stiff)}})
 
 
 def asked(case: Case, structure: Structure) -> Explanation:
@@ -28,7 +21,7 @@ def asked(case: Case, structure: Structure) -> Explanation:
 def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
     """By ten per cent in frequency: what is said is the file's stiffness, and what is written explains new windows."""
     case = draw("built frame: nothing", seed)
-    found = asked(case, file_of(TOO_STIFF))
+    found = asked(case, stiffer(FRAME, TOO_STIFF))
     said = found.explained.diagnosis
     assert found.sought.filed is not None
     assert (said.verdict, [cause.cause for cause in said.causes]) == ("explained", ["model_parameters"])
@@ -49,7 +42,7 @@ def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
 
 def test_what_is_told_of_before_is_the_file_s_own() -> None:
     """Frequencies before any cause are those of the file's model, each of them once."""
-    structure = file_of(TOO_STIFF)
+    structure = stiffer(FRAME, TOO_STIFF)
     found = asked(draw("built frame: nothing", 963), structure)
     own = build_model(structure, shear_flexible=True, mass="consistent").modes(60).frequency
     before = [mode.frequency.before for mode in found.explained.diagnosis.modes if mode.frequency.before]
@@ -63,7 +56,7 @@ def test_a_body_is_found_beside_it() -> None:
     case = draw("built frame: added_mass", 1)
     [true] = case.done.hidden
     assert true.position is not None
-    found = {cause.cause: cause for cause in asked(case, file_of(TOO_STIFF)).explained.diagnosis.causes}
+    found = {cause.cause: cause for cause in asked(case, stiffer(FRAME, TOO_STIFF)).explained.diagnosis.causes}
     assert set(found) == {"model_parameters", "added_mass"}
     body = found["added_mass"]
     assert body.where is not None
@@ -75,7 +68,7 @@ def test_a_body_is_found_beside_it() -> None:
 
 def test_where_nothing_explains_it_the_nearer_model_is_there_all_the_same() -> None:
     """All sensors glued anew, each a little askew, which no cause of the catalogue is."""
-    found = asked(draw("reseated", 1), file_of(TOO_STIFF)).explained
+    found = asked(draw("reseated", 1), stiffer(FRAME, TOO_STIFF)).explained
     assert (found.diagnosis.verdict, found.extended, found.diagnosis.gain) == ("unexplained", None, None)
     assert found.nearer is not None
     error = found.nearer.gained.gain.frequency_error_percent
