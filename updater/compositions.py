@@ -78,8 +78,10 @@ class Compositions:
     def _said_already(self, seed: Candidate, cause: Cause) -> bool:
         """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one.
 
-        A file that is off may be so in all its stiffness: that is one.
+        A file that is off may be so in all its stiffness: that is one, and it is off once.
         """
+        if cause.name == OF_THE_FILE:
+            return OF_THE_FILE in seed.names
         if not isinstance(cause, CommonFactor):
             return False
         has_one = any(isinstance(c.cause, CommonFactor) or c.cause.name == OF_THE_FILE for c in seed.chosen)

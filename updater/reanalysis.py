@@ -295,7 +295,9 @@ def derivative(changed: Changed, mass: FloatArray, flexibility: FloatArray) -> t
     mass, flexibility : (n_alternatives, n_all, n_all) derivatives dM, dF
     """
     x = np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
-    by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ x)  # (p, k, i)
+    by_mass = np.zeros(x.shape)  # (p, k, i)
+    if mass.any():
+        by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ x)
     numerator = changed.value[:, :, None] * by_mass
     if flexibility.any():
         y = np.take_along_axis(changed.weighed, changed.pick[:, None, :], axis=2)
