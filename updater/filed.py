@@ -20,7 +20,8 @@ def answers_of_file(reference: Reference, filed: Filed, channels: tuple[str, ...
     there = filed.reference
     apart = np.log(reference.frequency[:, None] / there.frequency)
     unlike = 1 - mac_matrix(reference.at_channels(channels).T, there.at_channels(channels).T)
-    row, answer = linear_sum_assignment(unlike + np.abs(apart - np.median(np.diag(apart))))
-    found = np.arange(len(reference.frequency))
+    apart = np.abs(apart - np.median(np.diag(apart)))
+    row, answer = linear_sum_assignment(unlike + apart)
+    found = np.argmin(apart, axis=1)  # of a mode that is left over: the nearest
     found[row] = answer
     return found

@@ -80,7 +80,7 @@ def nominal_reference(
         step = _step(found, measured)
         if step is None or np.abs(step[0]).max() < _AT_REST:
             break
-        value = value + step[1]
+        value = np.minimum(value + step[1], [knob.upper for knob in calibration.knobs])
     return found
 
 

@@ -89,7 +89,8 @@ class ModelParameters(Discrete):
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new values."""
         del row
-        return apply_knobs(structure, list(self.knobs), self.said + theta)
+        value = np.minimum(self.said + theta, [knob.upper for knob in self.knobs])
+        return apply_knobs(structure, list(self.knobs), value)
 
 
 def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
