@@ -70,41 +70,37 @@ def nominal_reference(
     there = _reference(with_springs(structure), structure, windows, scatter, devices, n_modes)
     calibration, measured = there.calibration, scatter.mean(windows)
     off = measured.log_frequency[calibration.tracks] - np.log(calibration.nominal_frequency)
-    value = _by_frequencies(structure, measured) if np.median(np.abs(off)) > _FAR else None
-    if value is None:
+    if structure.external is not None or np.median(np.abs(off)) < _FAR:
         return there
-    for _ in range(_ROUNDS):
-        moved = apply_knobs(structure, list(calibration.knobs), value)
-        nearer = _reference(moved, structure, windows, scatter, devices, n_modes)
-        found = replace(nearer, filed=Filed(reference=there, value=value))
-        step = _step(found, measured)
-        if step is None or np.abs(step[0]).max() < _AT_REST:
-            break
-        value = np.minimum(value + step[1], [knob.upper for knob in calibration.knobs])
-    return found
+    with suppress(PairingError, ModalDataError):  # where too little answers to a model it stays as the file has it
+        value = _by_frequencies(structure, measured)
+        for _ in range(_ROUNDS):
+            moved = apply_knobs(structure, list(calibration.knobs), value)
+            nearer = _reference(moved, structure, windows, scatter, devices, n_modes)
+            found = replace(nearer, filed=Filed(reference=there, value=value))
+            step, shares = _step(found, measured)
+            if np.abs(shares).max() < _AT_REST:
+                return found
+            value = np.minimum(value + step, [knob.upper for knob in calibration.knobs])
+        return found
+    return there
 
 
-def _step(reference: Reference, measured: ModalMean) -> tuple[FloatArray, FloatArray] | None:
-    """Return how far a model's parameters (n_knobs,) are from where they fit best, by their priors' deviations and not.
+def _by_frequencies(structure: Structure, measured: ModalMean) -> FloatArray:
+    """Return the parameters (n_knobs,) with which the model's frequencies are nearest."""
+    found = calibrate(structure, measured)
+    value = np.array([p.value for p in found.parameters])
+    stiffness = np.array([k.kind == "stiffness" for k in found.knobs])
+    return np.where(stiffness, np.log(np.where(stiffness, value, 1.0)), value)
 
-    None where nothing can be fitted.
-    """
+
+def _step(reference: Reference, measured: ModalMean) -> tuple[FloatArray, FloatArray]:
+    """Return how far a model's parameters (n_knobs,) are from where they fit best, also by their priors' deviations."""
     data = compare(reference, matched(reference.baseline, measured), model_error=_ROUGHER * MODEL_ERROR)
     cause = propose_model_parameters(reference, data)
-    if cause is None:
-        return None
+    assert cause is not None  # nothing was calibrated
     step = fit(data, cause).theta[0] - cause.moved
-    return step / cause.prior_std, step
-
-
-def _by_frequencies(structure: Structure, measured: ModalMean) -> FloatArray | None:
-    """Return the parameters with which the model's frequencies are nearest; None where too little answers to it."""
-    with suppress(PairingError, ModalDataError):
-        found = calibrate(structure, measured)
-        value = np.array([p.value for p in found.parameters])
-        stiffness = np.array([k.kind == "stiffness" for k in found.knobs])
-        return np.where(stiffness, np.log(np.where(stiffness, value, 1.0)), value)
-    return None
+    return step, step / cause.prior_std
 
 
 def _reference(
