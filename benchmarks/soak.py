@@ -30,9 +30,11 @@ import httpx
 import psutil
 from soak_faults import Spell, by_rig, played, stood_still
 from soak_found import missing, named
-from soak_memory import Process, judged
+from soak_memory import BLOCKS, HEAP, Series, judged
 from soak_rig import places
 
+from monitor.vitals import NAME as STATUS
+from monitor.vitals import last_written
 from updater import t_structure_toml
 
 _HERE = Path(__file__).parent
@@ -79,12 +81,13 @@ class Life:
     """One process of the monitor, as it was looked at."""
 
     def __init__(self) -> None:
-        self.processes: dict[int, Process] = {}  # by their numbers
+        self.processes: dict[int, Series] = {}  # by their numbers
+        self.held = Series(BLOCKS), Series(HEAP)
         self.cpu = {"monitor": 0.0, "analysis": 0.0, "others": 0.0}  # s
         self.seconds = 0.0
 
     @property
-    def own(self) -> Process:
+    def own(self) -> Series:
         """The monitor's own process, which is looked at first."""
         return next(iter(self.processes.values()))
 
@@ -181,19 +184,27 @@ class Soak:
         used = dict.fromkeys(life.cpu, 0.0)
         try:
             for process in (self.monitor, *self.monitor.children()):
-                looked = life.processes.get(process.pid) or Process(self._role(process))
-                used[looked.role if looked.role in used else "others"] += _cpu(process)
-                if not looked.role:
+                looked = life.processes.get(process.pid) or Series(self._role(process))
+                used[looked.kind if looked.kind in used else "others"] += _cpu(process)
+                if not looked.kind:
                     continue  # it is not known yet by the port that it will serve
-                looked.rss.append(process.memory_info().rss / 1e6)
-                looked.times.append(time.monotonic() - self._started)
+                looked.note(time.monotonic() - self._started, process.memory_info().rss / 1e6)
                 life.processes[process.pid] = looked
         except psutil.NoSuchProcess:
             return  # it was just killed
         life.seconds = time.monotonic() - self._started
         life.cpu = {name: max(seconds, life.cpu[name]) for name, seconds in used.items()}
+        self._look_at_held(life)
         if len(life.own.times) % 10 == 0:
             self._ask()
+
+    def _look_at_held(self, life: Life) -> None:
+        """Note what the monitor says that it has in use."""
+        said = last_written(self.folder / "state" / STATUS)
+        if said.get("pid") == self.monitor.pid:
+            blocks, heap = life.held
+            blocks.note(time.monotonic() - self._started, said["held"]["blocks"] / 1e3)
+            heap.note(time.monotonic() - self._started, said["held"]["heap_bytes"] / 1e6)
 
     def _role(self, process: psutil.Process) -> str:
         """Return what a process is of the monitor's; nothing if that is not known yet."""
@@ -287,12 +298,12 @@ def report(
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     for number, life in enumerate(soak.lives, 1):
         shares = " | ".join(f"{100 * used / life.seconds:.1f} %" for used in life.cpu.values())
-        rss = life.own.rss
+        rss = life.own.values
         print(f"| {number} | {life.seconds:.0f} | {shares} | {rss[min(60, len(rss) - 1)]:.0f} | {rss[-1]:.0f} |")
-    rows, flat = judged(list(soak.lives[-1].processes.values()))
+    rows, flat = judged([*soak.lives[-1].processes.values(), *soak.lives[-1].held])
     if rows:
         print(
-            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | slope [MB/h] | at most |\n"
+            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | an hour | at most |\n"
             "| --- | --- | ---: | ---: |"
         )
         print("\n".join(rows))

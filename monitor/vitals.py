@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from daq import Block, Event, HostClock, Item
+from monitor.processes import held_memory
 from monitor.result_events import event_result
 from monitor.results import (
     TOPIC_ALARM,
@@ -168,6 +169,7 @@ class Vitals:
                 "time": time.time(),
                 "started": self._started,
                 "pid": os.getpid(),
+                "held": held_memory(),
                 "state": self._state if self._learnt else "learning",
                 "step_seconds": self._pace.step,
                 "window_age": now - self._windowed,

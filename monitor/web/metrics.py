@@ -36,6 +36,9 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     _gauge(registry, "dropped_items", "Items that did not reach the log", vitals["dropped"])
     _gauge(registry, "history_dropped_items", "Items that the history had no room for", vitals["not_in_history"])
     _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])
+    for name, text in {"blocks": "Of Python's allocator", "heap_bytes": "Of the C library's"}.items():
+        if name in vitals["held"]:
+            _gauge(registry, f"held_{name}", f"{text}, in use by the monitor's own process", vitals["held"][name])
     for name in TROUBLES:
         _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals.get(name))))
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from monitor.processes import environment
+from monitor.processes import environment, held_memory
 
 MAPPED = """
 import ctypes
@@ -63,3 +63,16 @@ def test_variables_are_as_before_once_the_processes_are_started(monkeypatch: pyt
         assert (os.environ["KNOWN"], os.environ["FRESH"]) == ("now", "too")
     assert os.environ["KNOWN"] == "before"
     assert "FRESH" not in os.environ
+
+
+@of_glibc
+def test_what_is_held_is_told_and_what_was_let_go_is_not() -> None:
+    before = held_memory()
+    kept = [[number] for number in range(100_000)], bytes(20_000_000)
+    held = held_memory()
+    assert 100_000 <= held["blocks"] - before["blocks"] < 300_000
+    assert 20_000_000 <= held["heap_bytes"] - before["heap_bytes"] < 30_000_000
+    del kept
+    after = held_memory()
+    assert abs(after["blocks"] - before["blocks"]) < 5000
+    assert abs(after["heap_bytes"] - before["heap_bytes"]) < 1_000_000
