@@ -1,6 +1,7 @@
 """Physical parameters of a structure that may be fitted, with what is known of them: its knobs."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -54,8 +55,17 @@ class Knob:
 
 def with_springs(structure: Structure) -> Structure:
     """Return the structure with springs where feet, bearings and joints are rigid, so stiff that it shows nowhere."""
-    knobs = [knob for knob in knobs_of(structure) if knob.kind in {"support", "joint"} and not knob.mean]
-    return apply_knobs(structure, knobs, np.array([10 * knob.lower for knob in knobs]))
+    knobs = [knob for knob in knobs_of(structure) if _is_rigid(knob)]
+    return apply_knobs(structure, knobs, as_filed(knobs))
+
+
+def as_filed(knobs: Sequence[Knob]) -> FloatArray:
+    """Return the parameters (n_knobs,) of a structure as its file has them, with springs as by `with_springs`."""
+    return np.array([10 * knob.lower if _is_rigid(knob) else knob.mean for knob in knobs])
+
+
+def _is_rigid(knob: Knob) -> bool:
+    return knob.kind in {"support", "joint"} and not knob.mean
 
 
 def knobs_of(structure: Structure) -> list[Knob]:

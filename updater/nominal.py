@@ -18,7 +18,7 @@ from updater.comparing import MODEL_ERROR, compare
 from updater.delays import DeviceDelays
 from updater.errors import ModalDataError, PairingError
 from updater.fit import fit
-from updater.knobs import apply_knobs, knobs_of, with_springs
+from updater.knobs import apply_knobs, as_filed, knobs_of, with_springs
 from updater.matching import match_modes, matched
 from updater.modal_checks import check_unit
 from updater.reference import Filed, Reference
@@ -72,7 +72,8 @@ def nominal_reference(
     off = measured.log_frequency[calibration.tracks] - np.log(calibration.nominal_frequency)
     if structure.external is not None or np.median(np.abs(off)) < _FAR:
         return there
-    with suppress(PairingError, ModalDataError):  # where too little answers to a model it stays as the file has it
+    found = replace(there, filed=Filed(reference=there, value=as_filed(calibration.knobs)))
+    with suppress(PairingError, ModalDataError):  # where too little answers to a model it stays where it is
         value = _by_frequencies(structure, measured)
         for _ in range(_ROUNDS):
             moved = apply_knobs(structure, list(calibration.knobs), value)
@@ -80,10 +81,9 @@ def nominal_reference(
             found = replace(nearer, filed=Filed(reference=there, value=value))
             step, shares = _step(found, measured)
             if np.abs(shares).max() < _AT_REST:
-                return found
+                break
             value = np.minimum(value + step, [knob.upper for knob in calibration.knobs])
-        return found
-    return there
+    return found
 
 
 def _by_frequencies(structure: Structure, measured: ModalMean) -> FloatArray:
