@@ -40,12 +40,13 @@ def through_a_table(log: Path) -> Path:
     return imported
 
 
-@pytest.mark.parametrize(("seed", "as_table"), [(32, False), (33, True)], ids=["32", "33 through a table"])
-def test_replay_finds_the_hidden_mass(tmp_path: Path, seed: int, *, as_table: bool) -> None:
-    """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band."""
-    log, at, mass = hidden(tmp_path, seed, added=True)
-    log = through_a_table(log) if as_table else log
-    assert replay_command([log], None, tmp_path / "found.json") == 1  # an alarm: a person is needed
+def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path) -> None:
+    """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band.
+
+    The repository's own log, straight from a rig, is replayed in test_replay_data.py.
+    """
+    log, at, mass = hidden(tmp_path, 33, added=True)
+    assert replay_command([through_a_table(log)], None, tmp_path / "found.json") == 1  # an alarm: a person is needed
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["results"]
     alarms = [r for r in found if r.get("state") == "alarm"]
     assert len(alarms) == 1
