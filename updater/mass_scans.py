@@ -7,7 +7,6 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.added_mass import AddedMass
-from updater.causes.among import Among
 from updater.causes.bodies import PER_BODY, Bodies
 from updater.comparison import Comparison
 from updater.fit import Fit, linearised
@@ -77,7 +76,7 @@ def _best_beside(data: Comparison, grid: AddedMass, sets: tuple[IndexArray, Bodi
     found, gains = [], []
     for row, rows in enumerate(positions):
         others = bodies.at(row, bodies.start[row], None)
-        rest, slope = linearised(data, Among(free=free, others=others))
+        rest, slope = linearised(data, others.beside(free))
         basis = np.linalg.qr(slope[0, :, n:])[0]
         left, per_mass = rest[0] - basis @ (basis.T @ rest[0]), slope[:, :, 0]
         beside = per_mass - (per_mass @ basis) @ basis.T

@@ -7,7 +7,6 @@ from scipy.special import logsumexp
 
 from daq import FloatArray
 from updater.causes.added_mass import AddedMass, propose_added_mass
-from updater.causes.among import Among
 from updater.causes.bodies import PER_BODY, Bodies
 from updater.causes.nothing import Nothing
 from updater.comparing import compare
@@ -154,15 +153,6 @@ def _each(data: Comparison, found: Fit[Bodies]) -> list[Fit[AddedMass]]:
     for k in range(found.hypotheses.n_bodies):
         own = theta[k * PER_BODY + 1 : (k + 1) * PER_BODY]
         free = replace(grid, start=np.tile(own, (len(grid.position), 1)))
-        whole = fit(data, Among(free=free, others=found.hypotheses.at(row, theta, k)))
-        n = len(own)
-        part = Fit(
-            hypotheses=whole.hypotheses.free,
-            theta=whole.theta[:, :n],
-            covariance=whole.covariance[:, :n, :n],
-            chi_square=whole.chi_square,
-            log_density=whole.log_density,
-            freedom=whole.freedom,
-        )
-        fits.append(part)
+        whole = fit(data, found.hypotheses.at(row, theta, k).beside(free))
+        fits.append(whole.hypotheses.of_free(whole))
     return fits

@@ -6,12 +6,15 @@ the rest is Gauss-Newton: modes between the grid's positions by cubic splines, s
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from daq import FloatArray, IndexArray
 from updater.causes.added_mass import LARGEST_REMOVED, AddedMass, along
+from updater.causes.base import Cause
+from updater.causes.composite import Beside, Chosen
 from updater.reanalysis import Effect, no_effect
 from updater.size import fineness
 
@@ -34,6 +37,10 @@ class Bodies:
     def n_bodies(self) -> int:
         """How many there are."""
         return int(self.member.shape[1])
+
+    def beside(self, free: AddedMass) -> Beside[AddedMass]:
+        """Return one mass at any position beside the one alternative there is; all parameters are fitted together."""
+        return Beside(free, (Chosen(cast(Cause, self), 0, self.start[0]),))  # a fit asks nothing that it cannot say
 
     @property
     def prior_std(self) -> FloatArray:
