@@ -2,7 +2,8 @@
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -33,23 +34,42 @@ def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
     ----------
     baseline, event : (n_tracks,) and (n_modes,) at the same channels; NaN in the event for a mode that was not seen
     """
+    return _best(baseline, event)[0]
+
+
+def without_fault(baseline: ModalMean, event: ModalMean) -> ModalMean:
+    """Return an event with the fault of the measuring chain undone, if there is one, by which its modes match best.
+
+    Parameters
+    ----------
+    baseline, event : as for `match_modes`
+    """
+    chain = _best(baseline, event)[1]
+    if chain is None:
+        return event
+    undone: dict[str, Any] = {name: chain(getattr(event, name)) for name in ("shape", "imaginary")}
+    undone |= {name: np.abs(chain(getattr(event, name))) for name in ("shape_std", "imaginary_std")}
+    return replace(event, **undone)
+
+
+def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | None"]:
+    """Return for each mode of the baseline (n_tracks,) the event's, or -1, and what was undone for that."""
     known = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1))
     event = event.only(known)
     distance = np.abs(event.log_frequency[None, :] - baseline.log_frequency[:, None])
     unknown = np.minimum((event.shape_std**2).sum(1), 1.0)
-    best = None
+    least, undone, found = np.inf, None, np.full(len(baseline.log_frequency), -1, np.intp)
     for cost, chain in _chains(len(baseline.channels)):
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
         whole = 1 - assurance + _FREQUENCY_WEIGHT * distance
         row, column = linear_sum_assignment(whole)
         total = cost + float(whole[row, column].sum())
-        if best is None or total < best[0]:
+        if total < least:
             near = _answer(assurance[row, column], distance[row, column])
-            best = total, row[near], column[near]
-    found = np.full(len(baseline.log_frequency), -1, np.intp)
-    if best is not None:
-        found[best[1]] = known[best[2]]
-    return found
+            least, undone = total, chain if cost else None
+            found[:] = -1
+            found[row[near]] = known[column[near]]
+    return found, undone
 
 
 def _answer(assurance: FloatArray, distance: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from updater.delays import DeviceDelays
 from updater.errors import ModalDataError, PairingError
 from updater.fit import fit
 from updater.knobs import apply_knobs, as_filed, knobs_of, with_springs
-from updater.matching import match_modes, matched
+from updater.matching import match_modes, matched, without_fault
 from updater.modal_checks import check_unit
 from updater.reference import Filed, Reference
 from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, stated_scatter
@@ -73,6 +73,7 @@ def nominal_reference(
     if structure.external is not None or np.median(np.abs(off)) < _FAR:
         return there
     found = replace(there, filed=Filed(reference=there, value=as_filed(calibration.knobs)))
+    measured = without_fault(there.baseline, measured)
     with suppress(PairingError, ModalDataError):  # where too little answers to a model it stays where it is
         value = _by_frequencies(structure, measured)
         for _ in range(_ROUNDS):

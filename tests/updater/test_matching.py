@@ -7,6 +7,7 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from updater import Body, ModalMean, match_modes, matched, mean_modes, stack_tracks
+from updater.matching import without_fault
 
 CHANNELS = t_frame().channels
 
@@ -34,6 +35,8 @@ def test_exchanged_channels_do_not_hide_the_modes(pair: tuple[int, int]) -> None
     shape[:, list(pair)] = shape[:, list(pair[::-1])]
     spoilt = ModalMean(**(vars(event) | {"shape": shape}))
     np.testing.assert_array_equal(match_modes(mean(4), spoilt), np.arange(8))
+    np.testing.assert_array_equal(without_fault(mean(4), spoilt).shape, event.shape)
+    assert without_fault(mean(4), event) is event
 
 
 def test_a_heavy_body_that_turns_and_crosses_modes_does_not_hide_them() -> None:
