@@ -120,8 +120,7 @@ def diagnose(
     if not found or not _fits(found[0]):
         odd = found[0] if found else best
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
-        unused = compare(reference, heldout) if heldout else None
-        return refused if reference.filed is None else replace(refused, nearer=_nearer(case, unused))
+        return refused if reference.filed is None else replace(refused, nearer=_nearer(case, heldout))
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
     return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
@@ -207,11 +206,12 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
     return Explained(diagnosis, None)
 
 
-def _nearer(case: _Case, heldout: Comparison | None) -> Nearer:
+def _nearer(case: _Case, heldout: ModalMean | None) -> Nearer:
     """Return a file that is far off with its parameters as they fit best alone."""
     (chosen,) = case.singles[0].chosen
     file = case.reference.file.calibration.structure
-    return Nearer(chosen.cause.extend(file, chosen.row, chosen.theta), _gained(case, [chosen], heldout))
+    gained = _gained(case, [chosen], compare(case.reference, heldout) if heldout else None)
+    return Nearer(chosen.cause.extend(file, chosen.row, chosen.theta), gained)
 
 
 def _gained(case: _Case, chosen: Sequence[Chosen], heldout: Comparison | None) -> Gained:
