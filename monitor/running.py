@@ -1,5 +1,6 @@
 """A site that is watched: its parts, and how each gives way to another while the rest goes on."""
 
+import gc
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ from monitor.succession import Succession
 from monitor.thermometer import Thermometer, thermometer
 from monitor.vitals import NAME, Pace, Vitals
 
+_SWEEP = 60.0  # s
 _STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which on it is followed; s until it is again
 
 
@@ -61,6 +63,7 @@ class Running:
         self._reads: Thermometer | None = None
         self._devices = Devices(self._clock, self.logs.put)
         self._step_due = 0.0  # monotonic time from which on the clock may be followed again [s]
+        self._sweep_due = 0.0  # likewise, for the next full look for garbage
 
     def __enter__(self) -> Self:
         """Start everything; undo it if something does not start."""
@@ -91,7 +94,14 @@ class Running:
         for reading in self._reads.read() if self._reads else ():
             self.logs.put(reading)
         self._follow_clock()
+        self._sweep()
         return self.vitals.write(self._state())
+
+    def _sweep(self) -> None:
+        """Free what refers to itself in circles: for so little as comes here Python does that once in hours."""
+        if time.monotonic() >= self._sweep_due:
+            gc.collect()
+            self._sweep_due = time.monotonic() + _SWEEP
 
     def finish(self) -> None:
         """Let what has arrived be logged, and analysed as far as that goes in a while."""

@@ -1,8 +1,10 @@
 """What befalls a site that is left alone for years: power cuts, clocks that are set, an analysis that hangs."""
 
+import gc
 import json
 import os
 import time
+import weakref
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -168,3 +170,28 @@ def test_log_that_has_ended_for_good_is_told(
         report = ended.result()
     assert report.disk_failure == "nothing more is written: [Errno 5] Input/output error"
     assert sum(len(block.counts) for block in blocks(report.logs, "beam_left")) < watched.scans("beam_left")
+
+
+class Circle:
+    """What refers to itself."""
+
+    def __init__(self) -> None:
+        self.own = self
+
+
+@pytest.mark.live
+def test_circles_are_freed_without_waiting_for_python(
+    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monitor.running._SWEEP", 0.1)
+    watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
+    gc.disable()
+    try:
+        with watched.running() as ended:
+            watched.flows("beam_left")
+            lost = weakref.ref(Circle())
+            watched.until(lambda: lost() is None, 5.0)
+            watched.stop()
+            ended.result()
+    finally:
+        gc.enable()
