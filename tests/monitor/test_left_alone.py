@@ -190,7 +190,7 @@ def test_circles_are_freed_without_waiting_for_python(
         with watched.running() as ended:
             watched.flows("beam_left")
             lost = weakref.ref(Circle())
-            watched.until(lambda: lost() is None, 5.0)
+            watched.until(lambda: lost() is None)
             watched.stop()
             ended.result()
     finally:
