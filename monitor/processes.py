@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from multiprocessing.connection import Connection
 from multiprocessing.queues import Queue
 from typing import TypeVar
@@ -30,13 +31,19 @@ def deaf_to_stop_signals() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+@cache
+def _c_library() -> ctypes.CDLL:
+    """Return the process's own; each that is opened is a circle of objects, which lies until it is found."""
+    return ctypes.CDLL(None)
+
+
 def give_back_memory() -> None:
     """Have glibc's malloc give back what is free, and not keep a heap a thread; others are left as they are.
 
     By itself it keeps more with every large block that was ever freed: a watch of years would hold what it needed in
     its worst moment, in pieces. To be called before threads are started.
     """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    mallopt = getattr(_c_library(), "mallopt", None)
     if mallopt:
         for option, value in ((_ARENA_MAX, 2), (_MMAP_THRESHOLD, 256 * 1024), (_TRIM_THRESHOLD, 128 * 1024)):
             mallopt(option, value)
@@ -66,7 +73,7 @@ def held_memory() -> dict[str, int]:
     before it shows there.
     """
     held = {"blocks": sys.getallocatedblocks()}
-    mallinfo2 = getattr(ctypes.CDLL(None), "mallinfo2", None)
+    mallinfo2 = getattr(_c_library(), "mallinfo2", None)
     if mallinfo2:
         mallinfo2.restype = _Malloc
         told = mallinfo2()
@@ -76,7 +83,7 @@ def held_memory() -> dict[str, int]:
 
 def trim_memory() -> None:
     """Have glibc's malloc give back now what is free, also in the midst of its heaps; others are left as they are."""
-    malloc_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    malloc_trim = getattr(_c_library(), "malloc_trim", None)
     if malloc_trim:
         malloc_trim(0)
 
