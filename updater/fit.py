@@ -1,7 +1,8 @@
 """Fit of all alternatives of a cause at once, and the evidence for each (Laplace)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +11,9 @@ from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
 from updater.comparison import Comparison
-from updater.reanalysis import Changed, Effect, derivative, picked, predict, reanalyse
+from updater.reanalysis import Changed, Effect, picked, predict, reanalyse
 from updater.residual import residual
+from updater.tangent import Tangent
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
@@ -73,6 +75,20 @@ class Hypotheses(Protocol):
         ----------
         log_density : (n_alternatives,) log evidence of each
         theta : (n_alternatives, n_parameters) the best of each
+        """
+        ...
+
+
+@runtime_checkable
+class Giving(Protocol):
+    """Alternatives some of whose parameters only add compliance, the same one to each: exact derivatives are cheap."""
+
+    def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
+        """Return of such parameters a compliance (n_modes + n_stress, same), and how much of it a unit adds (n,).
+
+        Parameters
+        ----------
+        theta : (n, n_parameters)
         """
         ...
 
@@ -298,15 +314,20 @@ def _slope(
     """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
     changed, old = point.changed.rows(rows), point.effect.rows(rows)
     value, vector = picked(changed)
+    mass, flexibility, tangent = old.whole_mass, old.whole_flexibility, Tangent(changed, old)
     columns = []
     steps = _STEP * hypotheses.prior_std
+    gives = hypotheses.gives(point.theta[rows]) if isinstance(hypotheses, Giving) else {}
     for k in range(len(steps)) if parameters is None else parameters:
         h, theta = steps[k], point.theta[rows]
         theta[:, k] += h
-        effect = hypotheses.effect(theta, rows)
-        d_value, d_vector = derivative(
-            changed, effect.whole_mass - old.whole_mass, effect.whole_flexibility - old.whole_flexibility
-        )
+        if k in gives:
+            effect, (compliance, amount) = old, gives[k]
+            d_value, d_vector = tangent.by_compliance(compliance)
+            d_value, d_vector = h * amount[:, None] * d_value, h * amount[:, None, None] * d_vector
+        else:
+            effect = hypotheses.effect(theta, rows)
+            d_value, d_vector = tangent.by(effect.whole_mass - mass, effect.whole_flexibility - flexibility)
         moved = _residual(comparison, hypotheses, theta, value + d_value, vector + d_vector, effect)
         columns.append((moved - point.residual[rows]) / h)
     return np.stack(columns, axis=2) if columns else np.zeros((*point.residual[rows].shape, 0))

@@ -16,11 +16,12 @@ from daq import FloatArray, IndexArray
 from updater.comparing import compare
 from updater.comparison import Comparison
 from updater.fe.assembly import build_model
-from updater.reanalysis import Changed, derivative, no_effect, picked, predict, reanalyse
+from updater.reanalysis import Effect, no_effect, picked, predict, reanalyse
 from updater.reference import Reference
 from updater.residual import residual
 from updater.sensitivity import Convergence, Prior, SensitivityFit, fit_parameters
 from updater.statistics import ModalMean
+from updater.tangent import Tangent
 
 _STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # prior of one node's mass, of the structure's
 _STEP = 1e-5  # kg, of the derivatives of residuals
@@ -108,21 +109,22 @@ class _Spread:
         self._comparison = comparison
         self._by_mass = translation.transpose(0, 2, 1) @ translation  # (n, n_modes, n_modes)
 
-    def _solve(self, x: FloatArray) -> Changed:
-        nothing = no_effect(1, self._comparison)
-        return reanalyse(self._comparison, replace(nothing, mass=np.tensordot(x, self._by_mass, 1)[None]))
+    def _effect(self, x: FloatArray) -> Effect:
+        return replace(no_effect(1, self._comparison), mass=np.tensordot(x, self._by_mass, 1)[None])
 
     def _residual(self, value: FloatArray, vector: FloatArray) -> FloatArray:
         nothing = no_effect(1, self._comparison)
         return residual(self._comparison, predict(self._comparison, value, vector, nothing), self._comparison.drifting)
 
     def residual(self, x: FloatArray) -> FloatArray:
-        return np.asarray(self._residual(*picked(self._solve(x)))[0])
+        return np.asarray(self._residual(*picked(reanalyse(self._comparison, self._effect(x))))[0])
 
     def slope(self, x: FloatArray) -> FloatArray:
-        changed = self._solve(x).rows(np.zeros(len(x), np.intp))
+        effect, alike = self._effect(x), np.zeros(len(x), np.intp)
+        changed = reanalyse(self._comparison, effect).rows(alike)
         value, vector = picked(changed)
-        d_value, d_vector = derivative(changed, _STEP * self._by_mass, np.zeros_like(self._by_mass))
+        tangent = Tangent(changed, effect.rows(alike))
+        d_value, d_vector = tangent.by(_STEP * self._by_mass, np.zeros_like(self._by_mass))
         ahead = self._residual(value + d_value, vector + d_vector)
         behind = self._residual(value - d_value, vector - d_vector)
         return np.asarray((ahead - behind).T / (2 * _STEP))

@@ -2,8 +2,9 @@
 
 In mass-normalised modes B of frequencies omega a structural change is one of modal mass, M' = I + dM, and of modal
 flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. Its derivatives follow from the same
-eigenvectors, so that a step of Gauss-Newton costs one decomposition an alternative. What gives is told as compliance in
-modes and in states of self-stress (`self_stress`), by which a redundant structure shifts its load to where it is stiff.
+eigenvectors (`tangent`), so that a step of Gauss-Newton costs one decomposition an alternative. What gives is told as
+compliance in modes and in states of self-stress (`self_stress`), by which a redundant structure shifts its load to
+where it is stiff.
 
 What hangs on the structure by a spring of its own appends a degree of freedom: its motion beside the structure's, with
 unit mass, a flexibility 1 / omega_o^2 and a coupling in the mass matrix.
@@ -51,10 +52,15 @@ class Effect:
     def flexibility(self) -> FloatArray:
         """Change of modal flexibility (n_alternatives, n_modes, n_modes), self-stress having shifted the load [s2]."""
         n = self.mass.shape[1]
-        own, across, within = self.compliance[:, :n, :n], self.compliance[:, n:, :n], self.compliance[:, n:, n:]
-        if not across.any():
-            return own
-        return own - across.transpose(0, 2, 1) @ np.linalg.solve(np.eye(within.shape[1]) + within, across)
+        own, across = self.compliance[:, :n, :n], self.compliance[:, n:, :n]
+        return np.asarray(own + across.transpose(0, 2, 1) @ self.shifted) if across.any() else own
+
+    @property
+    def shifted(self) -> FloatArray:
+        """Self-stress (n_alternatives, n_stress, n_modes) that shifts the load of modes to where less gives."""
+        n = self.mass.shape[1]
+        across, within = self.compliance[:, n:, :n], self.compliance[:, n:, n:]
+        return np.asarray(-np.linalg.solve(np.eye(within.shape[1]) + within, across))
 
     def rows(self, rows: IndexArray) -> "Effect":
         """Return some alternatives."""
@@ -217,18 +223,18 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     n_compared, n_modes = len(comparison.paired), len(comparison.frequency)
     new = np.zeros((len(value), 0, len(comparison.channels)))
     if effect.own.shape[1]:
-        new = np.einsum("cr,pri->pic", comparison.heard_at_channels, vector[:, :n_modes, n_compared:])
+        new = (comparison.heard_at_channels @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
-    shape = np.einsum("cr,pri->pic", comparison.at_channels, vector)
+    shape = (comparison.at_channels @ vector).transpose(0, 2, 1)
     along = (shape * comparison.model_base).sum(-1, keepdims=True)
     along = np.where(np.abs(along) < 1e-6, 1e-6, along)
     true = comparison.base + shape / along - comparison.model_base
     n = true.shape[2]
     read = true @ effect.chain[:, :, :n].transpose(0, 2, 1)
     if effect.chain[:, :, n:].any():
-        across = np.einsum("cr,pri->pic", comparison.across, vector) / along
+        across = (comparison.across @ vector).transpose(0, 2, 1) / along
         read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
     log_ratio = -0.5 * np.log(np.maximum(value / old, _LEAST))
     frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
@@ -282,30 +288,3 @@ def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
     """Return value (n_alternatives, n + n_own) and vector (n_alternatives, n_all, n + n_own) of the modes picked."""
     value = np.take_along_axis(changed.value, changed.pick, axis=1)
     return value, np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
-
-
-def derivative(changed: Changed, mass: FloatArray, flexibility: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return d value (n_alternatives, n + n_own) and d vector (n_alternatives, n_all, n + n_own) of the modes picked.
-
-    With left vectors M' x: d mu_i = (M' x_i)^T dF (M' x_i) + mu_i x_i^T dM x_i, and the component of d x_i along
-    x_k is ((M' x_k)^T dF (M' x_i) + mu_k x_k^T dM x_i) / (mu_i - mu_k).
-
-    Parameters
-    ----------
-    mass, flexibility : (n_alternatives, n_all, n_all) derivatives dM, dF
-    """
-    x = np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
-    by_mass = np.zeros(x.shape)  # (p, k, i)
-    if mass.any():
-        by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ x)
-    numerator = changed.value[:, :, None] * by_mass
-    if flexibility.any():
-        y = np.take_along_axis(changed.weighed, changed.pick[:, None, :], axis=2)
-        numerator += changed.weighed.transpose(0, 2, 1) @ (flexibility @ y)
-    own = changed.pick[:, None, :]
-    d_value = np.take_along_axis(numerator, own, axis=1)[:, 0]
-    gap = np.take_along_axis(changed.value, changed.pick, axis=1)[:, None, :] - changed.value[:, :, None]
-    np.put_along_axis(gap, own, np.inf, axis=1)
-    component = numerator / np.where(gap == 0, np.inf, gap)
-    np.put_along_axis(component, own, -0.5 * np.take_along_axis(by_mass, own, axis=1), axis=1)
-    return d_value, changed.vector @ component

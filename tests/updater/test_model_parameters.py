@@ -6,11 +6,13 @@ from sealed_cases import draw
 from sealed_path import answer, structure_of
 from updater_helpers import measure, t_frame, true_model
 
+from daq import FloatArray
 from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
 from updater.causes.composite import Chosen
-from updater.causes.model_parameters import propose_model_parameters
+from updater.causes.model_parameters import ModelParameters, propose_model_parameters
 from updater.comparing import compare
 from updater.comparison import Comparison
+from updater.fit import linearised
 from updater.prediction import prediction
 from updater.structure import Structure
 
@@ -40,6 +42,34 @@ def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> 
     found = data.frequency[data.paired] * np.exp(prediction(data, [Chosen(cause, 0, theta)]).log_ratio[0])
     assert np.abs(np.log(found / data.frequency[data.paired])).max() > 0.005
     assert np.abs(np.log(found[:, None] / exact)).min(1).max() < 2e-3
+
+
+class _Moved(ModelParameters):
+    """Fits begin half a deviation from what the file says."""
+
+    @property
+    def start(self) -> FloatArray:
+        return np.maximum(0.5 * self.prior_std, self.lower)
+
+
+class _Differenced(_Moved):
+    """Nothing is known of the derivatives."""
+
+    def gives(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
+        return {}
+
+
+@pytest.mark.parametrize("name", ["frame", "grid"])
+def test_exact_derivatives_are_those_of_differences(name: str) -> None:
+    """Statically determinate, and nineteen times not."""
+    reference, data = _asked(structure_of(f"{name}: "), np.random.default_rng(956))
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None
+    assert len(cause.gives(cause.start)) == len(cause.knobs)
+    (rest, exact), (same, differenced) = (linearised(data, of(**vars(cause))) for of in (_Moved, _Differenced))
+    np.testing.assert_array_equal(rest, same)
+    assert np.abs(exact).max() > 1
+    np.testing.assert_allclose(exact, differenced, atol=1e-3 * np.abs(differenced).max())
 
 
 @pytest.mark.parametrize("seed", [953, 955])

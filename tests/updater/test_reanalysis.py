@@ -11,7 +11,8 @@ from daq import FloatArray
 from updater import Reference, build_model, learn_reference, stack_tracks
 from updater.comparing import compare
 from updater.comparison import Comparison
-from updater.reanalysis import derivative, no_effect, picked, reanalyse
+from updater.reanalysis import no_effect, picked, reanalyse
+from updater.tangent import Tangent
 
 TRACK = np.arange(8)
 
@@ -64,8 +65,9 @@ def test_derivatives_are_those_of_differences(seed: int) -> None:
 
     h = 1e-5
     plus, minus = at(h), at(-h)
-    changed = reanalyse(data, replace(none, mass=mass[None], compliance=flexibility[None]))
-    d_value, d_vector = derivative(changed, mass[None], flexibility[None])
+    effect = replace(none, mass=mass[None], compliance=flexibility[None])
+    changed = reanalyse(data, effect)
+    d_value, d_vector = Tangent(changed, effect).by(mass[None], flexibility[None])
     np.testing.assert_allclose(d_value, (plus[0] - minus[0]) / (2 * h), rtol=1e-5)
     signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]
     difference = (signed[0] - signed[1]) / (2 * h)

@@ -102,7 +102,8 @@ class AddedMass:
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes m (Phi^T Phi + r^2 Theta^T Theta)."""
-        at = self.translation[rows] + np.einsum("po,opar->par", theta[:, 1:3], self.by_offset[:, rows])
+        beside = (theta[:, o, None, None] * self.by_offset[o - 1, rows] for o in (1, 2))
+        at = self.translation[rows] + sum(beside)
         turn = np.sqrt(np.maximum(theta[:, 3, None, None], 0)) * self.rotation[rows]
         moved = np.concatenate([at, turn], axis=1)
         mass = theta[:, 0, None, None] * (moved.transpose(0, 2, 1) @ moved)

@@ -1,5 +1,6 @@
 """One cause beside others whose alternatives are chosen already: all parameters are fitted together."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.fit import Fit
+from updater.fit import Fit, Giving
 from updater.reanalysis import Effect
 
 C = TypeVar("C", bound=Cause)
@@ -66,6 +67,17 @@ class Beside(Generic[C]):
             n = len(c.cause.prior_std)
             found = c.cause.effect(theta[:, at : at + n], np.full(len(rows), c.row)).then(found)
             at += n
+        return found
+
+    def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
+        """Return what those that are chosen say."""
+        found: dict[int, tuple[FloatArray, FloatArray]] = {}
+        at = len(self.free.prior_std)
+        for c in self.chosen:
+            own = slice(at, at + len(c.cause.prior_std))
+            if isinstance(c.cause, Giving):
+                found |= {at + k: each for k, each in c.cause.gives(theta[:, own]).items()}
+            at = own.stop
         return found
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:

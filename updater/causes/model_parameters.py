@@ -59,10 +59,18 @@ class ModelParameters(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return compliances; that of a material goes with 1 / E."""
-        stiffness = np.array([knob.kind == "stiffness" for knob in self.knobs])
-        more = np.where(stiffness, np.expm1(self.moved - theta), theta - self.moved)
-        change = np.einsum("pk,krs->prs", more, self.compliance)
+        more = np.where(self._stiffness, np.expm1(self.moved - theta), theta - self.moved)
+        change = np.tensordot(more, self.compliance, 1)
         return replace(no_effect(len(rows), self.comparison), compliance=change)
+
+    def gives(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Return all: that of a material less the stiffer it is."""
+        amount = np.where(self._stiffness, -np.exp(self.moved - theta), 1.0)
+        return dict(enumerate(zip(self.compliance, amount.T, strict=True)))
+
+    @property
+    def _stiffness(self) -> IndexArray:
+        return np.array([knob.kind == "stiffness" for knob in self.knobs])
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what is left of the priors, and of the posteriors, above the least values."""
