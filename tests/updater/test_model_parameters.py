@@ -12,7 +12,7 @@ from updater.causes.composite import Chosen
 from updater.causes.model_parameters import ModelParameters, propose_model_parameters
 from updater.comparing import compare
 from updater.comparison import Comparison
-from updater.fit import linearised
+from updater.fit import fit, linearised
 from updater.prediction import prediction
 from updater.structure import Structure
 
@@ -106,6 +106,19 @@ def test_a_body_is_found_beside_it() -> None:
     body = found["added_mass"]
     assert np.linalg.norm(np.subtract(body["where"]["position"], true.position)) < 0.1
     assert abs(body["parameters"]["mass"]["value"] - true.parameters["mass"]) < 3 * body["parameters"]["mass"]["std"]
+
+
+def test_what_stays_as_rigid_as_the_file_has_it_is_not_told() -> None:
+    """Of a grid whose file is right, data say of some joints that they do not give: nothing that is wrong."""
+    reference, data = _asked(structure_of("grid: "), np.random.default_rng(957))
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None
+    found = fit(data, cause)
+    stays, known = found.theta[0] == 0, np.sqrt(np.diag(found.covariance[0])) < 0.7 * cause.prior_std
+    told = cause.parameters(found)
+    assert [knob.name for knob in cause.knobs if knob.name in told]
+    assert (stays & known).any()
+    assert not {knob.name for knob, held in zip(cause.knobs, stays, strict=True) if held} & set(told)
 
 
 def test_a_calibrated_reference_has_none() -> None:

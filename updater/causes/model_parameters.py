@@ -82,10 +82,13 @@ class ModelParameters(Discrete):
         """Return none: they are everywhere."""
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return those that the data tell of: factors of stiffness, and the others as calibrations have them."""
+        """Return those that the data tell of: factors of stiffness, and the others as calibrations have them.
+
+        What has stayed where the file has it, at a bound, is nothing that the file gets wrong.
+        """
         std = np.sqrt(np.diagonal(fit.covariance[0]))
         found = {}
-        for k in np.flatnonzero(std < _TOLD * self.prior_std).tolist():
+        for k in np.flatnonzero((std < _TOLD * self.prior_std) & (fit.theta[0] != 0)).tolist():
             knob, value = self.knobs[k], float(self.said[k] + fit.theta[0, k])
             if knob.kind == "stiffness":
                 factor = float(np.exp(value))
