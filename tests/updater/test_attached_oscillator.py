@@ -122,6 +122,20 @@ def test_one_whose_own_mode_nobody_saw_is_found_beside_the_mode_that_it_moves(
     assert cause.parameters["mass"].value == pytest.approx(mass, rel=0.15)
 
 
+@pytest.mark.parametrize("seed", [868, 869])
+def test_own_frequency_that_hardly_any_mode_tells_is_told_as_open(learnt: tuple[Reference, Model], seed: int) -> None:
+    """Across its spring 214 g ride with the frame; along it, near the column, no mode moves them."""
+    reference, bare = learnt
+    at, mass, frequency = (0.0877, 0.0, 1.48), 0.2136, 19.1
+    event, _ = event_of(reference, hung(bare, at, 2, mass, frequency), seed)
+    (cause,) = diagnose(reference, event).diagnosis.causes
+    told, weighed = cause.parameters["frequency"], cause.parameters["mass"]
+    assert cause.cause == "attached_oscillator"
+    assert told.std > 0.2 * told.value
+    assert abs(np.log(told.value / frequency)) < 2 * told.std / told.value
+    assert abs(weighed.value - mass) < 3 * weighed.std
+
+
 @pytest.mark.parametrize("seed", range(871, 873))
 def test_a_mode_of_any_shape_is_nobodys(learnt: tuple[Reference, Model], seed: int) -> None:
     """Something that identification took for a mode: at a random frequency, of a random shape."""

@@ -10,7 +10,7 @@ frequency can be any, and how the other modes make way says all there is.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from scipy.special import gammaln
@@ -19,6 +19,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
 from updater.comparison import Comparison, NewModes
 from updater.fe.element import local_axes
+from updater.fit import fit as fit_all
 from updater.hanging import hung, not_known, shaking, translations
 from updater.posterior import credible, places
 from updater.reanalysis import Effect, no_effect
@@ -41,6 +42,8 @@ _MASS_STD = 0.1  # of the structure's mass, Gaussian prior while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass
 _TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
 _STEP = 0.15  # of ln f between own frequencies that are begun from where no mode tells; their prior's deviation too
+_TOLD = 0.05  # of ln f between those whose probabilities are told
+_STILL = 1e-4  # of ln f: what does not give
 _BEYOND = 1.3  # times the lowest and the highest mode that is seen: farther off it is a mass, or not there
 _CHANCE = 0.1  # probability of a new mode that is nobody's, or was not seen before
 _UNSEEN = 0.01  # of an oscillator whose mode no sensor sees, over one that is seen: a body clamped on acts much like it
@@ -117,7 +120,7 @@ class AttachedOscillator:
         )
         return replace(found, log_ratio=found.log_ratio + np.log(2.0))
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> "AttachedOscillator":
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
         """Return positions closer together about the likely ones, of the same direction and mode."""
         near = np.flatnonzero(log_density > log_density.max() - _NEAR)
         near = near[np.argsort(-log_density[near])]
@@ -178,8 +181,11 @@ class AttachedOscillator:
         mass = float(share @ magnitude.mean)
         variance = float(share @ (magnitude.variance + (magnitude.mean - mass) ** 2))
         each = self.log_frequency[self.mode[own]] + fit.theta[own, 1]
+        variances = fit.covariance[own, 1, 1]
+        if self.new is None:
+            each, variances, share = self._tunings(fit)
         log_f = float(share @ each)
-        spread = float(np.sqrt(share @ (fit.covariance[own, 1, 1] + (each - log_f) ** 2)))
+        spread = float(np.sqrt(share @ (variances + (each - log_f) ** 2)))
         frequency = float(np.exp(log_f))
         found = {
             "mass": Quantity(value=mass, std=variance**0.5, unit="kg"),
@@ -190,6 +196,26 @@ class AttachedOscillator:
             if np.isfinite(damping + std):
                 found["damping"] = Quantity(value=float(damping), std=float(std), unit="-")
         return found
+
+    def _tunings(self, fit: "Fit[Cause]") -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return own frequencies at the best place (n,) [ln Hz], their variances and probabilities.
+
+        A mode that is not seen may lie where hardly any mode tells: far from a Gaussian about where fits have ended.
+        """
+        best = fit.best
+        at = float(self.log_frequency[self.mode[best]] + fit.theta[best, 1])
+        near = at + np.sqrt(fit.covariance[best, 1, 1]) * np.linspace(-4, 4, 33)
+        begun = _begun(self.comparison)
+        grid = np.union1d(near, np.arange(begun[0], begun[-1], _TOLD))
+        n, one = len(grid), np.full(len(grid), best)
+        held = _Held(
+            **vars(self)
+            | {name: getattr(self, name)[one] for name in ("member", "position", "axis", "translation", "log_prior")}
+            | {"log_frequency": grid, "mode": np.arange(n), "start": np.tile([fit.theta[best, 0], 0.0], (n, 1))}
+        )
+        density = fit_all(self.comparison, held, refine=False).log_density
+        share = np.exp(density - density.max()) * np.gradient(grid)
+        return grid, np.zeros(n), share / share.sum()
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add the oscillator."""
@@ -202,6 +228,15 @@ class AttachedOscillator:
             frequency=float(np.exp(self.log_frequency[self.mode[row]] + theta[1])),
         )
         return structure.model_copy(update={"oscillator": (*structure.oscillator, oscillator)})
+
+
+class _Held(AttachedOscillator):
+    """One that is tuned to what it is begun from."""
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Mass [kg] and ln f."""
+        return np.array([_MASS_STD * self._total, _STILL])
 
 
 def propose_attached_oscillator(reference: Reference, comparison: Comparison) -> AttachedOscillator | None:
