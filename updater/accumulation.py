@@ -14,7 +14,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.added_mass import DENSITY_STD, AddedMass
 from updater.causes.bodies import Bodies
 from updater.comparing import compare
-from updater.fit import Fit, linearised
+from updater.first_order import linearised
+from updater.fit import Fit
 from updater.localization import MassChange, fit_mass, mass_change
 from updater.reference import Reference
 from updater.statistics import ModalMean

@@ -19,7 +19,9 @@ from updater.causes.base import Cause
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Beside, Chosen
 from updater.elsewhere import next_place
-from updater.fit import Fit, fit, foreseen
+from updater.first_order import foreseen
+from updater.fit import Fit, fit
+from updater.pairs import likeliest_pair
 
 _CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
@@ -69,6 +71,11 @@ class Compositions:
             if not hides(cause) and not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
         ]
         return sorted(found, key=lambda p: -p.log_evidence)
+
+    def at_once(self) -> list[Candidate]:
+        """Fit the two causes that explain most together to first order, wherever the one that does alone may be."""
+        pair = likeliest_pair(self.weighing)
+        return [] if pair is None else [self._at_rest(self.settled(pair))]
 
     @cached_property
     def _same_factor(self) -> list[Cause]:

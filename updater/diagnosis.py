@@ -143,6 +143,11 @@ def _beside_the_file(weighing: Weighing, singles: list[Candidate]) -> list[Candi
     return [c for c in several.together(promises) if c.earned(singles)] if promises else []
 
 
+def _of_the_file(weighing: Weighing) -> bool:
+    """Tell whether the question is what a structure file gets wrong: in many places, each a little."""
+    return OF_THE_FILE in weighing.causes
+
+
 def _fits(best: Candidate) -> bool:
     return best.p_value >= (LEAST_P if len(best.chosen) == 1 else _LEAST_P_TOGETHER)
 
@@ -189,7 +194,10 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
             break
         if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
             break
-        more = [c for c in several.together(promises) if c.earned(found)]
+        more = several.together(promises)
+        if size == 1 and not any(_fits(c) for c in more) and not _of_the_file(weighing):
+            more += several.at_once()
+        more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
     return found
 

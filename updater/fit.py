@@ -140,51 +140,8 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]
     return found if closer is None else _fit(comparison, closer, _HOPELESS)
 
 
-def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
-    """Return where alternatives leave the data at their start, and what a step in their parameters does to that.
-
-    Returns
-    -------
-    rest : (n_alternatives, n_data)
-        Whitened residuals, without the priors'.
-    slope : (n_alternatives, n_data, n_parameters)
-        Their derivatives.
-    """
-    everything = np.arange(len(hypotheses.start))
-    point = _evaluate(comparison, hypotheses, hypotheses.start, everything)
-    n_data = point.residual.shape[1] - len(hypotheses.prior_std)
-    return point.residual[:, :n_data], _slope(comparison, hypotheses, point, everything)[:, :n_data]
-
-
-def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> FloatArray:
-    """Return minus the chi-square that each alternative would come to, to first order (n_alternatives,).
-
-    Parameters
-    ----------
-    theta : (n_parameters,) where the first `n_own` do nothing yet; the others give way with them
-    """
-    n = len(hypotheses.log_prior)
-    if not n_own:  # all or nothing: no slope tells
-        whole = _evaluate(comparison, hypotheses, np.tile(theta, (n, 1)), np.arange(n))
-        return -whole.cost
-    one = _evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
-    everywhere = np.zeros(n, np.intp)
-    point = _Point(
-        np.tile(theta, (n, 1)), one.effect.rows(everywhere), one.changed.rows(everywhere), one.residual[everywhere]
-    )
-    n_all = len(theta)
-    own = _slope(comparison, hypotheses, point, np.arange(n), range(n_own))
-    others = _slope(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
-    if n_all > n_own:
-        basis = np.linalg.qr(others)[0]
-        own = own - np.einsum("dk,pkj->pdj", basis, np.einsum("dk,pdj->pkj", basis, own))
-    score = own.transpose(0, 2, 1) @ one.residual[0]
-    gain = np.einsum("pj,pj->p", score, np.linalg.solve(_normal(own), score[..., None])[..., 0])
-    return np.asarray(gain - one.cost[0])
-
-
 @dataclass(eq=False)
-class _Point:
+class Point:
     """Where the fit of some alternatives stands."""
 
     theta: FloatArray
@@ -194,17 +151,18 @@ class _Point:
 
     @property
     def cost(self) -> FloatArray:
+        """Chi-square (n_alternatives,), the priors' included."""
         return np.asarray((self.residual**2).sum(1))
 
 
 def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) -> Fit[H]:
     everything = np.arange(len(hypotheses.start))
-    point = _evaluate(comparison, hypotheses, hypotheses.start, everything)
+    point = evaluate(comparison, hypotheses, hypotheses.start, everything)
     moving = point.cost < point.cost.min() + reach_at_start
     moving &= bool(len(hypotheses.prior_std))
     begun = np.flatnonzero(moving)
     slope = _of_priors(hypotheses, point)
-    slope[begun] = _slope(comparison, hypotheses, point, begun)
+    slope[begun] = slopes(comparison, hypotheses, point, begun)
     for number, reach in enumerate(_REACH):
         step, promised = _newton(slope, point.residual, np.zeros(point.theta.shape, bool))
         least = point.cost - promised
@@ -221,8 +179,8 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
             _descend(comparison, hypotheses, point, step, held)
         gained = before - point.cost[alive]
         moving[alive] = gained > _ENOUGH
-        slope[alive] = _slope(comparison, hypotheses, point, alive)
-    covariance: FloatArray = np.linalg.inv(_normal(slope)).astype(np.float64)
+        slope[alive] = slopes(comparison, hypotheses, point, alive)
+    covariance: FloatArray = np.linalg.inv(normal(slope)).astype(np.float64)
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
     of_new = comparison.freedom_of_new(point.effect.own.shape[1])
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
@@ -236,7 +194,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
     )
 
 
-def _of_priors(hypotheses: Hypotheses, point: _Point) -> FloatArray:
+def _of_priors(hypotheses: Hypotheses, point: Point) -> FloatArray:
     """Return the derivatives (n_alternatives, n_data + n_parameters, n_parameters) of the priors' residuals alone."""
     n = len(hypotheses.prior_std)
     slope = np.zeros((*point.residual.shape, n))
@@ -251,11 +209,11 @@ def _newton(slope: FloatArray, residual: FloatArray, least: BoolArray) -> tuple[
     ----------
     least : which parameters cannot become less: those that would stay, and the others are stepped without them
     """
-    normal, gradient = _normal(slope), np.einsum("pij,pi->pj", slope, residual)
+    whole, gradient = normal(slope), np.einsum("pij,pi->pj", slope, residual)
     held = np.zeros(least.shape, bool)
     while True:
         free = ~held
-        alone = np.where(free[:, :, None] & free[:, None, :], normal, np.eye(least.shape[1]))
+        alone = np.where(free[:, :, None] & free[:, None, :], whole, np.eye(least.shape[1]))
         step = np.linalg.solve(alone, (free * gradient)[..., None])[..., 0]
         blocked = least & (step > 0)
         if not blocked.any():
@@ -263,15 +221,16 @@ def _newton(slope: FloatArray, residual: FloatArray, least: BoolArray) -> tuple[
         held |= blocked
 
 
-def _normal(slope: FloatArray) -> FloatArray:
+def normal(slope: FloatArray) -> FloatArray:
+    """Return the normal matrices (n_alternatives, n_parameters, n_parameters) of derivatives."""
     return slope.transpose(0, 2, 1) @ slope
 
 
-def _descend(comparison: Comparison, hypotheses: Hypotheses, point: _Point, step: FloatArray, rows: IndexArray) -> None:
+def _descend(comparison: Comparison, hypotheses: Hypotheses, point: Point, step: FloatArray, rows: IndexArray) -> None:
     """Take of each row's step the largest share that fits better."""
     for share in _SHARES:
         theta = np.maximum(point.theta[rows] - share * step, hypotheses.lower[rows])
-        tried = _evaluate(comparison, hypotheses, theta, rows)
+        tried = evaluate(comparison, hypotheses, theta, rows)
         better = tried.cost < point.cost[rows]
         _adopt(point, tried, rows[better], better)
         rows, step = rows[~better], step[~better]
@@ -279,7 +238,7 @@ def _descend(comparison: Comparison, hypotheses: Hypotheses, point: _Point, step
             break
 
 
-def _adopt(point: _Point, tried: _Point, rows: IndexArray, chosen: BoolArray) -> None:
+def _adopt(point: Point, tried: Point, rows: IndexArray, chosen: BoolArray) -> None:
     pairs = [(point, tried), (point.effect, tried.effect), (point.changed, tried.changed)]
     for into, source in pairs:
         for name, values in vars(into).items():
@@ -287,11 +246,12 @@ def _adopt(point: _Point, tried: _Point, rows: IndexArray, chosen: BoolArray) ->
                 values[rows] = getattr(source, name)[chosen]
 
 
-def _evaluate(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, rows: IndexArray) -> _Point:
+def evaluate(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, rows: IndexArray) -> Point:
+    """Return where alternatives `rows` leave the data with parameters theta (len(rows), n_parameters)."""
     effect = hypotheses.effect(theta, rows)
     changed = reanalyse(comparison, effect)
     value, vector = picked(changed)
-    return _Point(theta.copy(), effect, changed, _residual(comparison, hypotheses, theta, value, vector, effect))
+    return Point(theta.copy(), effect, changed, _residual(comparison, hypotheses, theta, value, vector, effect))
 
 
 def _residual(
@@ -308,8 +268,8 @@ def _residual(
     return np.concatenate([of_data, theta / hypotheses.prior_std], axis=1)
 
 
-def _slope(
-    comparison: Comparison, hypotheses: Hypotheses, point: _Point, rows: IndexArray, parameters: range | None = None
+def slopes(
+    comparison: Comparison, hypotheses: Hypotheses, point: Point, rows: IndexArray, parameters: range | None = None
 ) -> FloatArray:
     """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
     changed, old = point.changed.rows(rows), point.effect.rows(rows)

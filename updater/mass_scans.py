@@ -9,7 +9,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.added_mass import AddedMass
 from updater.causes.bodies import PER_BODY, Bodies
 from updater.comparison import Comparison
-from updater.fit import Fit, linearised
+from updater.first_order import linearised
+from updater.fit import Fit
 
 _STARTS = 6  # sets of places of each scan from which a fit begins
 _KNOWN = 2  # sets of one mass fewer that a further mass is sought beside

@@ -13,7 +13,8 @@ from updater.causes.composite import Chosen
 from updater.causes.model_parameters import ModelParameters, propose_model_parameters
 from updater.comparing import compare
 from updater.comparison import Comparison
-from updater.fit import Fit, fit, linearised
+from updater.first_order import linearised
+from updater.fit import Fit, fit
 from updater.prediction import prediction
 from updater.structure import Structure
 
