@@ -109,7 +109,10 @@ def _write_nearer(found: Explained, structure_path: Path, logs: Logs, out: Path 
     head = (
         f"# {structure_path.name} with its own parameters fitted to {_names(logs.current)}, which it does not explain\n"
     )
-    path.write_text(head + text, encoding="utf-8")
+    try:
+        path.write_text(head + text, encoding="utf-8")
+    except OSError as error:
+        raise ArgumentError("--out", f"{path}: cannot be written: {error.strerror}") from error
     return f"nearer model: {path}\n  {what}; ask again with it"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_helpers import Commands
+from cli_helpers import Commands, assert_refused
 from sealed_cases import draw
 from sealed_path import after
 from updater_helpers import measure, t_frame, true_model
@@ -109,6 +109,9 @@ def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
     assert found.material["steel"].youngs_modulus < 230e9
     again = modalwatch("diagnose", nearer, *tables)
     assert "nearer model" not in again.out
+    taken = tmp_path / "taken" / nearer.name
+    taken.mkdir(parents=True)
+    assert_refused(modalwatch("diagnose", path, *tables, "--out", taken.parent), f"--out: {taken}: cannot be written: ")
 
 
 def test_nothing_between_two_tables_is_nothing(tmp_path: Path, modalwatch: Commands) -> None:
