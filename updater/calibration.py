@@ -73,7 +73,7 @@ class Calibration:
         """Return how well a connection's flexibility is known [rad/(N m) or m/N]: 0 where it is the file's."""
         for knob, parameter in zip(self.knobs, self.parameters, strict=False):
             if knob.axis == axis and is_of(self.structure, connection, knob):
-                return parameter.std / flexibility_unit(self.structure, axis)
+                return parameter.std / parameter.value / dict(connection.stiffness.items())[axis]
         return 0.0
 
     def only(self, kept: npt.NDArray[np.bool_]) -> "Calibration":

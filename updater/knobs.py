@@ -86,6 +86,8 @@ def knobs_of(structure: Structure) -> list[Knob]:
     for member, at in found:
         place = _place(at, times[member])
         knobs += [_rigid(f"joint of {member}{place}", a, "joint", member, at) for a in TURNS]
+        if any(knob.kind == "weld" and knob.at == at for knob in knobs):  # one holds all that meet there
+            continue
         weld = f"weld of {member}{place}"
         knobs.append(Knob(name=weld, prior=_WELD_PRIOR, kind="weld", target=member, at=at, lower=0.0, upper=_WELDED))
     return knobs

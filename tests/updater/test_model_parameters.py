@@ -15,6 +15,7 @@ from updater.comparing import compare
 from updater.comparison import Comparison
 from updater.first_order import linearised
 from updater.fit import Fit, fit
+from updater.knobs import knobs_of
 from updater.prediction import prediction
 from updater.structure import Structure
 
@@ -44,6 +45,25 @@ def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> 
     found = data.frequency[data.paired] * np.exp(prediction(data, [Chosen(cause, 0, theta)]).log_ratio[0])
     assert np.abs(np.log(found / data.frequency[data.paired])).max() > 0.005
     assert np.abs(np.log(found[:, None] / exact)).min(1).max() < 2e-3
+
+
+def test_members_that_meet_at_a_point_have_one_weld_and_no_more_than_all_of_it() -> None:
+    """What is fitted is what is written, also where a fit has gone beyond what a weld can hold."""
+    frame = t_frame()
+    column, beam = (frame.member_named(name) for name in ("column", "crossbeam"))
+    prop = beam.model_copy(update={"name": "prop", "start": column.end, "end": (0.0, 0.4, column.end[2])})
+    ends = {"start": column.end, "end": (0.45, 0.0, column.end[2])}
+    tee = frame.model_copy(update={"member": (column, beam.model_copy(update=ends), prop), "sensor": frame.sensor[:6]})
+    assert sum(knob.kind == "weld" for knob in knobs_of(tee)) == 1
+    reference, data = _asked(structure_of("frame: "), np.random.default_rng(958))
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None
+    theta = np.zeros((2, len(cause.knobs)))
+    weld = [knob.kind for knob in cause.knobs].index("weld")
+    theta[:, weld] = cause.knobs[weld].upper + np.array([0.0, 0.4])
+    compliance = cause.effect(theta, np.zeros(2, np.intp)).compliance
+    np.testing.assert_array_equal(compliance[0], compliance[1])
+    assert cause.gives(theta)[weld][1].tolist() == [0.0, 0.0]
 
 
 class _Moved(ModelParameters):
@@ -114,13 +134,15 @@ def test_a_body_is_found_beside_it() -> None:
     assert abs(body["parameters"]["mass"]["value"] - true.parameters["mass"]) < 3 * body["parameters"]["mass"]["std"]
 
 
-def test_what_stays_as_rigid_as_the_file_has_it_is_not_told() -> None:
-    """Of a grid whose file is right, data say of some joints that they do not give: nothing that is wrong."""
-    reference, data = _asked(structure_of("grid: "), np.random.default_rng(957))
+@pytest.mark.parametrize("name", ["frame", "bridge", "grid"])
+def test_what_stays_as_rigid_as_the_file_has_it_is_not_told(name: str) -> None:
+    """Of files that are right, data say of feet, bearings and joints that they do not give: nothing that is wrong."""
+    reference, data = _asked(structure_of(f"{name}: "), np.random.default_rng(957))
     cause = propose_model_parameters(reference, data)
     assert cause is not None
     found: Fit[Cause] = fit(data, cause)
-    stays, known = found.theta[0] == 0, np.sqrt(np.diag(found.covariance[0])) < 0.7 * cause.prior_std
+    stays = (found.theta[0] <= cause.lower[0]) & np.array([not knob.mean for knob in cause.knobs])
+    known = np.sqrt(np.diag(found.covariance[0])) < 0.7 * cause.prior_std
     told = cause.parameters(found)
     assert [knob.name for knob in cause.knobs if knob.name in told]
     assert (stays & known).any()

@@ -59,14 +59,19 @@ class ModelParameters(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return compliances; that of a material goes with 1 / E."""
+        theta = np.minimum(theta, self._upper)
         more = np.where(self._stiffness, np.expm1(self.moved - theta), theta - self.moved)
         change = np.tensordot(more, self.compliance, 1)
         return replace(no_effect(len(rows), self.comparison), compliance=change)
 
     def gives(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Return all: that of a material less the stiffer it is."""
-        amount = np.where(self._stiffness, -np.exp(self.moved - theta), 1.0)
+        amount = np.where(self._stiffness, -np.exp(self.moved - theta), theta < self._upper)
         return dict(enumerate(zip(self.compliance, amount.T, strict=True)))
+
+    @property
+    def _upper(self) -> FloatArray:
+        return np.array([knob.upper for knob in self.knobs]) - self.said
 
     @property
     def _stiffness(self) -> IndexArray:
@@ -84,11 +89,12 @@ class ModelParameters(Discrete):
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return those that the data tell of: factors of stiffness, and the others as calibrations have them.
 
-        What has stayed where the file has it, at a bound, is nothing that the file gets wrong.
+        What stays as rigid, or as little welded, as the file has it is nothing that the file gets wrong.
         """
         std = np.sqrt(np.diagonal(fit.covariance[0]))
+        stays = (fit.theta[0] <= self.lower[0]) & np.array([not knob.mean for knob in self.knobs])
         found = {}
-        for k in np.flatnonzero((std < _TOLD * self.prior_std) & (fit.theta[0] != 0)).tolist():
+        for k in np.flatnonzero((std < _TOLD * self.prior_std) & ~stays).tolist():
             knob, value = self.knobs[k], float(self.said[k] + fit.theta[0, k])
             if knob.kind == "stiffness":
                 factor = float(np.exp(value))
@@ -100,8 +106,7 @@ class ModelParameters(Discrete):
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new values."""
         del row
-        value = np.minimum(self.said + theta, [knob.upper for knob in self.knobs])
-        return apply_knobs(structure, list(self.knobs), value)
+        return apply_knobs(structure, list(self.knobs), self.said + np.minimum(theta, self._upper))
 
 
 def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
