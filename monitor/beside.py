@@ -157,8 +157,8 @@ def _mode(before: Discrepancy, after: Discrepancy | None, row: int) -> ModeBesid
     return ModeBeside(
         simulated=float(before.simulated[row]),
         measured=float(before.measured[column]),
-        off_percent=100 * float(before.off[row]),
-        std_percent=100 * float(before.off_std[row]),
+        off_percent=100 * float(np.expm1(before.off[row])),
+        std_percent=100 * float(before.off_std[row] * np.exp(before.off[row])),
         mac=_number(before.mac[row, column]),
         off_percent_after=off,
         mac_after=mac,
@@ -179,7 +179,7 @@ def _fit(after: Discrepancy, column: int) -> tuple[float | None, float | None]:
     row = np.flatnonzero(after.partner == column)
     if not len(row):
         return None, None
-    return 100 * float(after.off[row[0]]), _number(after.mac[row[0], column])
+    return 100 * float(np.expm1(after.off[row[0]])), _number(after.mac[row[0], column])
 
 
 def _sensors(

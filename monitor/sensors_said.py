@@ -8,6 +8,7 @@ from monitor.discrepancy import ChannelHealth
 from updater import SensorHealth
 
 _SURE = 4.0  # standard deviations from which a channel is named
+_WIDE = 2.0  # standard deviations that a bound holds
 _GAIN = 0.03  # from which a change of gain matters [-]
 _NOTHING = 0.1  # gain under which a channel is as good as dead [-]
 _FINEST = 0.1  # % of a gain that is told
@@ -28,15 +29,21 @@ def health_result(health: SensorHealth) -> dict[str, ChannelHealth]:
     }
 
 
-def health_text(sensors: Mapping[str, ChannelHealth]) -> str:
-    """Name the channels that are not as they should be; if all are, say how closely."""
+def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True) -> str:
+    """Name the channels that are not as they should be; if all are, say how closely that is known.
+
+    Parameters
+    ----------
+    explained : whether the modes are: what a structure does that no cause explains looks like sensors' faults
+    """
     if not sensors:
         return ""
     wrong = [f"{channel}: {fault}" for channel, own in sensors.items() if (fault := fault_text(own))]
     if wrong:
-        return "sensors: " + "; ".join(wrong)
-    text = f"sensors: all gains within {max(_FINEST, *(100 * abs(s.gain - 1) for s in sensors.values())):.1f} %"
-    delays = [abs(s.delay) for s in sensors.values() if s.delay is not None]
+        return ("sensors: " if explained else "sensors, if what is unexplained were theirs: ") + "; ".join(wrong)
+    gains = [100 * (abs(s.gain - 1) + _WIDE * s.gain_std) for s in sensors.values()]
+    text = f"sensors: all gains within {max(_FINEST, *gains):.1f} %"
+    delays = [abs(s.delay) + _WIDE * (s.delay_std or 0.0) for s in sensors.values() if s.delay is not None]
     return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
 
 

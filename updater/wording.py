@@ -267,4 +267,4 @@ def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
         off = np.abs(beside(data.shape[least], predicted.shape[0, least]))
         channel = data.channels[int(np.argmax(off))]
         odd += f", the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}"
-    return f"Measure again there: the best that is known ({names}) leaves {odd}."
+    return f"Measure again what is odd: the nearest of what is known ({names}) leaves {odd}."

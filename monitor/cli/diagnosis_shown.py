@@ -28,7 +28,8 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes:
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))
-    health = health_text({s.channel: s.health for s in found.sensors if s.health})
+    known = diagnosis.verdict != "unexplained"
+    health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
     for line in (_sensor(found), health, missed_text(found.sensors), _gain(diagnosis, found.gain_std)):
         if line:
             console.print(escape(line))
