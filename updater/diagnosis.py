@@ -31,7 +31,7 @@ from updater.reference import Reference
 from updater.statistics import ModalMean
 from updater.structure import Structure
 from updater.verdict import Diagnosis, Verdict
-from updater.wording import LEAST_P, modes_of, named_causes, oddest, rejected_causes
+from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest, rejected_causes
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
@@ -242,6 +242,8 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
     acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
     for part in sorted(acting, key=_turn):
         extended = part.cause.extend(extended, part.row, part.theta)
+    if OF_THE_FILE in best.names:
+        named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
     gained = _gained(case, chosen, heldout)

@@ -21,6 +21,7 @@ from updater.residual import residual
 from updater.shape_errors import beside
 from updater.size import size
 from updater.statistics import ModalMean
+from updater.structure import Joint, Structure, Support
 from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected, Vector
 
 if TYPE_CHECKING:
@@ -268,3 +269,23 @@ def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
         channel = data.channels[int(np.argmax(off))]
         odd += f", the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}"
     return f"Measure again what is odd: the nearest of what is known ({names}) leaves {odd}."
+
+
+def as_written(cause: Cause, structure: Structure) -> Cause:
+    """Return a foot's or a joint's stiffness as it stands in a structure in which another cause moved it too.
+
+    Flexibilities add, so that the deviation of a stiffness goes with its square; other causes are returned as they are.
+    """
+    springs: dict[str, Sequence[Support | Joint]] = {
+        "support_stiffness": structure.support,
+        "joint_stiffness": structure.joint,
+    }
+    where, found = cause.where, cause.parameters
+    for connection in springs.get(cause.cause, ()):
+        if where and connection.at == where.position and getattr(connection, "member", None) == where.member:
+            now = {f"stiffness_{axis}": stiffness for axis, stiffness in connection.stiffness.items()}
+            found = {
+                name: q.model_copy(update={"value": now[name], "std": q.std * (now[name] / q.value) ** 2})
+                for name, q in found.items()
+            }
+    return cause.model_copy(update={"parameters": found})
