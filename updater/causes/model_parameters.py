@@ -49,7 +49,8 @@ class ModelParameters(Discrete):
     place_free: bool = True
     advice: str = (
         "Use the extended model, or learn a reference from logs, which calibrates the same parameters; then only what "
-        "changes is left to explain."
+        "changes is left to explain. Stiffness is told over density, from which frequencies cannot tell it; "
+        "flexibilities count in L/(E I) of the longest member."
     )
 
     @property
