@@ -16,6 +16,7 @@ from monitor.inbox import Inbox, inbox_of
 from monitor.live import LiveView
 from monitor.memory import Recalled
 from monitor.outlets import Outlets
+from monitor.processes import trim_memory
 from monitor.results import Result
 from monitor.service_manager import SignsOfLife
 from monitor.settings import Settings
@@ -98,9 +99,13 @@ class Running:
         return self.vitals.write(self._state())
 
     def _sweep(self) -> None:
-        """Free what refers to itself in circles: for so little as comes here Python does that once in hours."""
+        """Free what refers to itself in circles: for so little as comes here Python does that once in hours.
+
+        What that and the faults since leave free in pieces goes back to the system.
+        """
         if time.monotonic() >= self._sweep_due:
             gc.collect()
+            trim_memory()
             self._sweep_due = time.monotonic() + _SWEEP
 
     def finish(self) -> None:
