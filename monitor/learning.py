@@ -1,5 +1,6 @@
 """From the windows of a baseline to what a watch needs."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -12,7 +13,7 @@ from monitor.explaining import Seen, seen_in
 from monitor.fusion import choose_tracks
 from monitor.lateness import in_time
 from monitor.novelty import Detector, DetectorState, first_state
-from monitor.results import Novelty
+from monitor.results import Novelty, Unsure
 from monitor.settings import Settings
 from monitor.window import Window
 from oma import ModalEstimate, Tracker
@@ -62,7 +63,18 @@ class Watch:
         """Judge a window, which the detectors remember."""
         track = np.full(self.tracker.reference.n_modes, -1)
         track[self.watched] = self.modes_of(window.in_time)
-        return self.detector.consider(window, track)
+        score = self.detector.consider(window, track)
+        least = self.detector.least
+        return score if least is None else score.model_copy(update={"unsure": self._unsure(window, least)})
+
+    def _unsure(self, window: Window, least: float) -> Unsure:
+        known = [w.temperature for w in self.baseline if math.isfinite(w.temperature)] or [math.nan]
+        return Unsure(
+            least_percent=100 * math.expm1(least),
+            temperature=window.temperature,
+            coldest=min(known),
+            warmest=max(known),
+        )
 
     @property
     def learnt(self) -> int:

@@ -16,6 +16,7 @@ from monitor.detection import (
     Watching,
     accept,
     judge,
+    least_unsure,
     shift_of,
     shifted,
     start,
@@ -53,6 +54,7 @@ class Detector:
         self._step = settings.step_seconds
         self._watched = replace(state.watched, watching=watching_of(settings))
         self._before, self._calm, self._out = state.before, list(state.calm), list(state.out)
+        self.least: float | None = None  #: change that the last window could tell, if unsure: see `least_unsure`
 
     @property
     def state(self) -> DetectorState:
@@ -91,6 +93,7 @@ class Detector:
         seconds = np.array([passed if passed > 0 else self._step])  # a clock that was set back tells nothing
         temperature = np.array([window.temperature])
         judged, self._watched = judge(self._watched, modes.log_frequency, temperature, seconds)
+        self.least = least_unsure(self._watched, judged)
         self._before = window.start
         self._calm.append(judged)
         self._out = [*self._out, judged][-MOST_OUT:] if judged.over[0] else []

@@ -59,6 +59,20 @@ class DetectorFigure(_Result):
     false_alarms_per_year: float  #: its share of the stated rate
 
 
+class Unsure(_Result):
+    """What a window could tell where the law is unsure of itself, as at temperatures not seen."""
+
+    least_percent: float  #: smallest change of all frequencies alike that would have been a jump [%]
+    temperature: Number  #: of the window [degC]
+    coldest: Number  #: of the baseline's windows [degC]
+    warmest: Number  #: [degC]
+
+    @property
+    def outside(self) -> bool:
+        """Tell whether the baseline has not seen the temperature."""
+        return self.temperature < self.coldest or self.temperature > self.warmest
+
+
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
@@ -66,6 +80,7 @@ class Novelty(_Result):
     limit: Number  #: of the same [-]
     modes: list[int]  #: identities of the modes that entered
     detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
+    unsure: Unsure | None = None  #: where changes must be at least three times what they must be by a sure law
 
     @property
     def level(self) -> float:

@@ -9,6 +9,7 @@ from daq import FloatArray
 from monitor.discrepancy import BalanceResult, SensorBeside, Vector
 from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
+from monitor.unsure_words import unsure_now
 from updater import Cause, Diagnosis, Pair, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
@@ -251,8 +252,11 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
         return f"The structure has changed: {_what(story, diagnosis)}.{_when(story)}"
     if state == "watch":
         return "One window is over the limit; the next ones will tell whether the structure has changed."
+    unsure = unsure_now(story)
     if any(alarm.state == "alarm" for alarm in story.alarms):
-        return f"Back to normal after an alarm, {n} windows watched."
+        return f"Back to normal after an alarm, {n} windows watched{f'; {unsure}' if unsure else ''}."
+    if unsure:
+        return f"No large change: {unsure}."
     return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
 
 

@@ -2,6 +2,7 @@
 
 from monitor.detection.detector import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
 from monitor.detection.law import CHUNK
+from monitor.detection.least import least_unsure
 from monitor.detection.run_length import Watching
 from monitor.detection.shift import Shift, shift_of, shifted
 
@@ -16,6 +17,7 @@ __all__ = [
     "Watching",
     "accept",
     "judge",
+    "least_unsure",
     "shift_of",
     "shifted",
     "start",

@@ -16,6 +16,7 @@ from monitor.report.picture import Picture, optional, picture
 from monitor.results import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.sensors_said import health_rows
 from monitor.story import Story, find_mode
+from monitor.unsure_words import unsure_ever, unsure_now
 from monitor.words import (
     cause_text,
     diagnosis_text,
@@ -44,7 +45,7 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
     diagnosis = diagnosis or last_diagnosis(story)
     return {
         "title": story.name,
-        "state": last_state(story),
+        "state": "watch" if last_state(story) == "normal" and unsure_now(story) else last_state(story),
         "headline": headline(story, diagnosis),
         "facts": _facts(story),
         "pictures": _pictures(story),
@@ -103,6 +104,8 @@ def _facts(story: Story) -> list[tuple[str, str]]:
     judged = [w.novelty for w in story.watched if w.novelty]
     if judged:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
+    if unsure := unsure_ever(story):
+        facts.append(("What could be told", unsure))
     alarms = [a for a in story.alarms if a.raised]
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
     return facts

@@ -11,6 +11,8 @@ from markupsafe import Markup
 from monitor.alarm_words import duration_text
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
+from monitor.results import Unsure
+from monitor.unsure_words import unsure_text
 from monitor.web.drawings import course_svg, structure_svg
 from monitor.web.source import Past, Source, problems, self_test_said
 from monitor.words import utc
@@ -40,10 +42,13 @@ def _content(source: Source) -> dict[str, Any]:
     vitals, past = source.vitals(), source.past()
     standing = [alarm for alarm in past.alarms if alarm.cleared is None] if past else []
     state = vitals["state"] if vitals else "learning"  # the history may lag behind, or be down
+    unsure = _unsure(vitals) if vitals and state == "normal" else ""
     return {
         "name": source.name,
         "state": state,
-        "said": _SAID[state],
+        "colour": "watch" if unsure else state,
+        "said": _SAID[state] + (", as far as can be told" if unsure else ""),
+        "unsure": unsure,
         "so_far": _so_far(vitals) if vitals and state == "learning" else None,
         "problems": problems(vitals) + ([] if past or (vitals and vitals["history"]) else [_NO_PAST]),
         "alarm": _alarm(standing[-1]) if standing else None,
@@ -62,6 +67,12 @@ def _content(source: Source) -> dict[str, Any]:
 def _so_far(vitals: dict[str, Any]) -> str:
     n = vitals["window"].get("index", -1) + 1
     return f"{n} window{'s' * (n != 1)} so far, nothing is judged yet"
+
+
+def _unsure(vitals: dict[str, Any]) -> str:
+    """Say what the last window could tell, if the law was unsure of itself."""
+    found = (vitals["window"].get("novelty") or {}).get("unsure")
+    return f"in the last window, {unsure_text([Unsure.model_validate(found)])}" if found else ""
 
 
 def _alarm(alarm: AlarmRow) -> dict[str, Any]:

@@ -131,6 +131,17 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
         assert well or "no mode that is watched is seen" in found["problems"][0]
 
 
+def test_page_says_what_could_be_told_where_the_law_is_unsure(source: Source) -> None:
+    unsure = {"least_percent": 0.93, "temperature": 21.5, "coldest": 10.1, "warmest": None}
+    novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "unsure": unsure}
+    window = {"index": 30, "phase": "watching", "novelty": novelty}
+    page = Client(changed(source, state="normal", window=window)).get("/").text
+    assert "Normal, as far as can be told" in page
+    assert "at 21.5 degC of changes of all frequencies alike only those of more than 0.93 % could be told" in page
+    sure = window | {"novelty": novelty | {"unsure": None}}
+    assert "could be told" not in Client(changed(source, state="normal", window=sure)).get("/").text
+
+
 def test_page_says_how_far_learning_has_come(source: Source) -> None:
     learning = changed(source, state="learning", window={"index": 6, "phase": "learning"})
     assert "7 windows so far, nothing is judged yet" in Client(learning).get("/").text
