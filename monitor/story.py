@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import TypeVar
 
 from daq import Recording
-from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, Spectrum, WindowResult
+from monitor.results import AcceptedShift, AlarmResult, MassAnswer, ModeResult, ReferenceResult, Spectrum, WindowResult
 
 T = TypeVar("T")
 _LARGE = 10.0  # kg: from here on masses are given in kg
@@ -58,6 +58,23 @@ class Story:
     def answers(self) -> list[tuple[WindowResult, MassAnswer]]:
         """Windows that locate a mass, with what they say."""
         return [(w, w.answer) for w in self.windows if w.answer]
+
+    @property
+    def accepted(self) -> list[AcceptedShift]:
+        """Changes that are part of the reference at the end, in order, those of earlier logs among them."""
+        return self.reference.accepted if self.reference else []
+
+    def accepted_at(self, change: AcceptedShift) -> int:
+        """Return when a change was accepted [ns UTC]; of one of an earlier log, the end of its last window."""
+        after = (a.time for a in self.alarms if a.kind == "accepted" and a.time >= change.time >= self.start)
+        return next(after, change.time)
+
+    @property
+    def closed_by(self) -> AcceptedShift | None:
+        """The acceptance that ended the last alarm; None where that ended by itself, stands, or was taken back."""
+        stood = [alarm.time for alarm in self.alarms if alarm.state == "alarm"]
+        newest = self.accepted[-1] if self.accepted else None
+        return newest if newest and stood and self.accepted_at(newest) >= stood[-1] else None
 
     @cached_property
     def mass_unit(self) -> tuple[float, str]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from daq import FloatArray
 from monitor.discrepancy import BalanceResult, SensorBeside, Vector
-from monitor.results import MassAnswer, MassIncrements, OtherPlace, WindowResult
+from monitor.results import AcceptedShift, MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from monitor.unsure_words import unsure_now
 from updater import Cause, Diagnosis, Pair, Quantity, Where
@@ -243,6 +243,12 @@ def last_state(story: Story) -> str:
     return story.alarms[-1].state if story.alarms else "normal"
 
 
+def accepted_text(change: AcceptedShift, time: int) -> str:
+    """Say as what a change was accepted, by whom and when [ns UTC]."""
+    by = f" by {change.by}" if change.by else ""
+    return f"as {change.cause!r}{by}, {utc(time)}"
+
+
 def headline(story: Story, diagnosis: Diagnosis | None) -> str:
     """Return the verdict of a run in one sentence."""
     state, n = last_state(story), len(story.watched)
@@ -253,6 +259,10 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
     if state == "watch":
         return "One window is over the limit; the next ones will tell whether the structure has changed."
     unsure = unsure_now(story)
+    if change := story.closed_by:
+        since = sum(window.end > story.accepted_at(change) for window in story.watched)
+        then = f"nothing has changed in {since} windows since" if since else "no window has been judged since"
+        return f"A change was accepted {accepted_text(change, story.accepted_at(change))}; {unsure or then}."
     if any(alarm.state == "alarm" for alarm in story.alarms):
         return f"Back to normal after an alarm, {n} windows watched{f'; {unsure}' if unsure else ''}."
     if unsure:

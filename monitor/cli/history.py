@@ -17,7 +17,7 @@ from monitor.cli.files import write_json
 from monitor.errors import ArgumentError
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow, database_url
-from monitor.results import TOPIC_SELF_TEST
+from monitor.results import TOPIC_SELF_TEST, AcceptedShift, ReferenceResult
 from monitor.site import load_site
 from monitor.words import utc
 
@@ -49,9 +49,14 @@ class Found:
     days: list[DayRow]
     windows: Windows
     alarms: list[AlarmRow]
+    accepted: list[AcceptedShift]  #: changes that are part of the reference of now
     trends: dict[int, list[TrendPoint]]
     events: list[EventRow]
     self_tests: list[EventRow]
+
+    def accepted_at(self, change: AcceptedShift) -> int:
+        """Return when a change was accepted [ns UTC]: when its alarm ended; else the end of its last window."""
+        return next((a.cleared for a in self.alarms if a.raised == change.raised and a.cleared), change.time)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,10 +127,17 @@ def look(reader: Reader, wanted: Span | None) -> Found:
         days=days,
         windows=_of_days(days) if span.every == "day" else _of_windows(reader.windows(span, _ALL)),
         alarms=reader.alarms(span),
+        accepted=_accepted(reader, later),
         trends={mode: reader.trend(mode, span) for mode in reader.modes()},
         events=reader.events(later),
         self_tests=reader.events(later, topic=TOPIC_SELF_TEST),
     )
+
+
+def _accepted(reader: Reader, span: Span) -> list[AcceptedShift]:
+    reference = reader.reference()
+    changes = ReferenceResult.model_validate_json(reference).accepted if reference else []
+    return [change for change in changes if span.start <= change.time <= span.end]
 
 
 def _of_days(days: list[DayRow]) -> Windows:
@@ -167,6 +179,7 @@ def as_json(found: Found) -> dict[str, object]:
         "every": found.span.every,
         "days": [asdict(day) for day in found.days],
         "alarms": [asdict(alarm) for alarm in found.alarms],
+        "accepted": [change.payload() for change in found.accepted],
         "trends": {str(mode): [asdict(point) for point in points] for mode, points in found.trends.items()},
         "events": _told(found.events),
         "self_tests": _told(found.self_tests),

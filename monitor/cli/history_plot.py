@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +14,11 @@ from daq import FloatArray
 from monitor.cli.history import Found
 from monitor.errors import ArgumentError
 from monitor.history import TrendPoint
-from monitor.report.svg import ALARM, INK, SOFT, mode_colour, new_figure, styled
+from monitor.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure, styled
+from monitor.words import accepted_text
 
 _STEPS_TO_JOIN = 3.0  # points further apart than this many median steps are not joined by a line
+_LONGEST = 90  # characters of what is written above a line
 
 
 def draw_history(path: Path, found: Found) -> None:
@@ -44,6 +47,8 @@ def _figure(found: Found) -> Figure:
         _draw_shift(part, mode, points)
     for part in axes:
         _shade_alarms(part, found)
+        _mark_accepted(part, found)
+    _name_accepted(axes[0], found)
     locator = AutoDateLocator(minticks=4, maxticks=9)  # type: ignore[no-untyped-call]
     axes[-1].xaxis.set_major_locator(locator)
     axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
@@ -74,6 +79,28 @@ def _shade_alarms(axes: Axes, found: Found) -> None:
     for alarm in found.alarms:
         start, end = _dates([max(alarm.raised, found.span.start), alarm.cleared or found.span.end])
         axes.axvspan(start, end, color=ALARM, alpha=0.13, linewidth=0)
+
+
+def _mark_accepted(axes: Axes, found: Found) -> None:
+    for change in found.accepted:
+        axes.axvline(_dates([found.accepted_at(change)])[0], color=OK, linewidth=1.4)
+
+
+def _name_accepted(axes: Axes, found: Found) -> None:
+    """Write above the lines what was accepted, towards the middle of the picture."""
+    middle = (found.span.start + found.span.end) / 2
+    for change in found.accepted:
+        axes.annotate(
+            f"accepted {shorten(accepted_text(change, found.accepted_at(change)), _LONGEST)}",
+            (_dates([found.accepted_at(change)])[0], 1.0),
+            (0, 2),
+            ("data", "axes fraction"),
+            "offset points",
+            ha="right" if change.time > middle else "left",
+            va="bottom",
+            color=OK,
+            fontsize=7.5,
+        )
 
 
 def _broken(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

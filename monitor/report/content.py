@@ -18,6 +18,7 @@ from monitor.sensors_said import health_rows
 from monitor.story import Story, find_mode
 from monitor.unsure_words import unsure_ever, unsure_now
 from monitor.words import (
+    accepted_text,
     cause_text,
     diagnosis_text,
     gain_text,
@@ -108,6 +109,9 @@ def _facts(story: Story) -> list[tuple[str, str]]:
         facts.append(("What could be told", unsure))
     alarms = [a for a in story.alarms if a.raised]
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
+    for change in story.accepted:
+        said = accepted_text(change, story.accepted_at(change))
+        facts.append(("Accepted", f"{said}; found was: {change.found}"))
     return facts
 
 

@@ -47,7 +47,7 @@ def _shift(axes: Axes, story: Story, number: int) -> None:
     axes.axhline(0.0, color=SOFT, linewidth=0.8)
     dates = _dates([w.end for w, _ in seen])
     axes.errorbar(dates, shift, std, fmt="o", markersize=3, linewidth=1.0, color=mode_colour(number), capsize=0)
-    _alarm_line(axes, story)
+    _mark_changes(axes, story)
     axes.set_title(f"Mode {number}" + (f", {reference[0]:.2f} Hz" if reference else ""), fontsize=8.5)
     _time_axis(axes)
 
@@ -76,7 +76,7 @@ def novelty_figure(story: Story) -> Figure | None:
         fontsize=7.5,
     )
     axes.set_ylim(bottom=_ROOM * min(1.0, float(ratio.min())))
-    _alarm_line(axes, story)
+    _mark_changes(axes, story)
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     axes.yaxis.set_minor_formatter(NullFormatter())
@@ -118,10 +118,13 @@ def _poles(axes: Axes, spectrum: Spectrum) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
 
 
-def _alarm_line(axes: Axes, story: Story) -> None:
+def _mark_changes(axes: Axes, story: Story) -> None:
     for alarm in story.alarms:
         if alarm.raised:
             axes.axvline(_dates([alarm.time])[0], color=ALARM, linewidth=0.9, linestyle=":")
+    for change in story.accepted:
+        if story.start <= change.time <= story.end:
+            axes.axvline(_dates([story.accepted_at(change)])[0], color=OK, linewidth=1.2)
 
 
 def _dates(times: list[int]) -> FloatArray:

@@ -2,18 +2,21 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_helpers import Commands, assert_refused
 from history_helpers import HOUR, START, change, run_events, sqlite_url, write_years
+from matplotlib.axes import Axes
 
 from daq import Event
 from monitor.history import HistoryStore
 from monitor.history.schema import DAY
 from monitor.result_events import result_event
 from monitor.results import SelfTestResult
+from monitor.words import utc
 
 
 @pytest.fixture
@@ -45,6 +48,31 @@ def test_years_are_told_by_the_day(modalwatch: Commands, tmp_path: Path) -> None
     found = json.loads(files[1].read_text(encoding="utf-8"))
     assert (found["every"], found["state"], len(found["alarms"])) == ("day", "normal", 1)
     assert files[2].read_bytes().startswith(b"\x89PNG")
+
+
+def test_accepted_change_is_marked_where_its_alarm_ended(
+    modalwatch: Commands, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alarm = next(e for e in run_events() if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
+    last = max(e.time for e in run_events())
+    reference = next(e for e in run_events() if e.topic == "/result/reference")
+    taken = {"time": last - 5, "raised": alarm.time, "cause": "antenna", "by": "Ada", "found": "302 g", "n_windows": 6}
+    taken |= {"shift_percent": [-1.0], "shift_std_percent": [0.1]}
+    moved = replace(reference, time=last, payload=reference.payload | {"time": last, "accepted": [taken]})
+    with HistoryStore(f"sqlite:///{file}") as store:
+        store.write([moved, change(last, "normal", "accepted by Ada", kind="accepted", lasted=60.0)])
+    written: list[str] = []
+    drawn = Axes.annotate
+
+    def annotate(axes: Axes, text: str, *more: Any, **how: Any) -> None:
+        written.append(text)
+        drawn(axes, text, *more, **how)
+
+    monkeypatch.setattr(Axes, "annotate", annotate)
+    files = [tmp_path / "h.json", tmp_path / "h.png"]
+    assert modalwatch("history", file, "--json", files[0], "--plot", files[1]).code == 0
+    assert json.loads(files[0].read_text(encoding="utf-8"))["accepted"] == [taken]
+    assert written == [f"accepted as 'antenna' by Ada, {utc(last)}"]
 
 
 def test_self_tests_are_told_in_a_line(modalwatch: Commands, file: Path, tmp_path: Path) -> None:

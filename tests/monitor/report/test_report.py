@@ -15,9 +15,10 @@ from discrepancy_helpers import shown
 from monitor.errors import ResultsError
 from monitor.logged import DeviceQuality, Run, load_run
 from monitor.report import diagnosis_report, load_diagnosis, run_report
-from monitor.results import OtherPlace
+from monitor.results import AcceptedShift, AlarmResult, OtherPlace
 from monitor.story import Story
 from monitor.words import headline as verdict
+from monitor.words import utc
 
 ROOT = Path(__file__).parents[3]
 LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"
@@ -159,6 +160,33 @@ CASES = {
     ),
     "one mode": (made.whole_run(made.Site(n_modes=1)), "The structure has changed:"),
 }
+
+
+def accepted_run(accepted: AcceptedShift, *then: AlarmResult) -> dict[str, object]:
+    """Return the run, its change accepted two windows before the end."""
+    end = WHOLE["windows"][-3]
+    taken = made.alarm(end, "normal", "accepted").model_copy(update={"kind": "accepted", "time": end.end + 10**9})
+    reference = WHOLE["reference"].model_copy(update={"accepted": [accepted]})
+    return WHOLE | {"reference": reference, "alarms": [*WHOLE["alarms"], taken, *then]}
+
+
+def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
+    change = AcceptedShift(
+        time=WHOLE["windows"][-3].end,
+        raised=WHOLE["alarms"][-1].time,
+        cause="antenna <5 kg>",
+        by="Ada",
+        found="302 g added",
+        n_windows=6,
+        shift_percent=[-1.0],
+        shift_std_percent=[0.1],
+    )
+    page = page_of(accepted_run(change), tmp_path)
+    said = f"as 'antenna <5 kg>' by Ada, {utc(change.time + 10**9)}"
+    assert f"A change was accepted {said}; nothing has changed in 2 windows since." in page.words
+    assert f"{said}; found was: 302 g added" in page.words
+    again = [made.alarm(WHOLE["windows"][-2], "alarm", "again"), made.alarm(WHOLE["windows"][-1], "normal", "gone")]
+    assert verdict(made.story(accepted_run(change, *again)), None).startswith("Back to normal after an alarm")
 
 
 @pytest.mark.parametrize("name", CASES)
