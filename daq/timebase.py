@@ -55,7 +55,8 @@ class ClockFit:
         if self._origin is None:
             self._origin = time - round(index / self._rate * 1e9)
         late = time - self._origin - round(index / self._rate * 1e9)
-        same = self._pairs and index // int(_BIN * self._rate) == self._pairs[-1][0] // int(_BIN * self._rate)
+        scans = max(int(_BIN * self._rate), 1)
+        same = self._pairs and index // scans == self._pairs[-1][0] // scans
         if same and late >= self._pairs[-1][1]:
             news = False
         else:

@@ -71,6 +71,8 @@ def diagnose_command(
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
     if nearer:
         console.print(nearer, soft_wrap=True, markup=False)
+    for note in _channel_notes(structure, logs):
+        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
         console.print(
             f"note: {structure_path} holds what an earlier diagnosis found. Reference logs from before that show a "
@@ -146,6 +148,24 @@ def _recordings(structure: Structure, logs: Sequence[AnyLog], seconds: float) ->
             have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
             raise LogError(str(log), f"expected channels named as the structure's sensors ({know}), found {have}")
         yield from load_recordings(log, window_seconds=seconds, channels=channels)
+
+
+def _channel_notes(structure: Structure, logs: Logs) -> list[str]:
+    """Say which channels logs have and the structure does not know, or the reference has and they do not."""
+    current, reference = _channels_of(logs.current), _channels_of(logs.reference)
+    notes = []
+    if strange := [name for name in current if name not in structure.speaking]:
+        notes.append(f"{_names(logs.current)}: no sensor of the structure, left out: {', '.join(strange)}")
+    if lacking := [name for name in reference if name in structure.speaking and name not in current]:
+        notes.append(f"{_names(logs.current)}: compared without {', '.join(lacking)}, which the reference has")
+    return notes if current else []
+
+
+def _channels_of(paths: Sequence[Path]) -> list[str]:
+    """Return the channels of logs, each once; none of tables, which are checked as they are read."""
+    if any(is_table(path) for path in paths):
+        return []
+    return list(dict.fromkeys(channel.name for log in as_logs(paths) for channel in log_channels(log)))
 
 
 def _provenance(diagnosis: Diagnosis, structure_path: Path, logs: Logs) -> str:

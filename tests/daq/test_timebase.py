@@ -113,3 +113,10 @@ def test_clock_follows_a_change_of_drift() -> None:
     fast = [(last_index + i, last_time + t - START) for i, t in arrivals(9, 60.0, 200.0)]
     clock = fitted(slow + fast)
     assert (clock.index_at(last_time)[1] / RATE - 1) * 1e6 == pytest.approx(60.0, abs=5.6)
+
+
+def test_a_scan_every_ten_seconds_has_a_clock_too() -> None:
+    clock = ClockFit(0.1)
+    for index in range(30):
+        clock.add(index, START + index * 10_000_000_000)
+    assert clock.time_at(29) == pytest.approx(START + 290_000_000_000, abs=1000)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,17 @@ def test_nothing(diagnosed: Diagnose) -> None:
     assert (code, found["verdict"], found["causes"]) == (0, "nothing_to_explain", [])
     assert found["gain"] is None
     assert found["extended_model"] is None
+
+
+def test_channels_that_only_one_of_the_records_has_are_told(folder: Path, modalwatch: Commands) -> None:
+    recording = Rig(seed=SEED).record(5, 75.0, rate=RATE)
+    channels = [replace(c, name={"col_111_x": "col_112_x"}.get(c.name, c.name)) for c in recording.channels]
+    write_csv(folder / "misnamed.csv", replace(recording, channels=tuple(channels)))
+    assert modalwatch("import", folder / "misnamed.csv", "-o", folder / "misnamed.mcap").code == 0
+    logs = (folder / "misnamed.mcap", "--reference", folder / "before.mcap")
+    said = modalwatch("diagnose", folder / "structure.toml", *logs)
+    assert "note: misnamed.mcap: no sensor of the structure, left out: col_112_x" in said.out
+    assert "note: misnamed.mcap: compared without col_111_x, which the reference has" in said.out
 
 
 def test_without_a_reference_the_model_itself_is_asked(folder: Path, modalwatch: Commands) -> None:
