@@ -44,6 +44,8 @@ class Series:
 
     def lows(self) -> np.ndarray | None:
         """Return the lowest memory in each cycle of the last hour; None if it has not lived that long."""
+        if not self.times:
+            return None
         times, values = np.array(self.times), np.array(self.values)
         begin = times[-1] - HOUR
         if times[0] + _SETTLED > begin:
@@ -56,14 +58,14 @@ def judged(seen: list[Series]) -> tuple[list[str], bool | None]:
     """Return a row for what was there all through the last hour, and whether all is flat; None if the first was not."""
     if seen[0].lows() is None:
         return [], None
-    rows, flat = [], set()
+    rows: list[str] = []
+    judged_so: dict[str, bool] = {}
     for series in seen:
         growth, lows = series.growth(), series.lows()
         if growth is None or lows is None:
             continue
         slope, deviation = growth
-        if slope <= MOST[series.kind]:
-            flat.add(series.kind)
+        judged_so[series.kind] = judged_so.get(series.kind, True) and slope <= MOST[series.kind]
         told = ", ".join(f"{low:.1f}" for low in lows)
         rows.append(f"| {series.kind} | {told} | {slope:+.2f} ± {deviation:.2f} | {MOST[series.kind]:g} |")
-    return rows, flat == set(MOST)
+    return rows, set(judged_so) == set(MOST) and all(judged_so.values())
