@@ -100,6 +100,8 @@ def _shares(results: Sequence[Result]) -> str:
 
 _FIGURES: tuple[tuple[str, str, str, str, Callable[[Result], float | None]], ...] = (
     ("local_stiffness", "place", "mm", "<= 15", lambda r: r.away and 1e3 * r.away),
+    ("one_sided", "place", "mm", "<= 15", lambda r: r.away and 1e3 * r.away),
+    ("one_sided", "loss about its axis", "%", "", lambda r: _absolute(r, "loss", 100)),
     ("added_mass", "place", "mm", "", lambda r: r.away and 1e3 * r.away),
     ("added_mass", "mass", "%", "", lambda r: _relative(r, "mass")),
     ("support_spring", "place", "mm", "", lambda r: r.away and 1e3 * r.away),

@@ -16,7 +16,10 @@ _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
-_SHARES = frozenset({"loss", "error", "damping"})  # of parameters without a unit, those that are told in per cent
+_LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
+_SHARES = frozenset(
+    {"loss", *_LOSSES, "error", "damping"}
+)  # of parameters without a unit, those that are told in per cent
 _NAMES = {
     "sensor_polarity": "sensor sign turned",
     "sensor_swap": "sensors exchanged",
@@ -105,13 +108,19 @@ def where_text(where: Where | None) -> str:
     return " ".join(parts)
 
 
+def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
+    """Return a cause's parameters, name and value, none of them twice."""
+    found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
+    return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
+
+
 def cause_text(cause: Cause) -> str:
     """Return one accepted cause in one line."""
     mass = cause.parameters.get("mass")
     if cause.cause == "added_mass" and mass:
         size = mass.model_copy(update={"value": abs(mass.value)})
         return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
-    told = [f"{plain(name)} {parameter_text(name, q)}" for name, q in cause.parameters.items()]
+    told = [f"{name} {value}" for name, value in parameter_texts(cause)]
     if len(told) > _MANY:
         told[_FEW:] = [f"and {len(told) - _FEW} more"]
     values = ", ".join(told)

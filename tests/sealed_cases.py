@@ -45,6 +45,8 @@ CAUSES: dict[str, Do] = {
         chain.sensor_dead,
     )
 }
+ONE_SIDED = "one_sided"  #: a stretch about one axis: another draw of a cause
+_DONE: dict[str, Do] = {**CAUSES, ONE_SIDED: draws.one_sided}
 PAIRS = (
     "added_mass + sensor_gain",
     "added_mass + support_stiffness",
@@ -53,9 +55,11 @@ PAIRS = (
     "local_stiffness + sensor_gain",
     "support_stiffness + sensor_swap",
     "local_stiffness + added_mass",
+    f"{ONE_SIDED} + added_mass",
+    f"{ONE_SIDED} + sensor_gain",
 )
 FILES = tuple(f"file: {name}" for name in FILE)
-_OF_ANY_FILE = ("nothing", "added_mass", "local_stiffness", "sensor_gain", "sensor_polarity", "sensor_swap")
+_OF_ANY_FILE = ("nothing", "added_mass", "local_stiffness", "sensor_gain", "sensor_polarity", "sensor_swap", ONE_SIDED)
 BUILT, FAR = (
     tuple(f"{how} {where}: {name}" for where in ("frame", *DESIGNS) for name in _OF_ANY_FILE)
     for how in ("built", "far")
@@ -63,7 +67,7 @@ BUILT, FAR = (
 SOLIDS = tuple(f"solid: {name}" for name in SOLID)
 _ANYWHERE = (
     *(name for name in CAUSES if name not in {"joint_stiffness", "axial_force", "amplitude_softening"}),
-    *("nothing", "small", "added_mass + sensor_gain", "local_stiffness + added_mass"),
+    *(ONE_SIDED, "nothing", "small", "added_mass + sensor_gain", "local_stiffness + added_mass"),
     *(name for name in OUTSIDE if name not in {"braced", "sliding"}),
 )
 ELSEWHERE = (
@@ -75,7 +79,7 @@ ELSEWHERE = (
     ),
     "portal: joint_stiffness",
 )  #: the grid's supports are rigid
-CELLS = (*CAUSES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
+CELLS = (*CAUSES, ONE_SIDED, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
 _TOGETHER = 3.0  # components of a shape that err as one
@@ -151,7 +155,7 @@ def specimen(which: str, seed: int) -> tuple[State, dict[str, Do]]:
     """Return a specimen, and what may be done to it."""
     if which == "solid":
         return draw_bar(seed), SOLID
-    return (DESIGNS[which].draw(seed) if which else draw_state(seed)), CAUSES
+    return (DESIGNS[which].draw(seed) if which else draw_state(seed)), _DONE
 
 
 def _of_file(cell: str, seed: int, random: Random, noise: str) -> Case:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from sealed_bar import Vector, Zone, vector
+from sealed_bar import Bar, Vector, Zone, vector
 from sealed_frame import Lump, Prop
 from sealed_specimen import Random, Scale, State
 
@@ -108,23 +108,39 @@ def distributed_mass(state: State, random: Random) -> Done:
 
 def local_stiffness(state: State, random: Random) -> Done:
     """Take 20 to 70 % of the stiffness of 3 to 30 cm of a bar, off grounds, meetings and free ends."""
+    bar = _one_bar(state, random)
+    extent, left = log_uniform(random, 0.03, 0.3), 1 - random.uniform(0.2, 0.7)
+    return _softer(state, random, bar, extent, (left, left, left))
+
+
+def one_sided(state: State, random: Random) -> Done:
+    """Take 30 to 80 % about one cross axis of 3 to 15 cm, to half as much about the other and in twist: a saw cut."""
+    bar = _one_bar(state, random)
+    extent, loss = log_uniform(random, 0.03, 0.15), random.uniform(0.3, 0.8)
+    other, twist = (1 - loss * random.uniform(0.0, 0.5) for _ in range(2))
+    bends = (1 - loss, other) if random.random() < 0.5 else (other, 1 - loss)
+    return _softer(state, random, bar, extent, (*bends, twist))
+
+
+def _one_bar(state: State, random: Random) -> Bar:
+    along = np.cumsum([bar.length for bar in state.frame.bars])
+    return state.frame.bars[int(np.searchsorted(along, random.random() * along[-1]))]
+
+
+def _softer(state: State, random: Random, bar: Bar, extent: float, left: Vector) -> Done:
+    """Leave shares of a stretch's stiffness, about its two cross axes and in twist."""
     frame, clear = state.frame, _CLEAR * state.scale.length
-    along = np.cumsum([bar.length for bar in frame.bars])
-    bar = frame.bars[int(np.searchsorted(along, random.random() * along[-1]))]
-    extent, loss = log_uniform(random, 0.03, 0.3) * state.scale.length, random.uniform(0.2, 0.7)
+    extent *= state.scale.length
     stops = frame.stops(bar.name)
     extent = min(extent, 0.95 * (max(b - a for a, b in pairwise(stops)) - 2 * clear))  # there must be a place for it
     middle = 0.0
     while any(abs(middle - stop) <= extent / 2 + clear for stop in stops):
         middle = random.uniform(0, bar.length)
-    zone = _cut(middle, extent, 1 - loss)
+    bend1, bend2, twist = left
+    zone = Zone(start=middle - extent / 2, end=middle + extent / 2, bend1=bend1, bend2=bend2, twist=twist)
     frame = frame.with_bar(bar.name, zones=(*bar.zones, zone))
-    hidden = _at("local_stiffness", bar.point(middle), reach=extent / 2, loss=loss, extent=extent)
+    hidden = _at("local_stiffness", bar.point(middle), reach=extent / 2, loss=1 - min(left), extent=extent)
     return Done(state, state.of_frame(frame), (hidden,))
-
-
-def _cut(middle: float, extent: float, left: float) -> Zone:
-    return Zone(start=middle - extent / 2, end=middle + extent / 2, bend1=left, bend2=left, twist=left)
 
 
 def support_stiffness(state: State, random: Random) -> Done:

@@ -252,7 +252,7 @@ class _Misfit:
         gained = np.zeros(len(modes.omega))
         for member, start, end in welded(self._structure, knob.at):
             for element, local in parts_between(model, modes.shape, member, start, end):
-                more, fewer = (replace(element, bending=element.bending * np.exp(h)) for h in (_STEP, -_STEP))
+                more, fewer = (element.turned(np.exp(h)) for h in (_STEP, -_STEP))
                 change = (more.elastic_stiffness() - fewer.elastic_stiffness()) @ local / (2 * _STEP)
                 gained += (local * change).sum(0)
         return np.asarray(gained / (2 * modes.omega**2) / (1 - less))

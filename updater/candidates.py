@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from updater.causes.base import Cause
+from updater.causes.base import Cause, Propose
 from updater.causes.catalogue import CATALOGUE, RARITY
 from updater.causes.composite import Chosen
 from updater.causes.nothing import Nothing
@@ -66,16 +66,19 @@ class Weighing:
     Parameters
     ----------
     on_cause : called with the name of each cause before it is weighed
+    instead : makers of causes that stand in the place of the catalogue's of that name
     """
 
     reference: Reference
     data: Comparison
     on_cause: Callable[[str], None] = field(default=say_nothing)
+    instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
 
     @cached_property
     def causes(self) -> Mapping[str, Cause]:
         """Those that have alternatives here, by name."""
-        proposed = {name: propose(self.reference, self.data) for name, propose in CATALOGUE.items()}
+        makers = {name: self.instead.get(name, propose) for name, propose in CATALOGUE.items()}
+        proposed = {name: propose(self.reference, self.data) for name, propose in makers.items()}
         return {name: cause for name, cause in proposed.items() if cause is not None}
 
     @cached_property

@@ -20,6 +20,7 @@ from updater.candidates import OF_THE_FILE, Candidate, Weighing, ranked, say_not
 from updater.causes.added_mass import AddedMass
 from updater.causes.base import Cause
 from updater.causes.composite import Chosen
+from updater.causes.one_sided_stiffness import propose_one_sided_stiffness
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparing import MODEL_ERROR, compare
 from updater.comparison import Comparison
@@ -35,6 +36,8 @@ from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest,
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
+_WELL = 0.5  # p value of the likeliest, as searched for, from which on a stretch about one axis is not missed ...
+_RIVAL = 60.0  # ... if its log evidence is so far above that of one factor on a stretch
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
@@ -43,6 +46,7 @@ _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the 
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
+_STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
 _STREWN = (
     "Mass has come or gone at more places than these modes can tell apart: that some of it is spread out and some is "
@@ -107,6 +111,7 @@ def diagnose(
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
     search = Weighing(reference, compare(reference, event, circumstances=circumstances, model_error=less), on_cause)
     singles = search.singles(() if reference.filed is None else (OF_THE_FILE,))
+    search, singles = _one_sided(search, singles)
     case = _Case(reference, event, search.data, singles, search)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
@@ -114,6 +119,8 @@ def diagnose(
         return _refused("nothing_to_explain", case, search.log_nothing, "None: the data are what the reference says.")
     alone = [c for c in singles if c.effective]
     found = _stepwise(search, ranked([*alone, *_beside_the_file(search, alone)]), rough=True)
+    search, found = _one_sided_beside(search, found)
+    case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and _fits(found[0]):
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
@@ -124,6 +131,37 @@ def diagnose(
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
     return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
+
+
+def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
+    """Let a stretch's stiffness about either axis and in twist go apart where that may be likelier, and is."""
+    common = next((c for c in singles if c.names == (_STRETCH,)), None)
+    if common is None or search.nothing.p_value >= _WELL:
+        return search, singles
+    if singles[0].p_value >= _WELL and common.log_evidence < singles[0].log_evidence - _RIVAL:
+        return search, singles
+    apart = _let_apart(search)
+    (found,) = apart.singles((_STRETCH,))
+    if found.log_evidence < common.log_evidence + _MUCH:
+        return search, singles
+    return apart, ranked([found, *(c for c in singles if c is not common)])
+
+
+def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
+    """Let it go apart in the best of several causes together that has one, if that is likelier."""
+    common = next((c for c in found if len(c.chosen) > 1 and c.names.count(_STRETCH) == 1), None)
+    if common is None or search.instead or common.log_evidence < found[0].log_evidence - _RIVAL:
+        return search, found
+    apart = _let_apart(search)
+    beside = sorted(common.chosen, key=lambda c: c.cause.name == _STRETCH)  # what is last is fitted first
+    other = Compositions(apart).settled(tuple(beside))
+    if other.log_evidence < common.log_evidence + _MUCH:
+        return search, found
+    return apart, ranked([other, *(c for c in found if c is not common)])
+
+
+def _let_apart(search: Weighing) -> Weighing:
+    return replace(search, instead={_STRETCH: propose_one_sided_stiffness})
 
 
 def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
@@ -161,7 +199,7 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     ----------
     data : with that error
     """
-    weighing = Weighing(case.reference, data, case.weighing.on_cause)
+    weighing = replace(case.weighing, data=data)
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING]
     again = [several.settled(c.chosen) for c in near[:_MOST_JUDGED]]

@@ -146,6 +146,11 @@ class Segment(Entry):
     at: Vector  #: its middle [m]
     extent: Positive  #: its length [m]
     stiffness: Positive = 1.0  #: factor on what it bears bending and twist with [-]
+    bending: tuple[Positive, Positive] = (
+        1.0,
+        1.0,
+    )  #: beside that, on bending about the member's local y and z axes [-]
+    torsion: Positive = 1.0  #: beside that, on twist [-]
     shear_stiffness: Positive = 1.0  #: factor on what it bears shear and axial force with [-]
     mass: Number = 0.0  #: more over its length, spread as the member's own is [kg]
 
@@ -263,15 +268,20 @@ class Structure(Entry):
         own = [(float(np.subtract(s.at, member.start) @ axis), s) for s in self.segment if s.member == member.name]
         return [(max(x - s.extent / 2, 0.0), min(x + s.extent / 2, member.length), s) for x, s in own]
 
-    def part_at(self, member: Member, distance: float) -> tuple[Material, float, float]:
-        """Return a member's material at a distance from its start [m], as segments make it, and their two factors."""
+    def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, float]:
+        """Return a member's material at a distance from its start [m] as segments make it, and their factors.
+
+        Those on stiffness in twist and in bending about the local y and z axes, and that in shear and along the axis.
+        """
         material, area = self.material[member.material], self.section[member.section].area
         here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]
         if not here:
-            return material, 1.0, 1.0
+            return material, (1.0, 1.0, 1.0), 1.0
         density = material.density + sum(s.mass / s.extent for s in here) / area
-        bending, shear = (float(np.prod([getattr(s, k) for s in here])) for k in ("stiffness", "shear_stiffness"))
-        return material.model_copy(update={"density": density}), bending, shear
+        factors = np.prod([[s.stiffness * factor for factor in (s.torsion, *s.bending)] for s in here], axis=0)
+        twist, about_y, about_z = factors.tolist()
+        shear = float(np.prod([s.shear_stiffness for s in here]))
+        return material.model_copy(update={"density": density}), (twist, about_y, about_z), shear
 
     def with_mesh(self, element_length: float) -> "Structure":
         """Return the same structure with elements no longer than `element_length` [m]."""

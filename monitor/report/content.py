@@ -27,7 +27,7 @@ from monitor.words import (
     last_state,
     mass_text,
     number_text,
-    parameter_text,
+    parameter_texts,
     plain,
     share_text,
     utc,
@@ -234,7 +234,7 @@ def diagnosis_content(
                 "name": plain(c.cause),
                 "probability": share_text(c.probability),
                 "where": where_text(c.where) or "nowhere in particular",
-                "parameters": [(plain(name), parameter_text(name, q)) for name, q in c.parameters.items()],
+                "parameters": parameter_texts(c),
                 "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
             }
             for c in diagnosis.causes

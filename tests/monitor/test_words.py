@@ -55,6 +55,20 @@ def test_parameters_are_told_in_the_units_that_are_spoken(name: str, quantity: Q
     assert parameter_text(name, quantity) == text
 
 
+def test_a_loss_about_one_axis_is_told_once() -> None:
+    """`loss`, the most of them, is in the JSON for those that ask no further."""
+    losses = {"loss": 0.4, "loss_about_local_y": 0.4, "loss_about_local_z": 0.1, "loss_in_twist": 0.2}
+    cause = Cause(
+        cause="local_stiffness",
+        probability=1.0,
+        where=None,
+        parameters={name: Quantity(value=value, std=0.03, unit="-") for name, value in losses.items()},
+        cannot_be_told_from=(),
+    )
+    expected = "loss about local y 40 ± 3 %, loss about local z 10 ± 3 %, loss in twist 20 ± 3 %"
+    assert cause_text(cause) == f"local stiffness: {expected}"
+
+
 @pytest.mark.parametrize(
     ("std", "text"),
     [

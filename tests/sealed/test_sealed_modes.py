@@ -35,6 +35,9 @@ CASES = [
     ("attached_oscillator", 9400021),  # its own mode moves no sensor
     ("local_stiffness + added_mass", 684200013),  # the best of either alone is on the wrong member
     ("local_stiffness + added_mass", 684200006),  # 102 g beside two thirds of a member's stiffness
+    ("one_sided", 148300051),  # as one factor, with a body of -4 g beside it, it is 11 cm off
+    ("one_sided + added_mass", 652500053),
+    ("one_sided + sensor_gain", 940100054),
     ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
     ("mast: distributed_mass", 327700050),  # which does not lie as the tube does
     ("bridge: support_stiffness", 778200000),  # a bearing

@@ -53,6 +53,22 @@ def test_segment_is_a_member_of_another_material(mass: str) -> None:
     assert models[0].total_mass() == pytest.approx(models[1].total_mass(), rel=1e-12)
 
 
+def test_segment_about_one_axis_is_a_member_of_another_section() -> None:
+    """With particles, whose mass knows no section; local y of the column is global y."""
+    tube = t_frame().section["tube_40x40x3"]
+    (y, z), j = tube.second_moment, tube.torsion_constant
+    section = tube.model_copy(update={"second_moment": (0.4 * y, 0.9 * z), "torsion_constant": 0.7 * j})
+    cut = cut_in_three(0.5, 0.7, STEEL)
+    member = tuple(m.model_copy(update={"section": "other"}) if m.name == "part 1" else m for m in cut.member)
+    three = cut.model_copy(update={"member": member, "section": {**cut.section, "other": section}})
+    segment = Segment(member="column", at=(0, 0, 0.6), extent=0.2, stiffness=0.5, bending=(0.8, 1.8), torsion=1.4)
+    found, expected = (
+        build_model(s, shear_flexible=True, mass="lumped").modes(12).frequency
+        for s in (with_segments(segment).with_mesh(0.02), three.with_mesh(0.02))
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
 def test_segments_that_overlap_add_up() -> None:
     """Two halves over the same stretch are a quarter; ends need no node of the mesh."""
     half = Segment(member="column", at=(0, 0, 0.613), extent=0.111, stiffness=0.5, mass=0.1)
@@ -63,7 +79,8 @@ def test_segments_that_overlap_add_up() -> None:
 
 def test_segment_is_written_and_read_back() -> None:
     text = dump_structure(t_frame())
-    frame = with_segments(Segment(member="crossbeam", at=(0.1, 0, 1.48), extent=0.05, stiffness=0.7))
+    cut = Segment(member="crossbeam", at=(0.1, 0, 1.48), extent=0.05, stiffness=0.7, bending=(0.8, 1.0), torsion=0.9)
+    frame = with_segments(cut)
     written = dump_structure(frame, text, note="found")
     assert parse_structure(written) == frame
     assert "# found" in written
@@ -79,6 +96,7 @@ def test_segment_is_written_and_read_back() -> None:
         ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.001', "expected an extent of 0.00148 m or more, found 0.001"),
         ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nmass = -0.4', "no mass is left from 0.45 to 0.55 m"),
         ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nstiffness = 0', "greater than 0, found 0"),
+        ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nbending = [0.5]', "segment.0.bending.1: Field required"),
     ],
 )
 def test_what_is_wrong_with_a_segment_is_said(entry: str, said: str) -> None:

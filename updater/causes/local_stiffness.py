@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 _STD = 1.0  # of ln of the factor on stiffness, while it is fitted
 _LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two
 _STIFFEST = -1.0  # what a stretch may gain, as a logarithm
-_SHEAR = 0.5  # as much softer in shear and along the axis: a crack hardly is, a softer material all of it
-_SOFTEST = 7.0  # beyond which a hinge is a hinge
+SHEAR = 0.5  #: as much softer in shear and along the axis: a crack hardly is, a softer material all of it
+SOFTEST = 7.0  #: beyond which a hinge is a hinge
 #: from 1/75 of the longest member to half of it; near each other they act alike
-_LENGTHS = Kinds(
+LENGTHS = Kinds(
     size={8: 8, 30: 30, 90: 90},
     step={8: 10, 30: 14, 90: 28},
     about={8: (4, 6, 8, 10, 12, 14), 30: (18, 22, 26, 30, 36, 44, 52), 90: (62, 74, 88, 106, 126, 150)},
@@ -43,27 +43,36 @@ _LENGTHS = Kinds(
 class LocalStiffness(Spread):
     """Stretches of all members; the parameter is -ln of the factor on stiffness."""
 
-    bent: FloatArray  #: (n_edges, n_modes + n_stress, same) compliance in bending and twist from each member's start
-    sheared: FloatArray  #: (n_edges, n_modes + n_stress, same) in shear and along the axis
+    #: each (n_edges, n_modes + n_stress, same) from each member's start: in bending and twist, the last one in shear
+    compliance: tuple[FloatArray, ...]
     name: str = "local_stiffness"
     advice: str = "Look for a crack or a loosened splice along the stretch that is named."
 
     @property
     def prior_std(self) -> FloatArray:
         """Of the logarithm, the shift, the length, and of how much more than half as much it is softer in shear."""
-        return np.array([_STD, WITHIN, WITHIN, _SHEAR])
+        return np.array([_STD, WITHIN, WITHIN, SHEAR])
 
     @property
     def lower(self) -> FloatArray:
         """A stretch gains less than it may lose."""
-        return np.tile([_STIFFEST, -np.inf, -np.inf, -_SHEAR], (len(self.member), 1))
+        return np.tile([_STIFFEST, -np.inf, -np.inf, -SHEAR], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
-        more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))[:, None, None]
-        shear = np.minimum(_SHEAR + theta[:, 3], 1.0)[:, None, None]
-        softer = self.matrix(self.bent, theta, rows) + shear * self.matrix(self.sheared, theta, rows)
+        more = np.expm1(np.minimum(theta[:, 0], SOFTEST))[:, None, None]
+        softer = sum(self.shared(theta, rows), start=np.zeros(()))
         return replace(no_effect(len(rows), self.comparison), compliance=more * softer)
+
+    def shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return how much of each compliance (len(rows), n_compliances) is added, over the most of them."""
+        del rows
+        return np.stack([np.ones(len(theta)), np.minimum(SHEAR + theta[:, 3], 1.0)], axis=1)
+
+    def shared(self, theta: FloatArray, rows: IndexArray) -> list[FloatArray]:
+        """Return each compliance (len(rows), n_modes + n_stress, same) of stretches, by its share."""
+        of_each = self.shares(theta, rows).T[:, :, None, None]
+        return [s * self.matrix(each, theta, rows) for s, each in zip(of_each, self.compliance, strict=True)]
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a loss of any order makes of the evidence."""
@@ -89,13 +98,13 @@ class LocalStiffness(Spread):
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add a segment of the stretch's stiffness."""
         member, at, extent = self.stretch(row, theta)
-        more = float(np.expm1(min(theta[0], _SOFTEST)))
+        more = float(np.expm1(min(theta[0], SOFTEST)))
         segment = Segment(
             member=member,
             at=at,
             extent=extent,
             stiffness=1 / (1 + more),
-            shear_stiffness=1 / (1 + min(_SHEAR + float(theta[3]), 1.0) * more),
+            shear_stiffness=1 / (1 + min(SHEAR + float(theta[3]), 1.0) * more),
         )
         return structure.model_copy(update={"segment": (*structure.segment, segment)})
 
@@ -105,24 +114,24 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
     structure = reference.calibration.structure
     if not may_be_cut(structure):
         return None
-    cells, bent, sheared = _flexibility(reference)
+    cells, *compliance = _flexibility(reference)
     found = LocalStiffness(
         reference=reference,
         comparison=comparison,
         cells=cells,
-        kinds=_LENGTHS,
-        bent=bent,
-        sheared=sheared,
-        **everywhere(cells, _LENGTHS, 4),
+        kinds=LENGTHS,
+        compliance=tuple(compliance),
+        **everywhere(cells, LENGTHS, 4),
     )
-    return begun(found, _first_order(found))
+    return begun(found, first_order(found))
 
 
-def _first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
+def first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
     comparison = cause.comparison
     paired = comparison.paired
-    softer = cause.matrix(cause.bent, cause.start, np.arange(len(cause.member)))
+    *bent, _ = cause.shared(cause.start, np.arange(len(cause.member)))
+    softer = sum(bent, start=np.zeros(()))
     gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
     more, explained = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
     return np.log1p(np.clip(more, -0.5, np.e**2)), explained
@@ -131,7 +140,12 @@ def _first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
 @lru_cache(maxsize=4)
 def _flexibility(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
     """Return the compliance of all stretches, summed from each member's start."""
+    cells, actions = actions_of_cells(reference)
+    return cells, cells.summed([a[:, 3:] for a in actions]), cells.summed([a[:, :3] for a in actions])
+
+
+def actions_of_cells(reference: Reference) -> tuple[Cells, list[FloatArray]]:
+    """Return cells, and what is borne in the middles of those of each member (n_cells, 6, n_modes + n_stress)."""
     cells = cut(reference.calibration.structure.member)
     found = borne(reference, {m: cells.middles(m) for m in range(len(cells.members))})
-    actions = [found[m] for m in range(len(cells.members))]
-    return cells, cells.summed([a[:, 3:] for a in actions]), cells.summed([a[:, :3] for a in actions])
+    return cells, [found[m] for m in range(len(cells.members))]

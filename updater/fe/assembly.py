@@ -8,6 +8,7 @@ import scipy.linalg
 from scipy import sparse
 
 from daq import FloatArray, IntArray
+from updater.entry import Vector
 from updater.fe.element import Element
 from updater.fe.external import external_model
 from updater.fe.mesh import Mesh
@@ -95,7 +96,7 @@ class _Kinds:
         self.stiffness: list[FloatArray] = []  # of each kind (12, 12), global axes
         self.mass: list[FloatArray] = []
         along = mesh.nodes[self.last] - mesh.nodes[self.first]
-        known: dict[tuple[str | float, ...], int] = {}
+        known: dict[tuple[str | float | Vector, ...], int] = {}
         self.which = np.empty(len(along), np.intp)  # kind of each span
         for i, ((first, last, member), length) in enumerate(
             zip(mesh.spans, np.linalg.norm(along, axis=1), strict=True)
@@ -106,7 +107,7 @@ class _Kinds:
                 known[key] = len(self.element)
                 section = mesh.structure.section[member.section]
                 shape = section, shear_flexible, member.preload, member.local_y
-                element = Element(float(length), part[0], *shape, bending=part[1], shear=part[2])
+                element = Element(float(length), part[0], *shape, turning=part[1], shear=part[2])
                 self._add(element, along[i], mass)
             self.which[i] = known[key]
 
@@ -118,10 +119,10 @@ class _Kinds:
         self.mass.append(turn.T @ local @ turn)
 
 
-def _part(mesh: Mesh, member: Member, point: FloatArray) -> tuple[Material, float, float]:
+def _part(mesh: Mesh, member: Member, point: FloatArray) -> tuple[Material, Vector, float]:
     """Return the material of a member at a point on it (3,) [m], and factors on its stiffness."""
     if not mesh.structure.segment:
-        return mesh.structure.material[member.material], 1.0, 1.0
+        return mesh.structure.material[member.material], (1.0, 1.0, 1.0), 1.0
     return mesh.structure.part_at(member, float(np.linalg.norm(point - member.start)))
 
 

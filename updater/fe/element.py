@@ -5,7 +5,7 @@ shear flexibility, phi = 0, they are Hermite's cubics), so that stiffness is exa
 a meaning.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +30,7 @@ class Element:
     shear_flexible: bool  #: Timoshenko if true, Euler-Bernoulli if not
     tension: float = 0.0  #: axial force [N], negative in compression
     local_y: Vector | None = None  #: roughly where the local y axis points; horizontally if not said
-    bending: float = 1.0  #: factor on the stiffness in bending and twist [-]
+    turning: Vector = (1.0, 1.0, 1.0)  #: factors on the stiffness in twist and in bending about y and z [-]
     shear: float = 1.0  #: factor on the stiffness in shear and along the axis [-]
 
     def axes(self, direction: FloatArray) -> FloatArray:
@@ -49,7 +49,12 @@ class Element:
         young, shear = self.material.youngs_modulus, self.material.shear_modulus
         stretched = [young * self.section.area, *(shear * self.section.shear_area(axis) for axis in (0, 1))]
         turned = [shear * self.section.torsion_constant, *(young * moment for moment in self.section.second_moment)]
-        return np.array([*(self.shear * s for s in stretched), *(self.bending * t for t in turned)])
+        return np.array([*(self.shear * s for s in stretched), *np.multiply(self.turning, turned)])
+
+    def turned(self, factor: float) -> "Element":
+        """Return the same element with a factor on what it bears bending and twist with."""
+        twist, about_y, about_z = self.turning
+        return replace(self, turning=(factor * twist, factor * about_y, factor * about_z))
 
     def stiffness(self) -> FloatArray:
         """Return the stiffness matrix (12, 12), preload included."""
