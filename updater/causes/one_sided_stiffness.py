@@ -2,7 +2,8 @@
 
 As `local_stiffness`, but what it bears bending about either axis of the section with and what it bears twist with are
 let go apart: 1 - loss about one axis, and of the compliance that this adds a share, from none to all, about the other
-and in twist. Looked at where one factor on all three does not fit, nor any other cause.
+and in twist. Only what is short and is lost is looked at so: what is gained, or lost along half a member, about one
+axis and with shares of its own elsewhere acts like much that is in no catalogue.
 """
 
 from dataclasses import dataclass
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
 
 _SHARE = 0.3  # of the compliance about the axis, about the other and in twist: a cut of a third of the depth adds it
 _ABOUT_Z = 1000  # beyond the kinds about y, those about z
+_BEGUN = 0.05  # the least that a fit begins with: at its bound it would not know the way
+_SHORT = (8, 30)  # kinds of lengths
 _KINDS = Kinds(
     **{
-        name: {kind + axis: each for axis in (0, _ABOUT_Z) for kind, each in getattr(LENGTHS, name).items()}
+        name: {kind + axis: getattr(LENGTHS, name)[kind] for axis in (0, _ABOUT_Z) for kind in _SHORT}
         for name in ("size", "step", "about")
     }
 )
@@ -48,8 +51,8 @@ class OneSidedStiffness(LocalStiffness):
 
     @property
     def lower(self) -> FloatArray:
-        """No share is negative."""
-        return np.concatenate([super().lower, np.full((len(self.member), 2), -_SHARE)], axis=1)
+        """Nothing is gained, and no share is negative."""
+        return np.tile([0.0, -np.inf, -np.inf, -SHEAR, -_SHARE, -_SHARE], (len(self.member), 1))
 
     def shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return what is added about y and z, in twist and in shear (len(rows), 4), over that about the axis."""
@@ -105,7 +108,8 @@ def propose_one_sided_stiffness(reference: Reference, comparison: Comparison) ->
         compliance=compliance,
         **everywhere(cells, _KINDS, 6),
     )
-    return begun(found, first_order(found))
+    strength, explained = first_order(found)
+    return begun(found, (np.maximum(strength, _BEGUN), explained))
 
 
 @lru_cache(maxsize=2)
