@@ -5,7 +5,8 @@ from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
 from daq.canlog import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
-from daq.convert import export_recording, read_data, with_channels, write_recording
+from daq.convert import export_recording, with_channels, write_recording
+from daq.datafile import DataOptions, Measured, read_data, read_measured
 from daq.dbc import read_layout
 from daq.derivative import differentiated
 from daq.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
@@ -39,11 +40,13 @@ from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.scan_clocks import ScanClock, ScanClocks
 from daq.timebase import ClockFit
+from daq.timecolumn import TIME_UNITS
 
 __all__ = [
     "CAN_LOGS",
     "CHANNELS",
     "EPSON_SCALE",
+    "TIME_UNITS",
     "AnyLog",
     "Assembler",
     "Block",
@@ -54,6 +57,7 @@ __all__ = [
     "ClockFit",
     "DaqError",
     "DataError",
+    "DataOptions",
     "DbcAddress",
     "DbcError",
     "DbcSensor",
@@ -92,6 +96,7 @@ __all__ = [
     "LogThread",
     "LogWriter",
     "LoggedSensor",
+    "Measured",
     "PartedLog",
     "PortAnswer",
     "Recording",
@@ -126,6 +131,7 @@ __all__ = [
     "read_events",
     "read_layout",
     "read_log",
+    "read_measured",
     "repair_log",
     "search_port",
     "serial_ports",

@@ -30,7 +30,7 @@ class Arrays:
     names: tuple[str, ...]
     values: FloatArray  #: (n_samples, n_channels)
     rate: float | None  #: [Hz]; None if the file does not say
-    t: FloatArray | None  #: (n_samples,) [s]; None if the file does not say
+    t: FloatArray | None  #: (n_samples,) as they stand in it; None if the file does not say
     t_name: str = "t"  #: of the array of times, or of the one that was looked for
 
 
@@ -38,8 +38,8 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
     """Read signals from arrays.
 
     Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
-    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time` [s]
-    (``t`` or ``time`` unless given).
+    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time`
+    (``t`` or ``time``, perhaps with its unit, unless given).
 
     Raises
     ------

@@ -20,7 +20,11 @@ def import_(
     scale: Annotated[float, typer.Option(help="Units a number, if not 1.", min=1e-12)] = 1.0,
     start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
     time: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Column of times [s]; t or time unless given.")
+        str | None,
+        typer.Option(metavar="NAME", help="Column of times; t or time (t_ms, time [s]) unless given."),
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="Of the times: s, ms, us, ns, min, h, d; as their column's name says, or s.")
     ] = None,
     column: Annotated[
         list[str] | None,
@@ -45,6 +49,7 @@ def import_(
         scale=scale,
         start=start,
         time=time,
+        time_unit=time_unit,
         columns=tuple(column or ()),
         velocities=tuple(velocity or ()),
         structure=structure,

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from daq import DataError, Recording, read_data, with_channels, write_recording
+from daq import TIME_UNITS, DataError, DataOptions, Measured, Recording, read_measured, with_channels, write_recording
 from monitor.cli.exits import DONE
 from monitor.errors import ArgumentError
 from monitor.site import load_site
@@ -31,6 +31,7 @@ class ImportOptions:
     scale: float = 1.0  #: units a number
     start: str | None = None  #: ISO 8601
     time: str | None = None  #: column of times; t or time unless given
+    time_unit: str | None = None  #: what the column says unless given
     columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
     velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
     structure: Path | None = None
@@ -41,7 +42,8 @@ class ImportOptions:
 
 def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     """Write the log; say what is in it."""
-    recording = _read(data, options)
+    measured = _read(data, options)
+    recording = measured.recording
     attachments: dict[str, str] = {}
     lacking: list[str] = []
     if options.site is not None:
@@ -56,26 +58,30 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
         f"{_level(recording)}",
         soft_wrap=True,
     )
+    for remark in measured.remarks:
+        console.print(escape(remark), soft_wrap=True)
     if lacking:
         note = f"note: no column for {', '.join(lacking)} of {options.structure}"
         console.print(escape(note), soft_wrap=True, style="yellow")
     return DONE
 
 
-def _read(data: Path, options: ImportOptions) -> Recording:
+def _read(data: Path, options: ImportOptions) -> Measured:
+    if options.time_unit is not None and options.time_unit not in TIME_UNITS:
+        raise ArgumentError("--time-unit", f"expected one of {', '.join(TIME_UNITS)}, found {options.time_unit!r}")
     if options.unit not in UNITS:
         raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {options.unit!r}")
-    columns = columns_of(options.columns)
+    asked = DataOptions(
+        rate=options.rate,
+        factor=UNITS[options.unit] * options.scale,
+        start=0 if options.start is None else start_of(options.start),
+        time=options.time,
+        time_unit=options.time_unit,
+        columns=columns_of(options.columns),
+        velocities=options.velocities,
+    )
     try:
-        return read_data(
-            data,
-            rate=options.rate,
-            factor=UNITS[options.unit] * options.scale,
-            start=0 if options.start is None else start_of(options.start),
-            time=options.time,
-            columns=columns,
-            velocities=options.velocities,
-        )
+        return read_measured(data, asked)
     except ValueError as error:  # of a name or a record too short: what the other arguments may be was checked
         raise ArgumentError("--velocity", f"{data}: {error}") from error
 

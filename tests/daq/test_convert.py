@@ -126,6 +126,40 @@ def test_times_are_known_by_what_they_are_usually_called(tmp_path: Path, name: s
     assert read_data(tmp_path / "data.npz").rate == 2.0
 
 
+@pytest.mark.parametrize(
+    ("name", "given", "rate"),
+    [
+        ("time [ms]", None, 500.0),
+        ("Time (msec)", None, 500.0),
+        ("t_ms", None, 500.0),
+        ("t / us", None, 5e5),
+        ("T [µs]", None, 5e5),
+        ("time in minutes", None, 1 / 120),
+        ("t [s]", None, 0.5),
+        ("t", "ms", 500.0),
+        ("t", "s", 0.5),
+        ("t [s]", "ms", 500.0),
+    ],
+)
+def test_the_unit_of_times_is_heeded(tmp_path: Path, name: str, given: str | None, rate: float) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(f"{name},left\n0,1\n2,2\n4,3\n")
+    found = read_data(path, time_unit=given)
+    assert [c.name for c in found.channels] == ["left"]
+    assert found.rate == pytest.approx(rate, rel=1e-5)
+    np.savez(tmp_path / "data.npz", **{"data": np.ones((3, 2)), name: np.arange(3) * 2.0})  # type: ignore[arg-type]
+    assert read_data(tmp_path / "data.npz", time_unit=given).rate == pytest.approx(rate, rel=1e-5)
+
+
+def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("t_s,t\n5,0\n6,0.5\n8,1\n")
+    found = read_data(path)
+    assert ([c.name for c in found.channels], found.rate) == (["t_s"], 2.0)
+    with pytest.raises(ValueError, match="time_unit: expected one of s, ms, us, ns, min, h, d, found 'week'"):
+        read_data(path, time_unit="week")
+
+
 def test_chosen_arrays_only(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, data=np.arange(12.0).reshape(4, 3), seconds=np.arange(4) / 2)
@@ -226,9 +260,20 @@ TABLES = {
     "no channel": ("t\n1\n2\n", "has no column beside 't'"),
     "no time": (
         "a,b\n1,2\n",
-        r"has no column of times \[s\], as 't' or 'time \(s\)', but a, b: give --time NAME or --rate",
+        r"has no column of times, as 't' or 'time \[ms\]', but a, b: give --time NAME or --rate",
     ),
-    "milliseconds": ("time [ms],b\n1,2\n", r"has no column of times \[s\], .* but time \[ms\], b: give --time NAME"),
+    "unit of no time": ("time [g],b\n1,2\n", r"has no column of times, .* but time \[g\], b: give --time NAME"),
+    "milliseconds": (
+        "t,a\n0,1\n10,1\n20,1\n",
+        r"column 't': times in seconds would make 0.1 Hz, which no log of a structure has: "
+        r"say their unit by --time-unit, as ms \(100 Hz\); s if it is right",
+    ),
+    "since 1970": (
+        "t,a\n1767225600000,1\n1767225600004,1\n1767225600008,1\n",
+        r"column 't': .* 0.25 Hz, .* as ms \(250 Hz\);",
+    ),
+    "microseconds": ("t,a\n0,1\n1000,1\n2000,1\n", r"column 't': .* as ms \(1 Hz\) or us \(1000 Hz\);"),
+    "days": ("t,a\n0,1\n1e-7,1\n2e-7,1\n", r"column 't': .* 1e\+07 Hz, .* as h \(2777.78 Hz\) or d \(115.741 Hz\);"),
     "name twice": ("t,a,a\n0,1,2\n", "line 1: the column name 'a' is given twice"),
     "no name": ("t,,a\n0,1,2\n", "line 1: the column name '' is empty"),
     "word": ("t,a\n0,1\n# c\n1,x1\n", "line 4, column 'a': expected a number, found 'x1'"),

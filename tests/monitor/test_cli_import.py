@@ -51,6 +51,29 @@ def test_import_says_what_it_wrote(modalwatch: Commands, table: Path, tmp_path: 
     assert list(read_attachments(tmp_path / "log.mcap")) == ["channels.json"]
 
 
+def test_times_that_are_no_seconds(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    header, *rows = table.read_text().split("\n")
+    rows = [f"{1e3 * float(row.partition(',')[0]):.0f},{row.partition(',')[2]}" for row in rows]
+    table.write_text("\n".join([header, *rows]))
+    log = tmp_path / "log.mcap"
+    done = modalwatch("import", table, "-o", log)
+    assert_refused(
+        done, "data.csv: column 't': times in seconds would make 0.1 Hz", "--time-unit, as ms (100 Hz); s if"
+    )
+    assert not log.exists()
+    done = modalwatch("import", table, "-o", log, "--time-unit", "ms")
+    assert (done.code, done.err) == (0, "")
+    assert ": 2 channels, 3 s at 100 Hz," in done.out
+    assert done.out.splitlines()[1] == "times of 't' are in ms"
+    table.write_text("\n".join([header.replace("t,", "Time (ms),"), *rows]))
+    done = modalwatch("import", table, "-o", tmp_path / "headed.mcap")
+    assert done.out.splitlines()[1] == "times of 'Time (ms)' are in ms"
+    assert imported(tmp_path / "headed.mcap").rate == 100.0
+    done = modalwatch("import", table, "-o", tmp_path / "asked.mcap", "--time-unit", "s")
+    assert done.out.splitlines()[1] == "times of 'Time (ms)' are taken in s, as --time-unit says, not in ms"
+    assert ", 3000 s at 0.1 Hz," in done.out
+
+
 def test_import_of_some_columns_under_other_names(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     table.write_text(table.read_text().replace("t,beam_left_y,beam_left_z", "time,a=1,b"))
     options = ("--time", "time", "--column", "a=1=beam_left_y", "--column", "b=beam_left_z")
@@ -100,9 +123,10 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
         (("--column", "left"), "data.csv: line 1: expected a column 'left', found t, beam_left_y, beam_left_z"),
         (
             ("--time", "zeit"),
-            "data.csv: has no column 'zeit' of times [s], but t, beam_left_y, beam_left_z: give --time NAME or --rate",
+            "data.csv: has no column 'zeit' of times, but t, beam_left_y, beam_left_z: give --time NAME or --rate",
         ),
         (("--rate", "10"), "data.csv: has a column 't' of times: leave out --rate"),
+        (("--time-unit", "week"), "--time-unit: expected one of s, ms, us, ns, min, h, d, found 'week'"),
         (("--structure", "none.toml"), "none.toml: cannot be read: "),
     ],
 )

@@ -1,0 +1,189 @@
+"""Files of measurements to recordings."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from daq.arrayfile import read_arrays
+from daq.csvfile import csv_names, read_csv
+from daq.derivative import differentiated
+from daq.errors import DataError
+from daq.recording import Channel, FloatArray, Recording, find_gaps
+from daq.sampling import UnevenError, even_grid
+from daq.timecolumn import TIME_UNITS, in_seconds, no_times, time_column, time_remark
+from daq.universalfile import read_universal
+
+UNIVERSAL = {".uff", ".unv"}  #: endings of universal files
+_DEVICE = "import"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataOptions:
+    """What is said by hand about a file of measurements."""
+
+    rate: float | None = None  #: samples a second [Hz], if the file does not say
+    factor: float = 1.0  #: m/s2 a unit of the file
+    start: int = 0  #: time of the first sample [ns UTC]
+    time: str | None = None  #: name of the column of times; `time_column` looks for it unless given
+    time_unit: str | None = None  #: of `TIME_UNITS`; what the column's name says, or s, unless given
+    columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; all unless given
+    velocities: Collection[str] = ()  #: channels that hold velocities [m/s, after `factor`]
+
+    def __post_init__(self) -> None:
+        """Refuse what no file can be read by."""
+        if not self.factor > 0 or not (self.rate is None or self.rate > 0):
+            raise ValueError(f"rate and factor: expected positive numbers, found {self.rate} and {self.factor}")
+        if self.time_unit is not None and self.time_unit not in TIME_UNITS:
+            raise ValueError(f"time_unit: expected one of {', '.join(TIME_UNITS)}, found {self.time_unit!r}")
+        if self.columns is not None and len(set(self.columns.values())) < len(self.columns):
+            raise ValueError(f"columns: expected different names, found {', '.join(self.columns.values())}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Measured:
+    """What a file of measurements holds."""
+
+    recording: Recording
+    remarks: tuple[str, ...]  #: what was taken from the names of columns, or against them
+
+
+def read_data(
+    path: Path,
+    *,
+    rate: float | None = None,
+    factor: float = 1.0,
+    start: int = 0,
+    time: str | None = None,
+    time_unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    velocities: Collection[str] = (),
+) -> Recording:
+    """Read the recording of a file of measurements: `read_measured` with `DataOptions` of the same names."""
+    options = DataOptions(
+        rate=rate,
+        factor=factor,
+        start=start,
+        time=time,
+        time_unit=time_unit,
+        columns=columns,
+        velocities=velocities,
+    )
+    return read_measured(path, options).recording
+
+
+def read_measured(path: Path, options: DataOptions) -> Measured:
+    """Read a file of measurements: .npz, .mat, universal (.uff, .unv), anything else as a table of text.
+
+    Parameters
+    ----------
+    path : of the file; see `read_csv`, `read_arrays` and `read_universal` for what it may hold
+    options : DataOptions
+
+    Returns
+    -------
+    Measured
+        Accelerations [m/s2]; velocities were differentiated. NaN and empty cells are gaps, and so is a missing stretch
+        of times.
+
+    Raises
+    ------
+    DataError
+        Naming the file, and line or field.
+    ValueError
+        If a channel of `options.velocities` is none.
+    """
+    read = _arrays if path.suffix.lower() in {".npz", ".mat", *UNIVERSAL} else _table
+    found = read(path, options)
+    names = found.names if options.columns is None else tuple(options.columns[name] for name in found.names)
+    channels = _channels(names, found.values)
+    data = found.values * options.factor
+    recording = Recording(
+        channels=channels, data=data, rate=found.rate, start=options.start, gaps=find_gaps(channels, data)
+    )
+    remark = time_remark(found.time, options.time_unit) if found.time is not None else None
+    return Measured(
+        recording=differentiated(recording, options.velocities) if options.velocities else recording,
+        remarks=(remark,) if remark else (),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Signals on an even grid."""
+
+    names: tuple[str, ...]
+    values: FloatArray  #: (n_samples, n_columns) as they stand in the file
+    rate: float  #: [Hz]
+    time: str | None = None  #: name of the column of times; None if the rate was said
+
+
+def _table(path: Path, options: DataOptions) -> _Columns:
+    every, wanted, rate = csv_names(path), options.columns, options.rate
+    time = time_column(every, options.time)
+    table = read_csv(path, None if wanted is None else {*wanted, *([time] if time is not None and not rate else [])})
+    if time is None or time not in table.names:
+        return _Columns(table.names, table.values, _known(path, rate, None, no_times(every, options.time)))
+    place = table.names.index(time)
+    names = tuple(name for name in table.names if name != time)
+    if not names:
+        raise DataError(path, f"has no column beside {time!r}")
+    if rate is not None:
+        raise DataError(path, f"has a column {time!r} of times: leave out --rate")
+    values = np.delete(table.values, place, axis=1)
+    try:
+        t = in_seconds(path, time, table.values[:, place], options.time_unit)
+        return _Columns(names, *_on_grid(t, values), time)
+    except UnevenError as error:
+        raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
+
+
+def _arrays(path: Path, options: DataOptions) -> _Columns:
+    universal, wanted = path.suffix.lower() in UNIVERSAL, options.columns
+    arrays = read_universal(path, wanted) if universal else read_arrays(path, options.time)
+    for name in wanted or ():
+        if name not in arrays.names:
+            raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
+    chosen = [place for place, name in enumerate(arrays.names) if wanted is None or name in wanted]
+    names, values = tuple(arrays.names[place] for place in chosen), arrays.values[:, chosen]
+    if arrays.t is None:
+        otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
+        return _Columns(names, values, _known(path, options.rate, arrays.rate, otherwise))
+    if len(arrays.t) != len(values):
+        raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
+    try:
+        t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
+        return _Columns(names, *_on_grid(t, values), arrays.t_name)
+    except UnevenError as error:
+        raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
+
+
+def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:
+    """Return the rate that is given or stands in the file."""
+    rate = given if given is not None else found
+    if rate is None:
+        raise DataError(path, otherwise)
+    if not rate > 0:
+        raise DataError(path, f"rate: expected a positive number of Hz, found {rate}")
+    return rate
+
+
+def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
+    """Return rows at their places on an even grid, NaN between, and its rate."""
+    grid = even_grid(t)
+    data = np.full((int(grid.index[-1]) + 1, values.shape[1]), np.nan)
+    data[grid.index] = values
+    return data, grid.rate
+
+
+def _channels(names: tuple[str, ...], values: FloatArray) -> tuple[Channel, ...]:
+    """Give the columns to devices: those that lack the same samples to the same one."""
+    patterns: dict[bytes, list[int]] = {}
+    for column, missing in enumerate(np.isnan(values).T):
+        patterns.setdefault(np.packbits(missing).tobytes(), []).append(column)
+    place = {}
+    for number, columns in enumerate(patterns.values(), 1):
+        device = _DEVICE if number == 1 else f"{_DEVICE}-{number}"
+        place.update({column: Channel(name=names[column], device=device, axis=i) for i, column in enumerate(columns)})
+    return tuple(place[column] for column in range(len(names)))
