@@ -25,6 +25,7 @@ from daq.emulator.witmotion_can import EmulatedWitmotionCan
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
 from daq.expand import expand_log
 from daq.found import Found, PortAnswer
+from daq.headings import ACCELERATIONS, acceleration
 from daq.hostclock import HostClock, ScaledClock, SystemClock
 from daq.log import Event, Item, LogWriter, read_attachments, read_events, read_log
 from daq.log_address import LogAddress
@@ -43,6 +44,7 @@ from daq.timebase import ClockFit
 from daq.timecolumn import TIME_UNITS
 
 __all__ = [
+    "ACCELERATIONS",
     "CAN_LOGS",
     "CHANNELS",
     "EPSON_SCALE",
@@ -109,6 +111,7 @@ __all__ = [
     "Scans",
     "SerialPortInfo",
     "SystemClock",
+    "acceleration",
     "as_logs",
     "can_adapters",
     "can_interfaces",

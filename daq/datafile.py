@@ -10,6 +10,7 @@ from daq.arrayfile import read_arrays
 from daq.csvfile import csv_names, read_csv
 from daq.derivative import differentiated
 from daq.errors import DataError
+from daq.headings import Signal, factors, signals_of, unit_remarks
 from daq.recording import Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
 from daq.timecolumn import TIME_UNITS, in_seconds, no_times, time_column, time_remark
@@ -24,16 +25,16 @@ class DataOptions:
     """What is said by hand about a file of measurements."""
 
     rate: float | None = None  #: samples a second [Hz], if the file does not say
-    factor: float = 1.0  #: m/s2 a unit of the file
+    factor: float | None = None  #: m/s2 a unit of the file; what its columns' names say, or 1, unless given
     start: int = 0  #: time of the first sample [ns UTC]
     time: str | None = None  #: name of the column of times; `time_column` looks for it unless given
     time_unit: str | None = None  #: of `TIME_UNITS`; what the column's name says, or s, unless given
-    columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; all unless given
+    columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; see `signals_of`
     velocities: Collection[str] = ()  #: channels that hold velocities [m/s, after `factor`]
 
     def __post_init__(self) -> None:
         """Refuse what no file can be read by."""
-        if not self.factor > 0 or not (self.rate is None or self.rate > 0):
+        if not all(number is None or number > 0 for number in (self.rate, self.factor)):
             raise ValueError(f"rate and factor: expected positive numbers, found {self.rate} and {self.factor}")
         if self.time_unit is not None and self.time_unit not in TIME_UNITS:
             raise ValueError(f"time_unit: expected one of {', '.join(TIME_UNITS)}, found {self.time_unit!r}")
@@ -53,7 +54,7 @@ def read_data(
     path: Path,
     *,
     rate: float | None = None,
-    factor: float = 1.0,
+    factor: float | None = None,
     start: int = 0,
     time: str | None = None,
     time_unit: str | None = None,
@@ -96,16 +97,17 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
     """
     read = _arrays if path.suffix.lower() in {".npz", ".mat", *UNIVERSAL} else _table
     found = read(path, options)
-    names = found.names if options.columns is None else tuple(options.columns[name] for name in found.names)
-    channels = _channels(names, found.values)
-    data = found.values * options.factor
+    by_hand = options.factor
+    factor = factors(path, found.signals, options.velocities) if by_hand is None else by_hand
+    channels = _channels(tuple(signal.channel for signal in found.signals), found.values)
+    data = found.values * factor
     recording = Recording(
         channels=channels, data=data, rate=found.rate, start=options.start, gaps=find_gaps(channels, data)
     )
     remark = time_remark(found.time, options.time_unit) if found.time is not None else None
     return Measured(
         recording=differentiated(recording, options.velocities) if options.velocities else recording,
-        remarks=(remark,) if remark else (),
+        remarks=(*([remark] if remark else []), *unit_remarks(found.signals, options.velocities, by_hand)),
     )
 
 
@@ -113,48 +115,51 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
 class _Columns:
     """Signals on an even grid."""
 
-    names: tuple[str, ...]
-    values: FloatArray  #: (n_samples, n_columns) as they stand in the file
+    signals: tuple[Signal, ...]
+    values: FloatArray  #: (n_samples, n_signals) as they stand in the file
     rate: float  #: [Hz]
     time: str | None = None  #: name of the column of times; None if the rate was said
 
 
 def _table(path: Path, options: DataOptions) -> _Columns:
-    every, wanted, rate = csv_names(path), options.columns, options.rate
+    every, rate = csv_names(path), options.rate
     time = time_column(every, options.time)
-    table = read_csv(path, None if wanted is None else {*wanted, *([time] if time is not None and not rate else [])})
-    if time is None or time not in table.names:
-        return _Columns(table.names, table.values, _known(path, rate, None, no_times(every, options.time)))
-    place = table.names.index(time)
-    names = tuple(name for name in table.names if name != time)
-    if not names:
+    signals = signals_of(path, [name for name in every if name != time], options.columns)
+    wanted = {signal.column for signal in signals}
+    if time is not None and (options.columns is None or rate is None):
+        wanted.add(time)
+    table = read_csv(path, None if options.columns is None else wanted)
+    if time is None or time not in wanted:
+        return _Columns(signals, table.values, _known(path, rate, None, no_times(every, options.time)))
+    signals = tuple(signal for signal in signals if signal.column != time)
+    if not signals:
         raise DataError(path, f"has no column beside {time!r}")
     if rate is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
-    values = np.delete(table.values, place, axis=1)
+    place = table.names.index(time)
     try:
         t = in_seconds(path, time, table.values[:, place], options.time_unit)
-        return _Columns(names, *_on_grid(t, values), time)
+        return _Columns(signals, *_on_grid(t, np.delete(table.values, place, axis=1)), time)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
 
 def _arrays(path: Path, options: DataOptions) -> _Columns:
-    universal, wanted = path.suffix.lower() in UNIVERSAL, options.columns
-    arrays = read_universal(path, wanted) if universal else read_arrays(path, options.time)
-    for name in wanted or ():
-        if name not in arrays.names:
-            raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
-    chosen = [place for place, name in enumerate(arrays.names) if wanted is None or name in wanted]
-    names, values = tuple(arrays.names[place] for place in chosen), arrays.values[:, chosen]
+    universal = path.suffix.lower() in UNIVERSAL  # whose units stand elsewhere
+    arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time)
+    signals = signals_of(path, arrays.names, options.columns, united=not universal)
+    for signal in signals:
+        if signal.column not in arrays.names:
+            raise DataError(path, f"expected a channel {signal.column!r}, found {', '.join(arrays.names)}")
+    values = arrays.values[:, [arrays.names.index(signal.column) for signal in signals]]
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
-        return _Columns(names, values, _known(path, options.rate, arrays.rate, otherwise))
+        return _Columns(signals, values, _known(path, options.rate, arrays.rate, otherwise))
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
-        return _Columns(names, *_on_grid(t, values), arrays.t_name)
+        return _Columns(signals, *_on_grid(t, values), arrays.t_name)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from daq.errors import DataError
+from daq.headings import parted
 from daq.recording import FloatArray
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}  #: [s]
@@ -21,7 +22,6 @@ _SPELT = {
 }
 _WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
 _BARE = re.compile(r"t|time", re.IGNORECASE)
-_BRACKETED = re.compile(r"(?P<name>.*?)\s*(\[\s*(?P<square>[^\[\]]*?)\s*\]|\(\s*(?P<round>[^()]*?)\s*\))")
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3  # Hz: no log of a structure's accelerations is beyond, unless somebody says so
 _USUAL = 20e3  # Hz: up to which a unit is proposed
@@ -52,9 +52,9 @@ def header_unit(name: str) -> str | None:
 
 def _parted(name: str) -> tuple[str, str]:
     """Return a name and its unit, either in brackets or after it; "" where there is none."""
-    found = _BRACKETED.fullmatch(name.strip())
-    if found:
-        return found["name"], found["square"] or found["round"] or ""
+    bare, unit = parted(name)
+    if unit:
+        return bare, unit
     found = _ENDED.fullmatch(name.strip())
     return (found["name"], found["unit"]) if found else (name, "")
 

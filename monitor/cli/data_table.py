@@ -16,8 +16,10 @@ def import_(
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
     rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
-    unit: Annotated[str, typer.Option(help="Of the numbers: m/s2 or g.")] = "m/s2",
-    scale: Annotated[float, typer.Option(help="Units a number, if not 1.", min=1e-12)] = 1.0,
+    unit: Annotated[
+        str | None, typer.Option(help="Of the numbers: m/s2, mm/s2, g, mg; as their columns say, or m/s2.")
+    ] = None,
+    scale: Annotated[float | None, typer.Option(help="Units a number, if not 1.", min=1e-12)] = None,
     start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
     time: Annotated[
         str | None,

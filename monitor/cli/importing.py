@@ -9,13 +9,23 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from daq import TIME_UNITS, DataError, DataOptions, Measured, Recording, read_measured, with_channels, write_recording
+from daq import (
+    ACCELERATIONS,
+    TIME_UNITS,
+    DataError,
+    DataOptions,
+    Measured,
+    Recording,
+    acceleration,
+    read_measured,
+    with_channels,
+    write_recording,
+)
 from monitor.cli.exits import DONE
 from monitor.errors import ArgumentError
 from monitor.site import load_site
 from updater import parse_structure, portable_text
 
-UNITS = {"m/s2": 1.0, "g": 9.80665}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
 
@@ -27,8 +37,8 @@ class ImportOptions:
     """What the command line says about a file of measurements."""
 
     rate: float | None = None  #: [Hz], if it has no times
-    unit: str = "m/s2"
-    scale: float = 1.0  #: units a number
+    unit: str | None = None  #: of the numbers; what the columns say, else m/s2
+    scale: float | None = None  #: units a number
     start: str | None = None  #: ISO 8601
     time: str | None = None  #: column of times; t or time unless given
     time_unit: str | None = None  #: what the column says unless given
@@ -69,11 +79,9 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
 def _read(data: Path, options: ImportOptions) -> Measured:
     if options.time_unit is not None and options.time_unit not in TIME_UNITS:
         raise ArgumentError("--time-unit", f"expected one of {', '.join(TIME_UNITS)}, found {options.time_unit!r}")
-    if options.unit not in UNITS:
-        raise ArgumentError("--unit", f"expected one of {', '.join(UNITS)}, found {options.unit!r}")
     asked = DataOptions(
         rate=options.rate,
-        factor=UNITS[options.unit] * options.scale,
+        factor=_factor(options),
         start=0 if options.start is None else start_of(options.start),
         time=options.time,
         time_unit=options.time_unit,
@@ -84,6 +92,16 @@ def _read(data: Path, options: ImportOptions) -> Measured:
         return read_measured(data, asked)
     except ValueError as error:  # of a name or a record too short: what the other arguments may be was checked
         raise ArgumentError("--velocity", f"{data}: {error}") from error
+
+
+def _factor(options: ImportOptions) -> float | None:
+    """Return what a number is worth [m/s2] if that was said by hand."""
+    if options.unit is None and options.scale is None:
+        return None
+    worth = acceleration(options.unit or "m/s2")
+    if worth is None:
+        raise ArgumentError("--unit", f"expected one of {', '.join(ACCELERATIONS)}, found {options.unit!r}")
+    return worth * (options.scale or 1.0)
 
 
 def columns_of(options: Sequence[str]) -> dict[str, str] | None:

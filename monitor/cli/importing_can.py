@@ -21,7 +21,7 @@ console = Console(highlight=False)
 
 def import_can_command(data: Path, out: Path, options: ImportOptions) -> int:
     """Write the log; say what was found of each sensor."""
-    if options.velocities or options.unit != "m/s2":
+    if options.velocities or options.unit is not None:
         raise ArgumentError("--velocity" if options.velocities else "--unit", "not of a CAN log: its DBC file says")
     sensors, channels, attachments = _of_site(options.site) if options.site else _of_options(options)
     if options.structure is not None:
@@ -57,7 +57,7 @@ def _of_options(options: ImportOptions) -> _What:
         raise ArgumentError("--dbc", "expected --site, or --dbc with --counter, --rate and --column SIGNAL[=SENSOR]")
     if len(columns) > _AXES:
         raise ArgumentError("--column", f"expected at most {_AXES} signals of a sensor, found {len(columns)}")
-    scale = None if options.scale == 1 else options.scale
+    scale = None if options.scale in (None, 1) else options.scale
     sensor = DbcSensor(file=options.dbc, signals=tuple(columns), counter=options.counter, scale=scale)
     return [LoggedSensor(device=_DEVICE, rate=options.rate, sensor=sensor)], _channels(columns), {}
 

@@ -151,6 +151,53 @@ def test_the_unit_of_times_is_heeded(tmp_path: Path, name: str, given: str | Non
     assert read_data(tmp_path / "data.npz", time_unit=given).rate == pytest.approx(rate, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("unit", "worth"),
+    [
+        *(("[g]", 9.80665), ("(mg)", 9.80665e-3), ("[G]", 9.80665), ("( µg )", 9.80665e-6), ("[gal]", 1e-2)),
+        *(("[m/s2]", 1.0), ("[m/s^2]", 1.0), ("(m/s²)", 1.0), ("[mm/s**2]", 1e-3), ("[m s-2]", 1.0), ("", 1.0)),
+    ],
+)
+def test_the_unit_of_a_channel_is_heeded(tmp_path: Path, unit: str, worth: float) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(f"t,left {unit},right [m/s2]\n0,1,1\n0.5,-2,1\n")
+    found = read_data(path)
+    assert [c.name for c in found.channels] == ["left", "right"]
+    np.testing.assert_allclose(found.data, [[worth, 1], [-2 * worth, 1]], rtol=1e-12)
+    np.testing.assert_array_equal(read_data(path, factor=2.0).data, [[2, 2], [-4, 2]])
+    np.savez(tmp_path / "data.npz", data=[[1.0], [2.0]], rate=1.0, channels=[f"left {unit}"])
+    np.testing.assert_allclose(read_data(tmp_path / "data.npz").data[:, 0], [worth, 2 * worth], rtol=1e-12)
+
+
+def test_columns_with_units_are_chosen_by_either_name(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("t,a [g],b (mg),c (left),c (right)\n0,1,1,1,1\n0.5,2,2,2,2\n")
+    for columns, names in (
+        ({"b": "b", "a": "top"}, ["top", "b"]),
+        ({"b (mg)": "foot", "a [g]": "a [g]"}, ["a", "foot"]),
+    ):
+        assert [c.name for c in read_data(path, columns=columns).channels] == names
+    with pytest.raises(DataError, match=r"expected different columns, found a, a \[g\]"):
+        read_data(path, columns={"a": "x", "a [g]": "y"})
+    with pytest.raises(DataError, match=r"column 'c \(left\)': expected the unit m/s2, .*, found 'left': say by"):
+        read_data(path)
+    whole = ["a", "b", "c (left)", "c (right)"]
+    assert [c.name for c in read_data(path, factor=1.0).channels] == whole
+
+
+def test_the_unit_of_velocities_is_heeded(tmp_path: Path) -> None:
+    path, t = tmp_path / "data.csv", np.arange(400) / 100
+    rows = [f"{a!r},{a!r}" for a in np.sin(20 * t).tolist()]
+    path.write_text("\n".join(["v [mm/s],a", *rows]))
+    found = read_data(path, rate=100.0, velocities=["v"]).data[100:-100, 0]
+    np.testing.assert_allclose(found, 0.02 * np.cos(20 * t[100:-100]), atol=1e-4)
+    with pytest.raises(DataError, match=r"column 'v \[mm/s\]' holds velocities: say so by --velocity v$"):
+        read_data(path, rate=100.0)
+    path.write_text("\n".join(["v [g],a", *rows]))
+    with pytest.raises(DataError, match=r"column 'v \[g\]': expected the unit m/s, cm/s, mm/s, um/s, found 'g'"):
+        read_data(path, rate=100.0, velocities=["v"])
+
+
 def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t_s,t\n5,0\n6,0.5\n8,1\n")

@@ -74,6 +74,29 @@ def test_times_that_are_no_seconds(modalwatch: Commands, table: Path, tmp_path: 
     assert ", 3000 s at 0.1 Hz," in done.out
 
 
+def test_units_in_the_header(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    text = table.read_text()
+    values = np.genfromtxt(table, delimiter=",", skip_header=1)[:, 1:]
+    table.write_text(text.replace("beam_left_y,beam_left_z", "beam_left_y [g],beam_left_z (mm/s^2)"))
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--structure", tmp_path / "t_structure.toml")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines()[1] == "as the columns say: beam_left_y in g; beam_left_z in mm/s^2"
+    np.testing.assert_allclose(imported(tmp_path / "log.mcap").data, [9.80665, 1e-3] * values, rtol=0, atol=1e-7)
+    done = modalwatch("import", table, "-o", tmp_path / "hand.mcap", "--unit", "mg", "--scale", "2")
+    assert done.out.splitlines()[1] == (
+        "columns say: beam_left_y in g; beam_left_z in mm/s^2; what --unit and --scale say goes before it, "
+        "0.0196133 m/s2 a unit"
+    )
+    np.testing.assert_allclose(imported(tmp_path / "hand.mcap").data, 0.0196133 * values, rtol=0, atol=1e-9)
+    table.write_text(text.replace("beam_left_z", "beam_left_z [V]"))
+    done = modalwatch("import", table, "-o", tmp_path / "volts.mcap")
+    assert_refused(done, table, "column 'beam_left_z [V]': expected the unit m/s2, cm/s2, mm/s2, g, mg, ug, found 'V'")
+    assert not (tmp_path / "volts.mcap").exists()
+    done = modalwatch("import", table, "-o", tmp_path / "volts.mcap", "--unit", "g", "--scale", "0.5")
+    assert done.code == 0, done.err
+    assert [c.name for c in imported(tmp_path / "volts.mcap").channels] == ["beam_left_y", "beam_left_z"]
+
+
 def test_import_of_some_columns_under_other_names(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     table.write_text(table.read_text().replace("t,beam_left_y,beam_left_z", "time,a=1,b"))
     options = ("--time", "time", "--column", "a=1=beam_left_y", "--column", "b=beam_left_z")
@@ -116,7 +139,7 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--unit", "inch"), "--unit: expected one of m/s2, g, found 'inch'"),
+        (("--unit", "inch"), "--unit: expected one of m/s2, cm/s2, mm/s2, g, mg, ug, found 'inch'"),
         (("--start", "yesterday"), "--start: expected a time as 2026-01-31T12:00:00Z, found 'yesterday'"),
         (("--start", "1066-10-14"), "--start: expected a time after 1970"),
         (("--column", "a=x", "--column", "b=x"), "--column: expected different names, found a=x, b=x"),

@@ -1,0 +1,129 @@
+"""What the names of columns say of units: ``deck_z [mg]`` holds thousandths of g, and its channel is ``deck_z``."""
+
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from daq.errors import DataError
+from daq.recording import FloatArray
+
+_G = 9.80665
+ACCELERATIONS = {"m/s2": 1.0, "cm/s2": 1e-2, "mm/s2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G}  #: [m/s2]
+_VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6}  # m/s
+_SPELT = str.maketrans({"²": "2", "^": None, "*": None, " ": None, "µ": "u", "μ": "u"})
+_OTHER = {"ms-2": "m/s2", "m/s/s": "m/s2", "mms-2": "mm/s2", "gal": "cm/s2", "gn": "g"}
+_BRACKETED = re.compile(r"(?P<name>.*?)\s*(\[\s*(?P<square>[^\[\]]+?)\s*\]|\(\s*(?P<round>[^()]+?)\s*\))")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """A column to read."""
+
+    column: str  #: its name in the file
+    channel: str  #: name of its sensor
+    unit: str  #: as the column states it, "" if it does not
+
+
+def parted(name: str) -> tuple[str, str]:
+    """Return a column's name without its unit, and the unit that stands after it in brackets; "" if none does."""
+    found = _BRACKETED.fullmatch(name.strip())
+    return (found["name"], found["square"] or found["round"]) if found and found["name"] else (name, "")
+
+
+def acceleration(unit: str) -> float | None:
+    """Return what a unit is worth [m/s2], however it is spelt; None if it is none of acceleration."""
+    return ACCELERATIONS.get(_plain(unit))
+
+
+def _plain(unit: str) -> str:
+    plain = unit.casefold().translate(_SPELT)
+    return _OTHER.get(plain, plain)
+
+
+def signals_of(
+    path: Path, names: Sequence[str], columns: Mapping[str, str] | None, *, united: bool = True
+) -> tuple[Signal, ...]:
+    """Return the signals that are asked for, in the order of the file.
+
+    Parameters
+    ----------
+    path : of the file
+    names : of all columns of signals
+    columns : columns, with their units or without -> names of their channels; all, without their units, unless given
+    united : whether names state units; else what stands in brackets belongs to the name
+
+    Raises
+    ------
+    DataError
+        If a column is asked for twice, with its unit and without.
+    """
+    bare = _bare(names) if united else {name: name for name in names}
+    units = {name: parted(name)[1] for name in names if united}
+    asked = dict(bare) if columns is None else {_column(wanted, bare): channel for wanted, channel in columns.items()}
+    if columns is not None and len(asked) < len(columns):
+        raise DataError(path, f"expected different columns, found {', '.join(columns)}")
+    order = {name: place for place, name in enumerate(names)}
+    return tuple(
+        Signal(column=name, channel=bare[name] if name == channel in bare else channel, unit=units.get(name, ""))
+        for name, channel in sorted(asked.items(), key=lambda item: order.get(item[0], len(order)))
+    )
+
+
+def _bare(names: Sequence[str]) -> dict[str, str]:
+    """Return the names without units where they still differ."""
+    bare = {name: parted(name)[0] for name in names}
+    found = list(bare.values())
+    return {name: short if found.count(short) == 1 else name for name, short in bare.items()}
+
+
+def _column(wanted: str, bare: Mapping[str, str]) -> str:
+    """Return the column that is meant, or what was said if there is none."""
+    return wanted if wanted in bare else next((name for name, short in bare.items() if short == wanted), wanted)
+
+
+def factors(path: Path, signals: Sequence[Signal], velocities: Collection[str]) -> FloatArray:
+    """Return what a unit of each column is worth (n_columns,) [m/s2; m/s for velocities]; 1 where none is stated.
+
+    Raises
+    ------
+    DataError
+        Naming a column whose unit is not known, or is that of another quantity.
+    """
+    return np.array([_factor(path, signal, signal.channel in velocities) for signal in signals])
+
+
+def _factor(path: Path, signal: Signal, velocity: bool) -> float:
+    unit, known = _plain(signal.unit), _VELOCITIES if velocity else ACCELERATIONS
+    if unit in known or not unit:
+        return known.get(unit, 1.0)
+    if unit in _VELOCITIES:
+        raise DataError(path, f"column {signal.column!r} holds velocities: say so by --velocity {signal.channel}")
+    raise DataError(
+        path,
+        f"column {signal.column!r}: expected the unit {', '.join(known)}, found {signal.unit!r}: "
+        "say by --unit and --scale what its numbers are, or by --column which columns to take",
+    )
+
+
+def unit_remarks(signals: Iterable[Signal], velocities: Collection[str], by_hand: float | None) -> tuple[str, ...]:
+    """Say in which units columns were taken; nothing where none states one.
+
+    Parameters
+    ----------
+    signals : that were read
+    velocities : channels that hold velocities
+    by_hand : what a unit of all columns is worth [m/s2], if that was said
+    """
+    stated: dict[str, list[str]] = {}
+    for signal in signals:
+        usual = "m/s" if signal.channel in velocities else "m/s2"
+        stated.setdefault(signal.unit or f"{usual}, for want of a unit", []).append(signal.channel)
+    if not any(signal.unit for signal in signals):
+        return ()
+    said = "; ".join(f"{', '.join(channels)} in {unit}" for unit, channels in stated.items())
+    if by_hand is not None:
+        return (f"columns say: {said}; what --unit and --scale say goes before it, {by_hand:.6g} m/s2 a unit",)
+    return (f"as the columns say: {said}",)
