@@ -14,7 +14,8 @@ from daq.datafile import UNIVERSAL
 from daq.errors import DataError
 from daq.log import LogWriter
 from daq.matfile import write_mat
-from daq.recording import Block, Channel, Recording, find_gaps
+from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
+from daq.temperatures import known_mean
 from daq.universalfile import write_universal
 
 _LARGEST = (1 << 30) - 1  # count
@@ -22,7 +23,12 @@ _LEAST_SCALE = float(np.finfo(float).tiny)  # m/s2 a count: what is less has no 
 _BLOCK_SECONDS = 1.0
 
 
-def write_recording(path: Path, recording: Recording, attachments: Mapping[str, str] | None = None) -> None:
+def write_recording(
+    path: Path,
+    recording: Recording,
+    attachments: Mapping[str, str] | None = None,
+    temperature: FloatArray | None = None,
+) -> None:
     """Write a recording to a new log, its channel map attached.
 
     Counts are at most 2^30, so that a value is kept to 1e-9 of its device's largest one. A sample that a device lacks
@@ -33,6 +39,7 @@ def write_recording(path: Path, recording: Recording, attachments: Mapping[str, 
     path : of the new file
     recording : Recording
     attachments : name -> text, beside the channel map
+    temperature : (n_samples,) [degC], NaN where not known; that of the recording unless given
 
     Raises
     ------
@@ -45,9 +52,10 @@ def write_recording(path: Path, recording: Recording, attachments: Mapping[str, 
     for device, axis in places:
         if places.count((device, axis)) > 1:
             raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
+    warmth = np.full(len(recording.data), recording.temperature) if temperature is None else temperature
     known = ChannelMap(channels=recording.channels, on_grid=True)
     writer = LogWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
-    blocks = [block for device in _devices(recording) for block in _blocks(recording, device)]
+    blocks = [block for device in _devices(recording) for block in _blocks(recording, device, warmth)]
     for block in sorted(blocks, key=lambda block: block.first_index):
         writer.write(block)
     writer.close()
@@ -57,7 +65,7 @@ def _devices(recording: Recording) -> tuple[str, ...]:
     return tuple(dict.fromkeys(channel.device for channel in recording.channels))
 
 
-def _blocks(recording: Recording, device: str) -> Iterator[Block]:
+def _blocks(recording: Recording, device: str, warmth: FloatArray) -> Iterator[Block]:
     """Yield the blocks of one device."""
     axes = {c.axis: i for i, c in enumerate(recording.channels) if c.device == device}
     data = np.zeros((len(recording.data), max(axes) + 1))
@@ -70,15 +78,16 @@ def _blocks(recording: Recording, device: str) -> Iterator[Block]:
     length = max(1, round(_BLOCK_SECONDS * recording.rate))
     for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         for first in range(start, stop, length):
+            end = min(first + length, stop)
             yield Block(
                 device=device,
                 rate=recording.rate,
                 first_index=first,
-                counts=counts[first : min(first + length, stop)],
+                counts=counts[first:end],
                 scale=scale,
                 pair_index=first,
                 pair_time=recording.start + round(first / recording.rate * 1e9),
-                temperature=recording.temperature,
+                temperature=known_mean(warmth[first:end]),
             )
 
 

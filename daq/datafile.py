@@ -1,6 +1,6 @@
 """Files of measurements to recordings."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +10,10 @@ from daq.arrayfile import read_arrays
 from daq.csvfile import csv_names, read_csv
 from daq.derivative import differentiated
 from daq.errors import DataError
-from daq.headings import Signal, factors, signals_of, unit_remarks
+from daq.headings import Signal, factors, signals_of, temperatures_of, unit_remark
 from daq.recording import Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
+from daq.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.timecolumn import TIME_UNITS, in_seconds, no_times, time_column, time_remark
 from daq.universalfile import read_universal
 
@@ -31,6 +32,7 @@ class DataOptions:
     time_unit: str | None = None  #: of `TIME_UNITS`; what the column's name says, or s, unless given
     columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; see `signals_of`
     velocities: Collection[str] = ()  #: channels that hold velocities [m/s, after `factor`]
+    temperature: str | None = None  #: column of temperatures; what `temperatures_of` finds unless given
 
     def __post_init__(self) -> None:
         """Refuse what no file can be read by."""
@@ -46,7 +48,8 @@ class DataOptions:
 class Measured:
     """What a file of measurements holds."""
 
-    recording: Recording
+    recording: Recording  #: its temperature is the mean
+    temperature: FloatArray  #: (n_samples,) mean of all columns of temperatures [degC], NaN where none tells it
     remarks: tuple[str, ...]  #: what was taken from the names of columns, or against them
 
 
@@ -60,6 +63,7 @@ def read_data(
     time_unit: str | None = None,
     columns: Mapping[str, str] | None = None,
     velocities: Collection[str] = (),
+    temperature: str | None = None,
 ) -> Recording:
     """Read the recording of a file of measurements: `read_measured` with `DataOptions` of the same names."""
     options = DataOptions(
@@ -70,6 +74,7 @@ def read_data(
         time_unit=time_unit,
         columns=columns,
         velocities=velocities,
+        temperature=temperature,
     )
     return read_measured(path, options).recording
 
@@ -101,45 +106,73 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
     factor = factors(path, found.signals, options.velocities) if by_hand is None else by_hand
     channels = _channels(tuple(signal.channel for signal in found.signals), found.values)
     data = found.values * factor
+    temperature = mean_temperature(path, found.warm, found.warmth, found.rate)
     recording = Recording(
-        channels=channels, data=data, rate=found.rate, start=options.start, gaps=find_gaps(channels, data)
+        channels=channels,
+        data=data,
+        rate=found.rate,
+        start=options.start,
+        temperature=known_mean(temperature),
+        gaps=find_gaps(channels, data),
     )
-    remark = time_remark(found.time, options.time_unit) if found.time is not None else None
+    said = [
+        time_remark(found.time, options.time_unit) if found.time is not None else None,
+        unit_remark(found.signals, options.velocities, by_hand),
+        temperature_remark(found.warm, temperature),
+    ]
     return Measured(
         recording=differentiated(recording, options.velocities) if options.velocities else recording,
-        remarks=(*([remark] if remark else []), *unit_remarks(found.signals, options.velocities, by_hand)),
+        temperature=temperature,
+        remarks=tuple(remark for remark in said if remark),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Signals on an even grid."""
+    """Signals and temperatures on an even grid, as they stand in the file."""
 
     signals: tuple[Signal, ...]
-    values: FloatArray  #: (n_samples, n_signals) as they stand in the file
+    warm: tuple[str, ...]  #: columns of temperatures
+    every: FloatArray  #: (n_samples, n_signals + n_warm)
     rate: float  #: [Hz]
     time: str | None = None  #: name of the column of times; None if the rate was said
+
+    @property
+    def values(self) -> FloatArray:
+        """Signals (n_samples, n_signals)."""
+        return self.every[:, : len(self.signals)]
+
+    @property
+    def warmth(self) -> FloatArray:
+        """Temperatures (n_samples, n_warm)."""
+        return self.every[:, len(self.signals) :]
+
+
+def _what(path: Path, names: Sequence[str], options: DataOptions) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
+    """Return what to read of the columns beside that of times: signals, and columns of temperatures."""
+    warm = temperatures_of(path, [name for name in names if name not in (options.columns or ())], options.temperature)
+    others = temperatures_of(path, names, None) if options.columns is None else ()
+    signals = signals_of(path, [name for name in names if name not in (*warm, *others)], options.columns)
+    return signals, warm
 
 
 def _table(path: Path, options: DataOptions) -> _Columns:
     every, rate = csv_names(path), options.rate
     time = time_column(every, options.time)
-    signals = signals_of(path, [name for name in every if name != time], options.columns)
-    wanted = {signal.column for signal in signals}
-    if time is not None and (options.columns is None or rate is None):
-        wanted.add(time)
-    table = read_csv(path, None if options.columns is None else wanted)
-    if time is None or time not in wanted:
-        return _Columns(signals, table.values, _known(path, rate, None, no_times(every, options.time)))
-    signals = tuple(signal for signal in signals if signal.column != time)
+    signals, warm = _what(path, [name for name in every if name != time], options)
+    columns = [*(signal.column for signal in signals), *warm]
+    timed = time is not None and (options.columns is None or rate is None)
+    table = read_csv(path, None if options.columns is None else {*columns, *([time] if time and timed else [])})
     if not signals:
-        raise DataError(path, f"has no column beside {time!r}")
+        raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
+    values = table.values[:, [table.names.index(name) for name in columns]]
+    if time is None or not timed:
+        return _Columns(signals, warm, values, _known(path, rate, None, no_times(every, options.time)))
     if rate is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
-    place = table.names.index(time)
     try:
-        t = in_seconds(path, time, table.values[:, place], options.time_unit)
-        return _Columns(signals, *_on_grid(t, np.delete(table.values, place, axis=1)), time)
+        t = in_seconds(path, time, table.values[:, table.names.index(time)], options.time_unit)
+        return _Columns(signals, warm, *_on_grid(t, values), time)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
@@ -147,19 +180,23 @@ def _table(path: Path, options: DataOptions) -> _Columns:
 def _arrays(path: Path, options: DataOptions) -> _Columns:
     universal = path.suffix.lower() in UNIVERSAL  # whose units stand elsewhere
     arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time)
-    signals = signals_of(path, arrays.names, options.columns, united=not universal)
-    for signal in signals:
-        if signal.column not in arrays.names:
-            raise DataError(path, f"expected a channel {signal.column!r}, found {', '.join(arrays.names)}")
-    values = arrays.values[:, [arrays.names.index(signal.column) for signal in signals]]
+    if universal:
+        signals, warm = signals_of(path, arrays.names, options.columns, united=False), tuple[str, ...]()
+    else:
+        signals, warm = _what(path, arrays.names, options)
+    columns = [*(signal.column for signal in signals), *warm]
+    for name in columns:
+        if name not in arrays.names:
+            raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
+    values = arrays.values[:, [arrays.names.index(name) for name in columns]]
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
-        return _Columns(signals, values, _known(path, options.rate, arrays.rate, otherwise))
+        return _Columns(signals, warm, values, _known(path, options.rate, arrays.rate, otherwise))
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
-        return _Columns(signals, *_on_grid(t, values), arrays.t_name)
+        return _Columns(signals, warm, *_on_grid(t, values), arrays.t_name)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 

@@ -13,7 +13,13 @@ from daq.recording import FloatArray
 _G = 9.80665
 ACCELERATIONS = {"m/s2": 1.0, "cm/s2": 1e-2, "mm/s2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G}  #: [m/s2]
 _VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6}  # m/s
-_SPELT = str.maketrans({"²": "2", "^": None, "*": None, " ": None, "µ": "u", "μ": "u"})
+TEMPERATURES = {  #: of one unit, and of zero, in degC
+    **dict.fromkeys(("°c", "degc", "c", "℃", "celsius"), (1.0, 0.0)),
+    **dict.fromkeys(("k", "kelvin"), (1.0, -273.15)),
+    **dict.fromkeys(("°f", "degf", "fahrenheit"), (5 / 9, -160 / 9)),
+}
+_WARMTH = frozenset({"temperature", "temp"})  # a column that is so called needs no unit
+_SPELT = str.maketrans({"²": "2", "^": None, "*": None, " ": None, "µ": "u", "μ": "u", "º": "°", "˚": "°"})
 _OTHER = {"ms-2": "m/s2", "m/s/s": "m/s2", "mms-2": "mm/s2", "gal": "cm/s2", "gn": "g"}
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*(\[\s*(?P<square>[^\[\]]+?)\s*\]|\(\s*(?P<round>[^()]+?)\s*\))")
 
@@ -35,12 +41,13 @@ def parted(name: str) -> tuple[str, str]:
 
 def acceleration(unit: str) -> float | None:
     """Return what a unit is worth [m/s2], however it is spelt; None if it is none of acceleration."""
-    return ACCELERATIONS.get(_plain(unit))
+    return ACCELERATIONS.get(plain(unit))
 
 
-def _plain(unit: str) -> str:
-    plain = unit.casefold().translate(_SPELT)
-    return _OTHER.get(plain, plain)
+def plain(unit: str) -> str:
+    """Return a unit in the spelling of these tables."""
+    short = unit.casefold().translate(_SPELT)
+    return _OTHER.get(short, short)
 
 
 def signals_of(
@@ -84,6 +91,33 @@ def _column(wanted: str, bare: Mapping[str, str]) -> str:
     return wanted if wanted in bare else next((name for name, short in bare.items() if short == wanted), wanted)
 
 
+def temperatures_of(path: Path, names: Sequence[str], asked: str | None) -> tuple[str, ...]:
+    """Return the columns that hold temperatures: whose unit says so, or which are called temperature or temp.
+
+    Parameters
+    ----------
+    path : of the file
+    names : of all columns
+    asked : the one to be taken, with its unit or without
+
+    Raises
+    ------
+    DataError
+        If `asked` is none of them.
+    """
+    if asked is None:
+        return tuple(name for name in names if _is_temperature(name))
+    column = _column(asked, {name: parted(name)[0] for name in names})
+    if column not in names:
+        raise DataError(path, f"has no column {asked!r} of temperatures, but {', '.join(names):.100}")
+    return (column,)
+
+
+def _is_temperature(name: str) -> bool:
+    bare, unit = parted(name)
+    return plain(unit) in TEMPERATURES if unit else bare.casefold() in _WARMTH
+
+
 def factors(path: Path, signals: Sequence[Signal], velocities: Collection[str]) -> FloatArray:
     """Return what a unit of each column is worth (n_columns,) [m/s2; m/s for velocities]; 1 where none is stated.
 
@@ -96,7 +130,7 @@ def factors(path: Path, signals: Sequence[Signal], velocities: Collection[str]) 
 
 
 def _factor(path: Path, signal: Signal, velocity: bool) -> float:
-    unit, known = _plain(signal.unit), _VELOCITIES if velocity else ACCELERATIONS
+    unit, known = plain(signal.unit), _VELOCITIES if velocity else ACCELERATIONS
     if unit in known or not unit:
         return known.get(unit, 1.0)
     if unit in _VELOCITIES:
@@ -108,7 +142,7 @@ def _factor(path: Path, signal: Signal, velocity: bool) -> float:
     )
 
 
-def unit_remarks(signals: Iterable[Signal], velocities: Collection[str], by_hand: float | None) -> tuple[str, ...]:
+def unit_remark(signals: Iterable[Signal], velocities: Collection[str], by_hand: float | None) -> str:
     """Say in which units columns were taken; nothing where none states one.
 
     Parameters
@@ -122,8 +156,8 @@ def unit_remarks(signals: Iterable[Signal], velocities: Collection[str], by_hand
         usual = "m/s" if signal.channel in velocities else "m/s2"
         stated.setdefault(signal.unit or f"{usual}, for want of a unit", []).append(signal.channel)
     if not any(signal.unit for signal in signals):
-        return ()
+        return ""
     said = "; ".join(f"{', '.join(channels)} in {unit}" for unit, channels in stated.items())
     if by_hand is not None:
-        return (f"columns say: {said}; what --unit and --scale say goes before it, {by_hand:.6g} m/s2 a unit",)
-    return (f"as the columns say: {said}",)
+        return f"columns say: {said}; what --unit and --scale say goes before it, {by_hand:.6g} m/s2 a unit"
+    return f"as the columns say: {said}"

@@ -35,6 +35,10 @@ def import_(
     velocity: Annotated[
         list[str] | None, typer.Option(metavar="SENSOR", help="Sensor whose numbers are velocities [m/s]; repeat.")
     ] = None,
+    temperature: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Column of temperatures; those whose unit says so unless given."),
+    ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
     dbc: Annotated[Path | None, typer.Option(metavar="FILE", help="Of CAN traffic: what the frames say.")] = None,
@@ -54,6 +58,7 @@ def import_(
         time_unit=time_unit,
         columns=tuple(column or ()),
         velocities=tuple(velocity or ()),
+        temperature=temperature,
         structure=structure,
         site=site,
         dbc=dbc,

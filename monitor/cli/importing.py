@@ -23,7 +23,7 @@ from daq import (
 )
 from monitor.cli.exits import DONE
 from monitor.errors import ArgumentError
-from monitor.site import load_site
+from monitor.site import Site, load_site
 from updater import parse_structure, portable_text
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -44,6 +44,7 @@ class ImportOptions:
     time_unit: str | None = None  #: what the column says unless given
     columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
     velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
+    temperature: str | None = None  #: column of temperatures; all that say so unless given
     structure: Path | None = None
     site: Path | None = None
     dbc: Path | None = None  #: of a CAN log: what its frames say
@@ -55,12 +56,18 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     measured = _read(data, options)
     recording = measured.recording
     attachments: dict[str, str] = {}
-    lacking: list[str] = []
+    notes: list[str] = []
     if options.site is not None:
-        recording, attachments = _for_site(data, recording, options.site)
+        site = load_site(options.site)
+        recording = _for_site(data, recording, site, options.site)
+        attachments = {"site.toml": site.site_text, "structure.toml": site.structure_text}
+        if site.settings.temperature is not None and np.isfinite(recording.temperature):
+            notes.append(f"[temperature] of {options.site} goes before the log's temperatures; leave it out there")
     if options.structure is not None:
         attachments["structure.toml"], lacking = _structure_text(data, recording, options.structure)
-    write_recording(out, recording, attachments)
+        if lacking:
+            notes.append(f"no column for {', '.join(lacking)} of {options.structure}")
+    write_recording(out, recording, attachments, measured.temperature)
     missing = sum(gap.stop - gap.start for gap in recording.gaps)
     console.print(
         f"{escape(str(out))}: {len(recording.channels)} channels, "
@@ -70,9 +77,8 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     )
     for remark in measured.remarks:
         console.print(escape(remark), soft_wrap=True)
-    if lacking:
-        note = f"note: no column for {', '.join(lacking)} of {options.structure}"
-        console.print(escape(note), soft_wrap=True, style="yellow")
+    for note in notes:
+        console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
     return DONE
 
 
@@ -87,6 +93,7 @@ def _read(data: Path, options: ImportOptions) -> Measured:
         time_unit=options.time_unit,
         columns=columns_of(options.columns),
         velocities=options.velocities,
+        temperature=options.temperature,
     )
     try:
         return read_measured(data, asked)
@@ -125,9 +132,8 @@ def start_of(text: str) -> int:
     return (time - _EPOCH) // timedelta(microseconds=1) * 1000
 
 
-def _for_site(data: Path, recording: Recording, path: Path) -> tuple[Recording, dict[str, str]]:
-    """Return the recording on the devices of a site, so that it can be replayed, and what to attach."""
-    site = load_site(path)
+def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recording:
+    """Return the recording on the devices of a site, so that it can be replayed."""
     names = {channel.name for channel in recording.channels}
     for channel in site.settings.channels:
         if channel.name not in names:
@@ -138,10 +144,9 @@ def _for_site(data: Path, recording: Recording, path: Path) -> tuple[Recording, 
                 data, f"has {recording.rate:.6g} samples a second, device {device.name} of {path} {device.rate:g}"
             )
     try:
-        moved = with_channels(recording, site.settings.channels)
+        return with_channels(recording, site.settings.channels)
     except ValueError as error:
         raise DataError(data, f"{error} of {path}") from error
-    return moved, {"site.toml": site.site_text, "structure.toml": site.structure_text}
 
 
 def _level(recording: Recording) -> str:

@@ -14,6 +14,7 @@ from scipy.io import savemat
 from daq import (
     Channel,
     DataError,
+    DataOptions,
     FloatArray,
     Gap,
     LogError,
@@ -21,6 +22,7 @@ from daq import (
     export_recording,
     load_recordings,
     read_data,
+    read_measured,
     write_recording,
 )
 
@@ -198,6 +200,65 @@ def test_the_unit_of_velocities_is_heeded(tmp_path: Path) -> None:
         read_data(path, rate=100.0, velocities=["v"])
 
 
+@pytest.mark.parametrize(
+    ("name", "cells", "celsius"),
+    [
+        ("temperature [C]", (20, 21), (20, 21)),
+        ("T (°C)", (20, 21), (20, 21)),
+        ("Temp", (-5, 0), (-5, 0)),
+        ("deck [K]", (273.15, 300), (0, 26.85)),
+        ("deck (°F)", (32, 212), (0, 100)),
+    ],
+)
+@pytest.mark.parametrize("columns", [None, {"a": "left"}])
+def test_a_column_of_temperatures_is_no_channel(
+    tmp_path: Path, name: str, cells: tuple[float, float], celsius: tuple[float, float], columns: dict[str, str] | None
+) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(f"t,{name},a\n0,{cells[0]},1\n1,{cells[1]},2\n")
+    found = read_measured(path, DataOptions(columns=columns))
+    assert [c.name for c in found.recording.channels] == ["a" if columns is None else "left"]
+    np.testing.assert_array_equal(found.recording.data[:, 0], [1, 2])
+    np.testing.assert_allclose(found.temperature, celsius, atol=1e-9)
+    assert found.recording.temperature == pytest.approx(np.mean(celsius))
+    low, high = min(celsius), max(celsius)
+    assert found.remarks == (f"temperature of the structure: {name!r}: {low:.4g} to {high:.4g} degC",)
+
+
+def test_the_column_of_temperatures_that_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("t,a,air [C],steel [C],th1\n0,1,10,20,30\n1,1,12,20,30\n")
+    found = read_measured(path, DataOptions(columns={"a": "a"}))
+    np.testing.assert_array_equal(found.temperature, [15, 16])
+    assert found.remarks == ("temperature of the structure: 'air [C]', 'steel [C]', their mean: 15 to 16 degC",)
+    for asked, expected in (("steel", 20), ("air [C]", 11), ("th1", 30)):
+        one = read_measured(path, DataOptions(temperature=asked, columns={"a": "a"})).recording
+        assert (one.temperature, [c.name for c in one.channels]) == (expected, ["a"])
+    assert [c.name for c in read_data(path, temperature="th1").channels] == ["a"]
+    assert [c.name for c in read_data(path).channels] == ["a", "th1"]
+    with pytest.raises(DataError, match="has no column 'water' of temperatures, but a, air"):
+        read_data(path, temperature="water")
+    with pytest.raises(DataError, match=r"column 'air \[C\]': expected the unit m/s2"):
+        read_data(path, columns={"air [C]": "a"})
+    path.write_text("t,a [g],b [g]\n0,1,2\n1,1,2\n")
+    with pytest.raises(DataError, match=r"column 'b \[g\]': expected a unit of temperatures, .*, found 'g'"):
+        read_data(path, temperature="b")
+
+
+def test_seldom_readings_of_temperature_go_with_the_windows_of_the_log(tmp_path: Path) -> None:
+    path, out = tmp_path / "data.csv", tmp_path / "log.mcap"
+    rows = [f"{k},1,{'' if k % 600 else 10 + k / 600}" for k in range(6001)]
+    rows += [f"{k},1," for k in range(6001, 9001)]
+    path.write_text("\n".join(["t,a,T [C]", *rows]))
+    found = read_measured(path, DataOptions())
+    assert found.recording.gaps == ()
+    write_recording(out, found.recording, temperature=found.temperature)
+    windows = [window.temperature for window in load_recordings(out, window_seconds=1000.0)]
+    np.testing.assert_allclose(windows[:6], 10 + (np.arange(6) * 1000 + 500) / 600, atol=0.05)
+    assert windows[6] == pytest.approx(20, abs=1e-3)
+    assert np.isnan(windows[8])  # farther than half an hour from the last reading
+
+
 def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t_s,t\n5,0\n6,0.5\n8,1\n")
@@ -304,7 +365,9 @@ TABLES = {
     "empty": ("", "is empty: expected a line with the columns' names"),
     "no names": ("0,1\n1,2\n", "line 1: expected the columns' names, found numbers"),
     "no rows": ("t,a\n", "holds no numbers"),
-    "no channel": ("t\n1\n2\n", "has no column beside 't'"),
+    "no channel": ("t\n1\n2\n", "has no column of a channel, but t"),
+    "warmth alone": ("t,temperature\n1,2\n2,2\n", "has no column of a channel, but t, temperature"),
+    "hot": ("t,a,temperature\n0,1,20\n1,1,293\n", "column 'temperature': expected temperatures of -90 to 150 degC, fo"),
     "no time": (
         "a,b\n1,2\n",
         r"has no column of times, as 't' or 'time \[ms\]', but a, b: give --time NAME or --rate",

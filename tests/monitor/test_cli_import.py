@@ -97,6 +97,23 @@ def test_units_in_the_header(modalwatch: Commands, table: Path, tmp_path: Path) 
     assert [c.name for c in imported(tmp_path / "volts.mcap").channels] == ["beam_left_y", "beam_left_z"]
 
 
+def test_temperatures_of_a_table(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    header, *rows = table.read_text().split("\n")
+    table.write_text("\n".join([f"{header},T (°C)", *(f"{row},{10 + k / 100:.2f}" for k, row in enumerate(rows))]))
+    site, log = tmp_path / "site.toml", tmp_path / "log.mcap"
+    done = modalwatch("import", table, "-o", log, "--site", site)
+    assert (done.code, done.err) == (0, "")
+    assert ": 2 channels, " in done.out
+    assert done.out.splitlines()[1:] == ["temperature of the structure: 'T (°C)': 10 to 12.99 degC"]
+    assert imported(log).temperature == pytest.approx(11.5, abs=0.2)  # a gap cuts its block in two
+    assert [w.temperature for w in log_recordings(log, 1.0)] == pytest.approx([10.5, 11.5, 12.5], abs=0.51)
+    site.write_text(SITE + '[temperature]\nfile = "thermometer.txt"\n', encoding="utf-8")
+    done = modalwatch("import", table, "-o", tmp_path / "other.mcap", "--site", site)
+    assert done.out.splitlines()[2].startswith("note: [temperature] of "), done
+    done = modalwatch("import", table, "-o", tmp_path / "none.mcap", "--temperature", "water")
+    assert_refused(done, "has no column 'water' of temperatures, but beam_left_y, beam_left_z, T (°C)")
+
+
 def test_import_of_some_columns_under_other_names(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     table.write_text(table.read_text().replace("t,beam_left_y,beam_left_z", "time,a=1,b"))
     options = ("--time", "time", "--column", "a=1=beam_left_y", "--column", "b=beam_left_z")
