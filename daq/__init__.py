@@ -34,7 +34,7 @@ from daq.log_names import as_logs, newest_log
 from daq.log_thread import LogThread
 from daq.parts import AnyLog, PartedLog, files_of
 from daq.protocol.epson import SCALE as EPSON_SCALE
-from daq.reading import load_recordings, read_channel_map
+from daq.reading import HOW_TO_PLACE, load_recordings, read_channel_map
 from daq.recorder import LogRecorder, Rotation
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import can_interfaces, driver_names, low_grade, make_driver
@@ -48,6 +48,7 @@ __all__ = [
     "CAN_LOGS",
     "CHANNELS",
     "EPSON_SCALE",
+    "HOW_TO_PLACE",
     "TIME_UNITS",
     "AnyLog",
     "Assembler",

@@ -7,7 +7,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from daq import AnyLog, Block, Event, Item, LogError, read_attachments, read_events, read_log
+from daq import (
+    HOW_TO_PLACE,
+    AnyLog,
+    Block,
+    Event,
+    Item,
+    LogError,
+    read_attachments,
+    read_channel_map,
+    read_events,
+    read_log,
+)
 from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.result_events import event_result
 from monitor.results import TOPIC_WINDOW, Result
@@ -62,7 +73,7 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     """
     attached = read_attachments(log)
     if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
-        raise LogError(str(log), "has no settings attached: give --site")
+        raise LogError(str(log), _how_to(log, "has no settings attached: give --site"))
     texts = (site.structure_text, site.site_text) if site else (attached["structure.toml"], attached["site.toml"])
     devices = tuple(device.name for device in parse_settings(texts[1], f"{log}: site.toml").device)
     logged: list[Result] = []
@@ -81,6 +92,11 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
             on_result(result)
         feeding.result()
     return ReplayReport(found=found, logged=logged, memory=kept)
+
+
+def _how_to(log: AnyLog, why: str) -> str:
+    """Return why a log cannot be replayed; of an imported one with how it gets the devices of a site."""
+    return f"{why}; {HOW_TO_PLACE}" if read_channel_map(log) else why
 
 
 def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
@@ -108,7 +124,8 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
     try:
         for item in read_log(log):
             if isinstance(item, Block) and item.device not in devices:
-                raise LogError(str(log), f"holds device {item.device!r}; the settings know {', '.join(devices)}")
+                why = f"holds device {item.device!r}; the settings know {', '.join(devices)}"
+                raise LogError(str(log), _how_to(log, why))
             result = event_result(item) if isinstance(item, Event) else None
             if result is not None:
                 logged.append(result)

@@ -16,6 +16,7 @@ from daq.log import read_log
 from daq.log_address import LogAddress
 from daq.log_names import as_logs
 from daq.parts import AnyLog
+from daq.reading import HOW_TO_PLACE, read_channel_map
 from daq.recording import Block, Flag
 
 _WAIT_SECONDS = 0.1
@@ -85,7 +86,8 @@ class ReplayedDevice:
         self._blocks = (b for b in _pieces(playback.log, self._address.device, n) if _end(b) >= playback.start)
         self._next = next(self._blocks, None)
         if self._next is None:
-            raise ValueError(f"the log has no scan of this device; there are {', '.join(_devices(playback.log))}")
+            hint = f": {HOW_TO_PLACE}" if read_channel_map(playback.log) else ""
+            raise ValueError(f"the log has no scan of this device; there are {', '.join(_devices(playback.log))}{hint}")
         if self._next.rate != self._rate:
             raise ValueError(f"rate: expected {self._rate:g} Hz, found {self._next.rate:g}")
         return playback

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from daq import CanAddress, CanPlace, DbcAddress, DbcSensor, LogAddress, can_interfaces
+from daq import HOW_TO_PLACE, CanAddress, CanPlace, DbcAddress, DbcSensor, LogAddress, can_interfaces
 from monitor.settings.section import Positive, Section
 
 AXES = ("x", "y", "z")
@@ -89,6 +89,19 @@ class DeviceSettings(Section):
     """how long after the motion a scan is, which times are corrected by; as the driver knows its filter unless given"""
     channels: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"y": "beam_left_y", "z": "beam_left_z"}])]
     """device axis = sensor of the structure; the other axes are logged, not analysed"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _three_axes(cls, given: object) -> object:
+        """Say more of axes that no device has where a log is played, whose devices may have been columns of a file."""
+        if isinstance(given, dict) and "log" in given and isinstance(channels := given.get("channels"), dict):
+            more = [str(axis) for axis in channels if axis not in AXES]
+            if more:
+                raise ValueError(
+                    f"channels: expected {', '.join(AXES)}, found {', '.join(more)}: more channels are more devices; "
+                    f"{HOW_TO_PLACE}"
+                )
+        return given
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

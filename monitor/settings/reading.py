@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from daq import CanAddress, CanPlace
+from daq import HOW_TO_PLACE, CanAddress, CanPlace
 from monitor.errors import SettingsError
 from monitor.settings.device import DeviceSettings
 from monitor.settings.overrides import Override, overridden, overrides
@@ -50,7 +50,9 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
         raise SettingsError(path, f"device: the name {repeated!r} is given twice")
     places = [str(device.place) for device in settings.device]
     for repeated in sorted({place for place in places if places.count(place) > 1}):
-        raise SettingsError(path, f"device: two are connected to {repeated}")
+        of_logs = [str(device.place) for device in settings.device if device.log]
+        hint = f": {HOW_TO_PLACE}" if repeated in of_logs else ""
+        raise SettingsError(path, f"device: two are connected to {repeated}{hint}")
     rates: dict[tuple[str, str], int] = {}
     for address in (device.place for device in settings.device):
         if isinstance(address, CanPlace) and rates.setdefault(address.bus, address.bitrate) != address.bitrate:

@@ -176,6 +176,37 @@ def test_options_that_are_wrong(
     assert not (tmp_path / "log.mcap").exists()
 
 
+def test_who_has_imported_without_a_site_is_told_what_to_type(
+    modalwatch: Commands, table: Path, tmp_path: Path
+) -> None:
+    log, site = tmp_path / "log.mcap", tmp_path / "site.toml"
+    typed = "`modalwatch import DATA -o LOG.mcap --site SITE.toml`"
+    assert modalwatch("import", table, "-o", log).code == 0
+    assert_refused(modalwatch("replay", log), f"log.mcap: has no settings attached: give --site; {typed}")
+    assert_refused(
+        modalwatch("replay", log, "--site", site), "holds device 'import'; the settings know beam_left;", typed
+    )
+    played = SITE.replace("epson-uart", "replay").replace(
+        'port = "/dev/none"', f'log = {{file = "{log}", device = "X"}}'
+    )
+    site.write_text(played.replace("X", "import").replace("z =", "a ="), encoding="utf-8")
+    assert_refused(
+        modalwatch("check", site), "channels: expected x, y, z, found a: more channels are more devices", typed
+    )
+    site.write_text(played.replace("X", "beam_left"), encoding="utf-8")
+    done = modalwatch("check", site)
+    assert done.code == 3
+    assert f"has no scan of this device; there are import, import-2: {typed}" in done.err
+    _, _, device = played.partition("[[device]]")
+    again = "[[device]]" + device.replace("beam_left", "other").replace("other_", "col_037_")
+    site.write_text(played + again, encoding="utf-8")
+    assert_refused(modalwatch("check", site), "two are connected to", typed)
+    site.write_text(played.replace("X", "beam_left").replace("log.mcap", "placed.mcap"), encoding="utf-8")
+    done = modalwatch("import", table, "-o", tmp_path / "placed.mcap", "--site", site)
+    assert done.code == 0, done.err
+    assert "all devices answer" in modalwatch("check", site).out
+
+
 def test_data_that_does_not_fit_the_site(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     site, text = tmp_path / "site.toml", table.read_text()
     for old, new, says in (
