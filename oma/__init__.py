@@ -5,6 +5,7 @@ from oma.conditioning import channel_faults
 from oma.efdd import EFDD
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
+from oma.faults import SAME_AS
 from oma.fdd import FDD
 from oma.following import Followed, Follower
 from oma.frequency_response import Resonance, fit_resonance
@@ -30,6 +31,7 @@ __all__ = [
     "FSDD",
     "METHODS",
     "PLSCF",
+    "SAME_AS",
     "ComplexArray",
     "CovarianceSSI",
     "DataSSI",

@@ -17,6 +17,7 @@ from daq import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
+SAME_AS = "the same as "  #: how a fault begins that goes on with the name of another channel
 _LEAST_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
 _PILE = 10.0  # how many times as many samples at a limit as next to it
 _SAME = 1e-6  # 1 - correlation of successive differences
@@ -97,7 +98,7 @@ def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int,
         there = signal[np.isfinite(signal)]
         if len(there) and (fault := _own_fault(there)):
             yield column, fault
-    yield from ((column, f"the same as {names[other]}") for column, other in _copies(data))
+    yield from ((column, SAME_AS + names[other]) for column, other in _copies(data))
 
 
 def _own_fault(signal: FloatArray) -> str | None:

@@ -13,8 +13,9 @@ from monitor.cli.drawing import draw, written
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.describe import bare_reference
-from monitor.diagnosing import Observation, explain, observe, window_seconds
+from monitor.diagnosing import Observation, explain, given_up, observe, window_seconds
 from monitor.errors import ArgumentError, StateError
+from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
 from monitor.recordings import log_channels, log_duration
 from monitor.sensors_said import health_result
@@ -66,6 +67,9 @@ def diagnose_command(
         nearer = _write_nearer(found.explained, structure_path, logs, out)
         if out:
             draw(out, diagnosis, beside, found.reference.calibration.structure)
+    for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
+        for text in left_out_texts(given_up(one)) if one else ():
+            console.print(f"warning: {_names(paths)}: {text}", style="yellow", markup=False, soft_wrap=True)
     say(console, diagnosis, beside, bare_reference(found.reference.calibration.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))

@@ -115,6 +115,22 @@ def test_channels_that_only_one_of_the_records_has_are_told(folder: Path, modalw
     assert "note: misnamed.mcap: compared without col_111_x, which the reference has" in said.out
 
 
+def test_channels_that_carry_the_same_samples_are_told_before_the_answer(folder: Path, modalwatch: Commands) -> None:
+    recording = Rig(seed=SEED).record(5, SECONDS, rate=RATE)
+    names = [channel.name for channel in recording.channels]
+    data = recording.data.copy()
+    data[:, names.index("col_111_x")] = data[:, names.index("col_037_x")]
+    data[:, names.index("beam_mid_y")] = 0.0
+    write_csv(folder / "copied.csv", replace(recording, data=data))
+    assert modalwatch("import", folder / "copied.csv", "-o", folder / "copied.mcap").code == 0
+    logs = (folder / "copied.mcap", "--reference", folder / "before.mcap", "--json", folder / "copied.json")
+    said = modalwatch("diagnose", folder / "structure.toml", *logs).out.splitlines()
+    assert said[0].startswith("warning: copied.mcap: col_037_x and col_111_x carry the same samples, ")
+    assert said[1] == "warning: copied.mcap: beam_mid_y is left out: constant"
+    (dead,) = json.loads((folder / "copied.json").read_text(encoding="utf-8"))["causes"]
+    assert (dead["cause"], dead["where"]["channels"]) == ("sensor_dead", ["beam_mid_y"])
+
+
 def test_without_a_reference_the_model_itself_is_asked(folder: Path, modalwatch: Commands) -> None:
     """E, density, foot and joint are all a little off: a verdict that a person may have to judge, never a mass."""
     out = folder / "model.json"

@@ -1,0 +1,39 @@
+"""Channels of logs that no window gives shapes of, and how that is said."""
+
+from collections.abc import Mapping
+
+from oma import SAME_AS
+
+
+def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict[str, str]]:
+    """Return groups of channels that carry the same samples, and the other channels with what is wrong with them.
+
+    Parameters
+    ----------
+    given_up : channel -> what is wrong with it
+    """
+    other_of = {name: _copied(fault, given_up) for name, fault in given_up.items()}
+    groups: list[set[str]] = []
+    for name, other in other_of.items():
+        if other is not None:
+            near = [group for group in groups if group & {name, other}]
+            groups = [group for group in groups if group not in near] + [{name, other}.union(*near)]
+    rest = {name: fault for name, fault in given_up.items() if other_of[name] is None}
+    return [tuple(name for name in given_up if name in group) for group in groups], rest
+
+
+def _copied(fault: str, names: Mapping[str, str]) -> str | None:
+    """Return the channel that a fault says is another one over again."""
+    said = fault.removeprefix(SAME_AS) if fault.startswith(SAME_AS) else ""
+    return next((name for name in names if said == name or said.startswith(f"{name} (in ")), None)
+
+
+def left_out_texts(given_up: Mapping[str, str]) -> list[str]:
+    """Say which channels are left out, and why."""
+    same, rest = told_apart(given_up)
+    texts = [
+        f"{', '.join(group[:-1])} and {group[-1]} carry the same samples, as after an error of cabling or export: "
+        "left out, since nothing tells which of them is right"
+        for group in same
+    ]
+    return texts + [f"{name} is left out: {fault}" for name, fault in rest.items()]

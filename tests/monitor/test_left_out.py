@@ -1,0 +1,35 @@
+"""Channels that are left out are said once, those that carry the same samples together."""
+
+import pytest
+
+from monitor.left_out import left_out_texts, told_apart
+
+
+@pytest.mark.parametrize(
+    ("given_up", "groups", "rest"),
+    [
+        ({}, [], []),
+        ({"a": "constant"}, [], ["a"]),
+        ({"a": "the same as b", "b": "the same as a", "c": "constant (in 1 of 4 windows)"}, [("a", "b")], ["c"]),
+        ({"a": "the same as b (in 3 of 4 windows)", "b": "the same as a (in 3 of 4 windows)"}, [("a", "b")], []),
+        ({"a": "the same as c", "c": "the same as a", "ab": "the same as a"}, [("a", "c", "ab")], []),
+        (
+            {"a": "the same as b", "b": "the same as a", "c": "the same as d", "d": "the same as c"},
+            [("a", "b"), ("c", "d")],
+            [],
+        ),
+    ],
+)
+def test_channels_with_the_same_samples_stand_together(
+    given_up: dict[str, str], groups: list[tuple[str, ...]], rest: list[str]
+) -> None:
+    found, others = told_apart(given_up)
+    assert found == groups
+    assert list(others) == rest
+
+
+def test_what_is_said_of_them() -> None:
+    three = {"a": "the same as b", "b": "the same as c", "c": "the same as b", "d": "constant"}
+    together, alone = left_out_texts(three)
+    assert together.startswith("a, b and c carry the same samples, as after an error of cabling or export: left out")
+    assert alone == "d is left out: constant"
