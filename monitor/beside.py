@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
+import numpy.typing as npt
 from scipy.signal import resample
 
 from daq import FloatArray, Recording
@@ -39,6 +40,7 @@ _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 16  # of a sensor's signal that are drawn
 _POINTS = 10  # a period of the highest frequency
 _FAULTY = "Forces left over are not drawn: they come from the sensors, not from the structure."
+BoolArray = npt.NDArray[np.bool_]
 _ALL = 1e9  # Hz
 _UNKNOWN: Mapping[str, ChannelHealth] = MappingProxyType({})
 
@@ -73,13 +75,14 @@ def discrepancy_result(
     after = set_beside(as_extended(reference, extended, expected), measured) if extended else None
     heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
     faulty = _only_sensors(explained)
+    told = matched_surely(reference, measured)
     return DiscrepancyResult(
-        modes=_modes(before, after),
+        modes=_modes(before, after, _compared(reference, expected, told, before)),
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
         mac=tuple(_said(row) for row in before.mac),
         sensors=_sensors(before, after, heard, health),
-        balance=None if faulty else _balance(force_balance(reference, matched_surely(reference, measured))),
+        balance=None if faulty else _balance(force_balance(reference, told)),
         signals=_signals(*heard) if heard else (),
         trends=trends,
         places=_places(densities(reference.calibration.structure, explained.parts)),
@@ -135,8 +138,19 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _modes(before: Discrepancy, after: Discrepancy | None) -> tuple[ModeBeside, ...]:
-    pairs = [_mode(before, after, i) for i in range(len(before.simulated))]
+def _compared(reference: Reference, expected: ModalMean, told: ModalMean, before: Discrepancy) -> BoolArray:
+    """Tell which of the modes that are expected (n_simulated,) take part in the search for causes.
+
+    Those of the baseline do, where what was measured is surely the same mode; of those that were not seen none is in
+    doubt.
+    """
+    base = reference.baseline.log_frequency
+    known, sure = (np.isin(expected.log_frequency, f) for f in (base, base[np.isfinite(told.log_frequency)]))
+    return np.where(before.partner >= 0, sure, known)
+
+
+def _modes(before: Discrepancy, after: Discrepancy | None, compared: BoolArray) -> tuple[ModeBeside, ...]:
+    pairs = [_mode(before, after, i, compared=bool(compared[i])) for i in range(len(before.simulated))]
     extra = before.extra if after is None else np.array([k for k in before.extra if k in after.extra], np.intp)
     explained = [] if after is None else [_fresh(after, before, int(k)) for k in before.extra if k not in after.extra]
     lone = [
@@ -146,12 +160,17 @@ def _modes(before: Discrepancy, after: Discrepancy | None) -> tuple[ModeBeside, 
     return (*pairs, *explained, *lone)
 
 
-def _mode(before: Discrepancy, after: Discrepancy | None, row: int) -> ModeBeside:
+def _mode(before: Discrepancy, after: Discrepancy | None, row: int, *, compared: bool) -> ModeBeside:
     """Return a simulated mode with its partner, and how the partner fits the extended model."""
     column = int(before.partner[row])
     if column < 0:
         return ModeBeside(
-            simulated=float(before.simulated[row]), measured=None, off_percent=None, std_percent=None, mac=None
+            simulated=float(before.simulated[row]),
+            measured=None,
+            off_percent=None,
+            std_percent=None,
+            mac=None,
+            compared=compared,
         )
     off, mac = _fit(after, column) if after else (None, None)
     return ModeBeside(
@@ -162,6 +181,7 @@ def _mode(before: Discrepancy, after: Discrepancy | None, row: int) -> ModeBesid
         mac=_number(before.mac[row, column]),
         off_percent_after=off,
         mac_after=mac,
+        compared=compared,
     )
 
 

@@ -21,6 +21,7 @@ class ModeBeside(_Part):
     mac: float | None  #: [-]
     off_percent_after: float | None = None  #: with the causes [%]
     mac_after: float | None = None  #: [-]
+    compared: bool = True  #: whether causes are sought with it: the reference has it, and it is surely the same mode
 
 
 class ChannelHealth(_Part):

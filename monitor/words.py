@@ -129,6 +129,10 @@ def cause_text(cause: Cause) -> str:
     )
 
 
+MARK = "*"  #: of a mode that is not `compared`
+NOT_COMPARED = "takes no part in the answer: the reference lacks this mode, or none of its modes is surely the same"
+
+
 def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence that the causes follow, if there are any."""
     return f"{VERDICTS[diagnosis.verdict]}:" if diagnosis.causes else VERDICTS[diagnosis.verdict]

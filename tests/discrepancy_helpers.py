@@ -1,5 +1,7 @@
 """Measured beside simulated on the tests' T-frame, made up: what report and viewer draw."""
 
+from typing import Any
+
 import numpy as np
 import viewer_helpers as made
 
@@ -35,7 +37,7 @@ def shown(log_odds: float = 40.0, peak: int = 7) -> DiscrepancyResult:
         missed=(1e-7, 1e-6, None, 1e-7, 1e-7),
         missed_after=(1e-8, 1e-7, None, 1e-8, 1e-8),
     )
-    pair = {"off_percent_after": 0.01, "mac_after": 0.9999}
+    pair: dict[str, Any] = {"off_percent_after": 0.01, "mac_after": 0.9999}
     return DiscrepancyResult(
         modes=(
             ModeBeside(simulated=10.8, measured=10.4, off_percent=-3.7, std_percent=0.1, mac=0.98, **pair),

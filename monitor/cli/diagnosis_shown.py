@@ -9,7 +9,17 @@ from rich.table import Table
 
 from monitor.discrepancy import DiscrepancyResult, ModeBeside, Vector
 from monitor.sensors_said import health_text
-from monitor.words import cause_text, gain_text, left_over_text, missed_text, plain, share_text, verdict_text
+from monitor.words import (
+    MARK,
+    NOT_COMPARED,
+    cause_text,
+    gain_text,
+    left_over_text,
+    missed_text,
+    plain,
+    share_text,
+    verdict_text,
+)
 from updater import Cause, Diagnosis, Gain
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
@@ -28,6 +38,8 @@ def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes:
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
     console.print(_modes(found))
+    if not all(mode.compared for mode in found.modes):
+        console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
     known = diagnosis.verdict != "unexplained"
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
     for line in (_sensor(found), health, missed_text(found.sensors), _gain(diagnosis, found.gain_std)):
@@ -44,15 +56,19 @@ def _cause(cause: Cause) -> str:
 
 
 def _modes(found: DiscrepancyResult) -> RenderableType:
-    """Return the table of modes; frequencies off by more than three standard deviations stand out."""
+    """Return the table of modes; frequencies off by more than three standard deviations stand out.
+
+    Those that take no part in the answer are marked, and stand back.
+    """
     after = any(m.off_percent_after is not None for m in found.modes)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with causes %", "MAC"] * after:
         table.add_column(name, justify="right", no_wrap=True)
     for mode in found.modes:
-        cells = [_or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not seen"), *_off(mode)]
+        mark = "" if mode.compared else f"{MARK} "
+        cells = [mark + _or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not seen"), *_off(mode)]
         cells += [_or(mode.off_percent_after, "+.3f"), _or(mode.mac_after, ".4f")] * after
-        table.add_row(*cells)
+        table.add_row(*cells, style=None if mode.compared else "dim")
     return table
 
 
@@ -60,7 +76,7 @@ def _off(mode: ModeBeside) -> list[str]:
     if mode.off_percent is None or not mode.std_percent:
         return ["-", "-", "-"]
     sigmas = mode.off_percent / mode.std_percent
-    style = ("[red]", "[/]") if abs(sigmas) > _FAR else ("", "")
+    style = ("[red]", "[/]") if abs(sigmas) > _FAR and mode.compared else ("", "")
     return [f"{mode.off_percent:+.3f}", f"{style[0]}{sigmas:+.1f}{style[1]}", _or(mode.mac, ".4f")]
 
 

@@ -8,13 +8,14 @@ from monitor.report.evidence import density_figure
 from monitor.report.picture import optional, picture
 from monitor.results import ReferenceResult
 from monitor.sensors_said import health_rows
-from monitor.words import CLEAR_ODDS, missed_text, number_text, plain
+from monitor.words import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text, number_text, plain
 
 
 def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:
     """Return the template's values; what is drawn on the structure needs one."""
     return {
         "modes": [_mode(m) for m in found.modes],
+        "not_compared": "" if all(m.compared for m in found.modes) else f"{MARK} {NOT_COMPARED}.",
         "after": any(m.off_percent_after is not None for m in found.modes),
         "offsets": picture(beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"),
         "mac": picture(beside.mac_figure(found), "MAC of simulated with measured modes"),
@@ -54,6 +55,8 @@ def _mode(mode: ModeBeside) -> dict[str, str]:
         row["measured"] = "not seen"
     elif mode.simulated is None:
         row["simulated"] = "none"
+    if not mode.compared:
+        row["simulated"] = f"{MARK} {row['simulated']}"
     return row
 
 

@@ -77,6 +77,22 @@ def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, E
     assert DiscrepancyResult.model_validate_json(shown.model_dump_json()) == shown
 
 
+def test_a_mode_that_the_reference_lacks_is_not_compared() -> None:
+    random = np.random.default_rng((SEED, 5))
+    bare = true_model(np.random.default_rng((SEED, 1)))
+    lacking = np.array([0, 1, 2, 4, 5, 6, 7])
+    windows = [measure(bare, random, np.ones(12)) for _ in range(13)]
+    reference = learn_reference(t_frame(), windows[:8], [lacking] * 8)
+    measured = reference.mean_of(stack_tracks(windows[8:], [TRACK] * 5))
+    shown = discrepancy_result(reference, measured, Explained(answers.diagnosis(), None))
+    pairs = [m for m in shown.modes if m.measured is not None and m.simulated is not None]
+    assert len(pairs) == 8
+    (alone,) = [m for m in pairs if not m.compared]
+    assert alone.measured == pytest.approx(float(np.exp(measured.log_frequency[3])))
+    whole = learn_reference(t_frame(), windows[:8], [TRACK] * 8)
+    assert all(m.compared for m in discrepancy_result(whole, measured, Explained(answers.diagnosis(), None)).modes)
+
+
 def test_a_drawn_signal_is_the_measured_one_between_its_samples(found: tuple[Reference, ModalMean, Explained]) -> None:
     reference, measured, extended = found
     recording = signals(measured, np.random.default_rng((SEED, 3)))

@@ -1,12 +1,15 @@
 """The parts of the page that set measured beside simulated: what they say, which reading of the forces they show."""
 
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 
 import answers_helpers as answers
 import pytest
 from discrepancy_helpers import NODES, STRUCTURE, shown
+from rich.console import Console
 
+from monitor.cli.diagnosis_shown import say
 from monitor.discrepancy import DiscrepancyResult
 from monitor.report import diagnosis_report
 
@@ -44,6 +47,20 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
         assert words in page.words
     for start in ("Measured frequencies", "MAC of", "Residual", "Frequencies over temp", "Where along", "beam_left_z"):
         assert any(text.startswith(start) for text in page.pictures), start
+
+
+def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp_path: Path) -> None:
+    found, why = shown(), "* takes no part in the answer: the reference lacks this mode"
+    terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
+    say(terminal, answers.diagnosis(), found, [])
+    assert why not in page_of(found, tmp_path).words + terminal.export_text()
+    first, *others = found.modes
+    marked = found.model_copy(update={"modes": (first.model_copy(update={"compared": False}), *others)})
+    say(terminal, answers.diagnosis(), marked, [])
+    told = terminal.export_text()
+    assert told.count("* 10.800") == told.count(why) == 1
+    page = page_of(marked, tmp_path)
+    assert page.words.count("* 10.800") == page.words.count(why) == 1
 
 
 @pytest.mark.parametrize(
