@@ -7,6 +7,7 @@ width is along y and its height along z.
 from pydantic import ValidationError, model_validator
 
 from updater.entry import Entry, Positive
+from updater.keys import meant, not_known
 from updater.section_shapes import SHAPES
 
 
@@ -26,16 +27,24 @@ class Section(Entry):
             return content
         name = content["shape"]
         if not isinstance(name, str) or name not in SHAPES:
-            raise ValueError(f"shape {name!r} is not known; there are {', '.join(SHAPES)}")
+            raise ValueError(f"shape {name!r} is not known{meant(str(name), SHAPES)}; there are {', '.join(SHAPES)}")
         measures = {key: value for key, value in content.items() if key != "shape"}
         try:
             return SHAPES[name].model_validate(measures).constants()
         except ValidationError as error:
-            first = error.errors()[0]
-            where = " ".join([name, *(str(part) for part in first["loc"])])
-            raise ValueError(f"{where}: {first['msg'].removeprefix('Value error, ')}") from error
+            raise ValueError(_wrong_measure(name, error)) from error
 
     def shear_area(self, axis: int) -> float:
         """Return the effective shear area along the local y (0) or z (1) axis [m2]."""
         factor = self.shear_factor
         return self.area * (factor[axis] if isinstance(factor, tuple) else factor)
+
+
+def _wrong_measure(shape: str, error: ValidationError) -> str:
+    """Say which measure of a shape is wrong; one that is not known may be what is missing, and comes first."""
+    found = error.errors()
+    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+    where = " ".join([shape, *(str(part) for part in first["loc"])])
+    if first["type"] == "extra_forbidden":
+        return f"{where}: {not_known(str(first['loc'][-1]), SHAPES[shape].model_fields)}"
+    return f"{where}: {first['msg'].removeprefix('Value error, ')}"

@@ -9,6 +9,7 @@ import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from updater.errors import StructureError
+from updater.keys import not_known
 from updater.section import Section
 from updater.sensor import Correction, Sensor
 from updater.structure import (
@@ -67,7 +68,7 @@ def _wrong(error: ValidationError, content: dict[str, Any]) -> str:
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     place = _place(first["loc"], content)
     if first["type"] == "extra_forbidden":
-        return f"{place}: not a known key; known here are {', '.join(_known_keys(first['loc']))}"
+        return f"{place}: {not_known(str(first['loc'][-1]), _known_keys(first['loc']))}"
     message = first["msg"].removeprefix("Value error, ")
     return (
         f"{place}: {message}"

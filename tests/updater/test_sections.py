@@ -112,11 +112,20 @@ def test_round_corners_are_what_the_shipped_frame_has() -> None:
     [
         (
             'shape = "bx"\nwidth = 0.1',
-            "section.tube_40x40x3: shape 'bx' is not known; there are rectangle, box, circle",
+            "section.tube_40x40x3: shape 'bx' is not known, did you mean 'box'?; there are rectangle, box, circle",
         ),
         ('shape = "circle"\ndiameter = -1.0', "section.tube_40x40x3: circle diameter: Input should be greater than 0"),
-        ('shape = "circle"\nradius = 1.0', "section.tube_40x40x3: circle diameter: Field required"),
-        ('shape = "circle"\ndiameter = 1.0\narea = 2.0', "circle area: Extra inputs are not permitted"),
+        ('shape = "circle"', "section.tube_40x40x3: circle diameter: Field required"),
+        ('shape = "circle"\nradius = 1.0', "40x3: circle radius: not a known key; known here are diameter"),
+        (
+            'shape = "circle"\ndia = 0.1',
+            "circle dia: not a known key, did you mean 'diameter'?; known",
+        ),
+        (
+            'shape = "box"\nwidth = 1\nheigth = 1\nthickness = 0.01',
+            "heigth: not a known key, did you mean 'height'?",
+        ),
+        ('shape = "circle"\ndiameter = 1.0\narea = 2.0', "circle area: not a known key; known here are diameter"),
         ('shape = "tube"\ndiameter = 0.1\nthickness = 0.06', "thickness: expected less than half the diameter, 0.05 m"),
         ('shape = "box"\nwidth = 0.1\nheight = 0.04\nthickness = 0.03', "expected less than half the lesser side"),
         ('shape = "box"\nwidth = 0.1\nheight = 0.04\nthickness = 0.003\ncorner_radius = 0.02', "corner_radius"),

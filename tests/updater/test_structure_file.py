@@ -79,14 +79,20 @@ ROOT = Path(__file__).parents[2]
         (
             "density = 7850",
             "densty = 7850",
-            "material.steel.densty: not a known key; known here are density, poisson_ratio, shear_modulus, youngs",
+            "material.steel.densty: not a known key, did you mean 'density'?; known here are density, poisson_",
         ),
         (
             "[[support]]",
             "[[suport]]",
-            "suport: not a known key; known here are body, external, joint, material, member",
+            "suport: not a known key, did you mean 'support'?; known here are body, external, joint, material, member",
         ),
-        ("elements = 37", "element = 37", "member.0.element of column: not a known key; known here are elements, from"),
+        (
+            "elements = 37",
+            "element = 37",
+            "member.0.element of column: not a known key, did you mean 'elements'?; known here are elements, from",
+        ),
+        ("density = 7850", "dens = 7850", "material.steel.dens: not a known key, did you mean 'density'?; known here"),
+        ("density = 7850", "rho = 7850", "material.steel.rho: not a known key; known here are density, poisson_ratio"),
         ("[[support]]", "[mesh]\nelement_length = 0.0\n\n[[support]]", "mesh.element_length: Input should be greater"),
         (
             'fixed = ["x", "y", "z", "rx", "ry", "rz"]',
