@@ -9,10 +9,10 @@ arch bridge. MSSP 23(2), 316-329.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from daq import FloatArray
-from oma.estimate import ModalEstimate
+from oma.conditioning import BoolArray
+from oma.estimate import ComplexArray, ModalEstimate
 from oma.mac import mac_matrix
 from oma.pairing import assign
 from oma.stabilization import IndexArray
@@ -27,6 +27,7 @@ class Tracker:
     floor: float = 2e-3  #: relative frequency difference always allowed for in the gate of standard deviations [-]
     max_shift: float = 0.08  #: relative frequency difference a real change may cause [-]
     min_mac: float = 0.8  #: of a mode whose frequency has left the gate of standard deviations [-]
+    most_turned: float = 0.1  #: rad: from where on noise mixes modes, so that their shapes do not tell them apart
     min_mac_near: float = 0.5  #: of a mode inside that gate; above it no two orthogonal shapes can be exchanged [-]
 
     def assign(self, estimate: ModalEstimate) -> IndexArray:
@@ -34,8 +35,9 @@ class Tracker:
 
         A pair is possible within `n_sigma` standard deviations of both (not less than `floor`) if the shapes
         agree roughly, or within `max_shift` if they agree well: a structural change moves frequencies much and shapes
-        little. Of all possible one-to-one assignments the one with the smallest sum of ``(1 - MAC) + |d ln f|`` is
-        taken, after as many pairs as possible.
+        little. Modes that a window cannot part mix: within `n_sigma` it is enough that a shape is made of theirs. Of
+        all possible one-to-one assignments the one with the smallest sum of ``(1 - MAC) + |d ln f|`` is taken, after as
+        many pairs as possible.
 
         Parameters
         ----------
@@ -53,13 +55,19 @@ class Tracker:
         """
         agreement = self._agreement(estimate)
         shift = np.abs(np.log(estimate.frequency / self.reference.frequency[:, None]))
+        chance = self._chance(estimate)
+        near = shift < np.maximum(self.n_sigma * chance, self.floor)
         possible = ((agreement >= self.min_mac) & (shift < self.max_shift)) | (
-            (agreement >= self.min_mac_near) & (shift < self._gate(estimate))
+            ((agreement >= self.min_mac_near) | self._mixed(estimate, chance)) & near
         )
         return assign(1 - agreement + shift, possible)
 
     def _agreement(self, estimate: ModalEstimate) -> FloatArray:
         """Return the MAC of all pairs on the common channels."""
+        return mac_matrix(*self._at_common_channels(estimate))
+
+    def _at_common_channels(self, estimate: ModalEstimate) -> tuple[ComplexArray, ComplexArray]:
+        """Return both shapes at the channels that they share."""
         common = [name for name in self.reference.channels if name in estimate.channels]
         if len(common) < 2:
             raise ValueError(
@@ -67,11 +75,22 @@ class Tracker:
             )
         ours = [self.reference.channels.index(name) for name in common]
         theirs = [estimate.channels.index(name) for name in common]
-        return mac_matrix(self.reference.shape[:, ours], estimate.shape[:, theirs])
+        return self.reference.shape[:, ours], estimate.shape[:, theirs]
 
-    def _gate(self, estimate: ModalEstimate) -> npt.NDArray[np.float64]:
-        """Return the relative frequency difference that chance explains, for all pairs."""
+    def _chance(self, estimate: ModalEstimate) -> FloatArray:
+        """Return the standard deviation of the relative frequency difference, for all pairs."""
         ours = (self.reference.frequency_std / self.reference.frequency)[:, None]
-        chance = np.hypot(ours, estimate.frequency_std / estimate.frequency)
-        result: FloatArray = np.maximum(self.n_sigma * chance, self.floor)
-        return result
+        return np.asarray(np.hypot(ours, estimate.frequency_std / estimate.frequency))
+
+    def _mixed(self, estimate: ModalEstimate, chance: FloatArray) -> BoolArray:
+        """Tell which modes of an estimate lie among those that it cannot part from each of the reference's.
+
+        Noise turns modes into each other by about their frequencies' deviation over the distance between them.
+        """
+        own, found = self._at_common_channels(estimate)
+        apart = np.abs(np.log(self.reference.frequency / self.reference.frequency[:, None]))
+        mixed = np.zeros(chance.shape, np.bool_)
+        for i, e in zip(*np.nonzero(np.sort(apart)[:, 1:2] * self.most_turned < chance), strict=True):
+            span = np.linalg.qr(own[apart[i] * self.most_turned < chance[i, e]].T)[0]
+            mixed[i, e] = np.linalg.norm(span.conj().T @ found[e]) ** 2 >= self.min_mac * np.linalg.norm(found[e]) ** 2
+        return mixed

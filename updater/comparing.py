@@ -14,7 +14,14 @@ from updater.modal_checks import check_event
 from updater.new_shapes import new_shapes
 from updater.reference import Reference
 from updater.self_stress import self_stress
-from updater.shape_errors import SHAPE_BIAS, foreign_modes, nearer_modes, own_phases, shape_whiteners
+from updater.shape_errors import (
+    SHAPE_BIAS,
+    foreign_modes,
+    nearer_modes,
+    own_phases,
+    shape_whiteners,
+    turned_by_noise,
+)
 from updater.statistics import ModalMean
 
 MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
@@ -57,8 +64,11 @@ def compare(
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
+    by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
     foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error)
+    foreign = np.concatenate([foreign, by_noise], axis=1)
     nearer = nearer_modes(reference, tracks, ratio, at_channels, base.damping)
+    nearer = np.concatenate([nearer, by_noise], axis=1)
     sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
     return Comparison(
         channels=channels,

@@ -1,12 +1,16 @@
 """What errors of shapes have in common: other modes that a change, or a wrong model, brings into them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.reference import Reference
+from updater.statistics import ModalMean
 
 SHAPE_BIAS = 6e-4  #: of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
+_MIXED = 0.05  # rad: from about where on noise turns modes into each other most of all
 _LEAST_GAP = 1e-6  # of squared frequencies
 _MOST_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
@@ -52,6 +56,34 @@ def nearer_modes(
     before, after = _closeness(reference.frequency, paired, ratio)
     share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
     return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
+
+
+def turned_by_noise(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, means: Sequence[ModalMean]
+) -> FloatArray:
+    """Return how far noise turns modes into each other, with the baseline's windows and with the event's.
+
+    What stirs the frequency of a mode by s turns it towards another by about s over their distance, its real and its
+    imaginary part alike: perturbed eigenvectors (Wilkinson, 1965, ch. 2). Between modes 1 % apart, as of a tower whose
+    sides are nearly equal, that is some tenths in a window. Then it is all that is stated of the shape's components,
+    more where the other mode is the stronger one, and they err as one.
+
+    Parameters
+    ----------
+    means : (n,) before and after
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's share in unit shapes, times the mode.
+    """
+    paired = reference.paired[tracks]
+    square = np.zeros((len(paired), len(reference.frequency)))
+    for mean, closeness in zip(means, _closeness(reference.frequency, paired, ratio), strict=True):
+        turn = (2 * mean.log_frequency_std[:, None] * closeness) ** 2
+        stated = np.nan_to_num((mean.shape_std**2).sum(1))[:, None]
+        square += turn + stated * turn / (turn + _MIXED**2)
+    return _towards(np.minimum(np.sqrt(square), _MOST_TURNED), paired, at_channels)
 
 
 def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, base: FloatArray) -> FloatArray:

@@ -1,13 +1,16 @@
 """Errors of shapes, told where they are known: beside the baseline's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from diagnosis_helpers import Change, learnt
+from diagnosis_helpers import CHANNELS, TRACK, Change, learnt
 
+from daq import FloatArray
 from oma import ComplexArray
 from updater import Body
 from updater.delays import split_shape
-from updater.shape_errors import beside, own_phases, turned_back
+from updater.shape_errors import beside, own_phases, turned_back, turned_by_noise
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -48,6 +51,31 @@ def test_a_phase_that_is_hardly_known_makes_its_mode_as_much_less_sure(degrees: 
     along = turn / np.linalg.norm(turn) if degrees else np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
     expected = np.hypot(turn @ along, noise / size)
     assert (rest @ along).std() == pytest.approx(expected, rel=4 * 0.011)
+
+
+def test_noise_turns_close_modes_into_each_other() -> None:
+    """By a frequency's deviation over their distance; then by all that is stated of their shapes."""
+    reference, _, _ = learnt(612)
+    f, at_channels = reference.frequency, reference.at_channels(CHANNELS)
+    gap = abs(np.log(f[1] / f[0]))
+    assert gap < 0.03
+    assert abs(np.log(f[2] / f[0])) > 1
+
+    def share(frequency_std: float, shape_std: float) -> FloatArray:
+        mean = replace(
+            reference.baseline,
+            log_frequency_std=np.full(8, frequency_std),
+            shape_std=np.full((8, 12), shape_std / np.sqrt(12)),
+        )
+        turned = turned_by_noise(reference, TRACK, np.zeros(8), at_channels, (mean, mean))
+        return np.asarray(np.linalg.norm(turned, axis=2))
+
+    little = share(1e-4, 0.01)[0]
+    assert little[0] == 0
+    louder = np.linalg.norm(at_channels[:, 1]) / np.linalg.norm(at_channels[:, 0])
+    assert little[1] == pytest.approx(louder * np.sqrt(2) * 1e-4 / gap, rel=0.05)
+    assert (little[2:] < 3e-4).all()
+    assert share(0.3 * gap, 0.2)[0, 1] == pytest.approx(min(0.5, np.sqrt(2) * np.hypot(0.3, 0.2)) * louder, rel=0.05)
 
 
 def test_a_reference_that_fits_badly_is_believed_less() -> None:
