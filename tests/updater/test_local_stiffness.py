@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from updater_helpers import measure, t_frame, true_model
 
+from daq import FloatArray
 from updater import Member, ModalMean, Model, Reference, build_model, diagnose, learn_reference, matched, stack_tracks
+from updater.causes.local_stiffness import LocalStiffness, propose_local_stiffness
+from updater.comparing import compare
 
 TRACK = np.arange(8)
 
@@ -107,6 +110,26 @@ def test_a_cut_from_one_side_is_found(
     assert segment.stiffness == 1
     said = [1 - cause.parameters[key].value for key in names]
     assert [*segment.bending, segment.torsion] == pytest.approx(said, abs=0.1)
+
+
+def test_places_that_data_do_not_tell_apart_stay_open() -> None:
+    """Refined is the neighbourhood of the likeliest; where all are alike the others stay."""
+    reference, event_mean = event(187, "column", 0.6, 0.7, 0.9)
+    cause = propose_local_stiffness(reference, compare(reference, event_mean))
+    assert cause is not None
+    closer = cause.finer(np.zeros(len(cause.start)), cause.start)
+
+    def middles(of: LocalStiffness) -> FloatArray:
+        return np.asarray(of.begin + of.size / 2)
+
+    for member in np.unique(cause.member):
+        near = np.abs(middles(cause)[cause.member == member, None] - middles(closer)[closer.member == member]).min(1)
+        assert (near <= cause.step[cause.member == member] / 2).all()
+    log_prior = np.full(len(cause.start), -100.0)
+    log_prior[5] = 0.0
+    sharp = cause.finer(log_prior, cause.start)
+    far = (sharp.member != cause.member[5]) | (np.abs(middles(sharp) - middles(cause)[5]) > 2 * cause.step[5])
+    assert not far.any()
 
 
 def test_crack_beside_the_foot_may_be_the_foot() -> None:

@@ -27,6 +27,8 @@ _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
 _OF_EACH = 2  # and of each length
+OPEN = 10.0  #: of log density under the best: what else is left open
+_MOST_OTHERS = 120  # of the likeliest that are looked at for that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +120,10 @@ class Stretches:
         return theta
 
     def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
-        """Return stretches about the likely ones: middles closer together, lengths between."""
+        """Return stretches about the likely ones: middles closer together, lengths between; others may be as likely.
+
+        Where data hardly tell a place many are. They stay as they are: a place that is left out is told to be none.
+        """
         order = np.argsort(-log_density)
         of_each = [order[self.kind[order] == kind][:_OF_EACH] for kind in self.kinds.size]
         near = np.unique(np.concatenate([order[:_WORTH], *of_each]))
@@ -132,7 +137,13 @@ class Stretches:
         source = np.array([found[key] for key in sorted(found)], np.intp)
         start = self.carried(theta[source], np.maximum(rows[:, 2], 1) / np.maximum(self.size[source], 1))
         start[:, 1:3] = 0.0  # the shift, and the length if there is one
-        return replace(self, **_fields(self.cells, self.kinds, rows, first=False), start=start)
+        others = np.setdiff1d(order[:_MOST_OTHERS], near)
+        others = others[log_density[others] > log_density.max() - OPEN]
+        fields = _fields(self.cells, self.kinds, rows, first=False) | {"start": start}
+        both: dict[str, Any] = {
+            name: np.concatenate([found, getattr(self, name)[others]]) for name, found in fields.items()
+        }
+        return replace(self, **both | {"start": np.concatenate([start, theta[others]])})
 
     def _about(self, near: IndexArray, middle: FloatArray, parts: int) -> dict[tuple[int, int, int, int, int], int]:
         """Return finer alternatives (member, begin, size, kind, step), and which each one came from."""
