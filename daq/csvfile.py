@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from daq.recording import FloatArray, IndexArray
 
 _LINES = 20_000  # of a piece
 _DELIMITERS = ("\t", ";", ",")
+_LATIN = {0xDC00 + byte: byte for byte in range(0xA0, 0x100)}  # bytes that are no UTF-8, as they are read
+_NO_TEXT = re.compile("[\udc80-\udcff]")
 Line = tuple[int, str]  # number, counted from 1, and text
 
 
@@ -64,18 +67,18 @@ def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
 @contextmanager
 def _content_of(path: Path) -> Iterator[Iterator[Line]]:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            yield _content(file)
+        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+            yield _content(path, file)
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise DataError(path, f"is no text: {error.reason}") from error
 
 
-def _content(lines: Iterable[str]) -> Iterator[Line]:
-    """Yield the lines that say something."""
+def _content(path: Path, lines: Iterable[str]) -> Iterator[Line]:
+    """Yield the lines that say something; what is no UTF-8 is taken for Latin-1, as spreadsheets write ° and ²."""
     for number, line in enumerate(lines, 1):
-        text = line.strip(" \r\n")
+        text = (line if line.isascii() else line.translate(_LATIN)).strip(" \r\n")
+        if "\0" in text or (not text.isascii() and _NO_TEXT.search(text)):
+            raise DataError(path, f"line {number}: is no text in UTF-8 or Latin-1")
         if text and not text.startswith("#"):
             yield number, text
 

@@ -18,7 +18,8 @@ TEMPERATURES = {  #: of one unit, and of zero, in degC
     **dict.fromkeys(("k", "kelvin"), (1.0, -273.15)),
     **dict.fromkeys(("°f", "degf", "fahrenheit"), (5 / 9, -160 / 9)),
 }
-_WARMTH = frozenset({"temperature", "temp"})  # a column that is so called needs no unit
+_WARMTH = re.compile(r"temp|temp[_ ]?(deg)?[_ ]?c|temperature([_ ].*)?", re.IGNORECASE)  # which need no unit
+_ENDED = re.compile(r".+[_ ](g|mg|ug|mms2|mm_s2)", re.IGNORECASE)  # as if it were a unit
 _SPELT = str.maketrans({"²": "2", "^": None, "*": None, " ": None, "µ": "u", "μ": "u", "º": "°", "˚": "°"})
 _OTHER = {"ms-2": "m/s2", "m/s/s": "m/s2", "mms-2": "mm/s2", "gal": "cm/s2", "gn": "g"}
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*(\[\s*(?P<square>[^\[\]]+?)\s*\]|\(\s*(?P<round>[^()]+?)\s*\))")
@@ -92,7 +93,7 @@ def _column(wanted: str, bare: Mapping[str, str]) -> str:
 
 
 def temperatures_of(path: Path, names: Sequence[str], asked: str | None) -> tuple[str, ...]:
-    """Return the columns that hold temperatures: whose unit says so, or which are called temperature or temp.
+    """Return the columns that hold temperatures: whose unit says so, or that are called ``temperature..`` or ``temp``.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def temperatures_of(path: Path, names: Sequence[str], asked: str | None) -> tupl
 
 def _is_temperature(name: str) -> bool:
     bare, unit = parted(name)
-    return plain(unit) in TEMPERATURES if unit else bare.casefold() in _WARMTH
+    return plain(unit) in TEMPERATURES if unit else bool(_WARMTH.fullmatch(bare))
 
 
 def factors(path: Path, signals: Sequence[Signal], velocities: Collection[str]) -> FloatArray:
@@ -156,7 +157,8 @@ def unit_remark(signals: Iterable[Signal], velocities: Collection[str], by_hand:
         usual = "m/s" if signal.channel in velocities else "m/s2"
         stated.setdefault(signal.unit or f"{usual}, for want of a unit", []).append(signal.channel)
     if not any(signal.unit for signal in signals):
-        return ""
+        doubtful = [signal.channel for signal in signals if by_hand is None and _ENDED.fullmatch(signal.channel)]
+        return f"{', '.join(doubtful)} in m/s2: if a name ends in its unit say --unit" if doubtful else ""
     said = "; ".join(f"{', '.join(channels)} in {unit}" for unit, channels in stated.items())
     if by_hand is not None:
         return f"columns say: {said}; what --unit and --scale say goes before it, {by_hand:.6g} m/s2 a unit"

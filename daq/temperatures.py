@@ -49,7 +49,9 @@ def _celsius(path: Path, name: str, values: FloatArray) -> FloatArray:
     wrong = found[(found < _COLDEST) | (found > _HOTTEST)]
     if len(wrong):
         raise DataError(
-            path, f"column {name!r}: expected temperatures of {_COLDEST:g} to {_HOTTEST:g} degC, found {wrong[0]:g}"
+            path,
+            f"column {name!r}: expected temperatures of {_COLDEST:g} to {_HOTTEST:g} degC, found {wrong[0]:g}: "
+            "another unit stands after the name, as in `temperature [K]`",
         )
     return found
 

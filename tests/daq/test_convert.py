@@ -206,6 +206,8 @@ def test_the_unit_of_velocities_is_heeded(tmp_path: Path) -> None:
         ("temperature [C]", (20, 21), (20, 21)),
         ("T (°C)", (20, 21), (20, 21)),
         ("Temp", (-5, 0), (-5, 0)),
+        ("temp_C", (-5, 0), (-5, 0)),
+        ("temperature_deck", (-5, 0), (-5, 0)),
         ("deck [K]", (273.15, 300), (0, 26.85)),
         ("deck (°F)", (32, 212), (0, 100)),
     ],
@@ -426,12 +428,36 @@ def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, t
         assert not np.isinf(found.data).any()
 
 
+def test_a_table_that_a_spreadsheet_wrote_in_latin_1(tmp_path: Path) -> None:
+    path, text = tmp_path / "data.csv", "t;Brücke [m/s²];T (°C)\n0;1,5;20\n1;2,5;21\n"
+    found = []
+    for encoding in ("cp1252", "utf-8", "utf-8-sig"):
+        path.write_text(text, encoding=encoding)
+        found.append(read_measured(path, DataOptions()))
+    for one in found:
+        assert [c.name for c in one.recording.channels] == ["Brücke"]
+        np.testing.assert_array_equal(one.recording.data[:, 0], [1.5, 2.5])
+        assert one.recording.temperature == 20.5
+    path.write_text(text, encoding="utf-16")
+    with pytest.raises(DataError, match=r"data\.csv: line 1: is no text in UTF-8 or Latin-1"):
+        read_data(path)
+
+
+def test_names_that_end_as_if_in_a_unit_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("t,ax_g,deck y_mg,z,temperature_C\n0,1,1,1,20\n1,2,2,2,20\n")
+    found = read_measured(path, DataOptions())
+    assert [c.name for c in found.recording.channels] == ["ax_g", "deck y_mg", "z"]
+    assert found.remarks[0] == "ax_g, deck y_mg in m/s2: if a name ends in its unit say --unit"
+    assert len(read_measured(path, DataOptions(factor=9.8)).remarks) == 1
+
+
 def test_a_file_that_is_no_table(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     with pytest.raises(DataError, match=r"data\.csv: cannot be read: No such file"):
         read_data(path)
     path.write_bytes(b"\x89MCAP\xff\xfe")
-    with pytest.raises(DataError, match=r"data\.csv: is no text"):
+    with pytest.raises(DataError, match=r"data\.csv: line 1: is no text in UTF-8 or Latin-1"):
         read_data(path)
 
 
