@@ -50,6 +50,13 @@ class OneSidedStiffness(LocalStiffness):
         return np.append(super().prior_std, [_SHARE, _SHARE])
 
     @property
+    def idle(self) -> FloatArray:
+        """Next to nothing is done."""
+        start = super().idle
+        start[:, 0] = _BEGUN
+        return start
+
+    @property
     def lower(self) -> FloatArray:
         """Nothing is gained, and no share is negative."""
         return np.tile([0.0, -np.inf, -np.inf, -SHEAR, -_SHARE, -_SHARE], (len(self.member), 1))
