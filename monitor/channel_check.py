@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from monitor.recordings import log_channels
+from daq import Channel
+from monitor.recordings import log_channels, log_rate
 from monitor.settings import load_settings
 from updater import Sensor, Structure
 
@@ -20,6 +21,7 @@ class ChannelCheck:
 
     path: Path  #: settings or log
     n_channels: int
+    rate: float  #: the slowest [Hz]
     without_sensor: tuple[str, ...]  #: channels that are no sensor of the structure
     without_channel: tuple[str, ...]  #: sensors that nothing measures
 
@@ -37,14 +39,20 @@ def check_channels(structure: Structure, path: Path) -> ChannelCheck:
     SettingsError, LogError
         If the file cannot be read or does not tell its channels.
     """
-    channels = load_settings(path).channels if path.suffix == ".toml" else log_channels(path)
+    channels, rate = _of_settings(path) if path.suffix == ".toml" else (log_channels(path), log_rate(path))
     names = tuple(channel.name for channel in channels)
     return ChannelCheck(
         path=path,
         n_channels=len(names),
+        rate=rate,
         without_sensor=tuple(n for n in names if n not in structure.channels),
         without_channel=tuple(n for n in structure.channels if n not in names),
     )
+
+
+def _of_settings(path: Path) -> tuple[tuple[Channel, ...], float]:
+    settings = load_settings(path)
+    return settings.channels, min(device.rate for device in settings.device)
 
 
 def measured_only(structure: Structure, check: ChannelCheck) -> Structure:

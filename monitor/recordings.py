@@ -40,6 +40,20 @@ def log_recordings(log: AnyLog, window_seconds: float | None = None) -> Iterator
     return load_recordings(log, window_seconds=window_seconds, channels=log_channels(log))
 
 
+def log_rate(log: AnyLog) -> float:
+    """Return the rate of the device that a log begins with [Hz].
+
+    Raises
+    ------
+    LogError
+        If it holds no samples; others as for `read_log`.
+    """
+    rate = next((item.rate for item in read_log(log) if isinstance(item, Block)), None)
+    if rate is None:
+        raise LogError(str(log), "holds no samples")
+    return rate
+
+
 def log_duration(log: AnyLog) -> float:
     """Return how much a log holds of the device that it holds least of [s]; errors as for `read_log`."""
     devices = {channel.device for channel in log_channels(log)}

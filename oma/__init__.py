@@ -16,6 +16,7 @@ from oma.merging import match_setups, merge
 from oma.methods import Method
 from oma.pairing import pair_modes
 from oma.plscf import PLSCF
+from oma.pyramid import PASS
 from oma.quality import WindowQuality
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
@@ -30,6 +31,7 @@ __all__ = [
     "FDD",
     "FSDD",
     "METHODS",
+    "PASS",
     "PLSCF",
     "SAME_AS",
     "ComplexArray",

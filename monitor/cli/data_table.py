@@ -135,7 +135,10 @@ def structure(
     ] = None,
     record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before a change, and after.")] = 600.0,
     damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
-    highest: Annotated[float, typer.Option(metavar="HZ", help="Frequency up to which modes are identified.")] = 400.0,
+    highest: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Frequency up to which modes are identified: of --channels, else 400."),
+    ] = None,
     target: Annotated[str | None, typer.Option(metavar="MASS", help="A mass to be found, such as 50g.")] = None,
     within: Annotated[str, typer.Option(metavar="LENGTH", help="How near it must be found.")] = "50mm",
 ) -> None:

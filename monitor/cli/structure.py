@@ -17,9 +17,12 @@ from monitor.odd_units import odd_units
 from monitor.sight import ALIKE, Sight, look
 from monitor.structure_picture import draw_structure
 from monitor.target import Plan, plan
+from oma import PASS
 from updater import ModelError, Record, StructureError, Target, load_structure
 
 console = Console(highlight=False)
+_USUAL_RATE = 1000.0  # Hz
+_ELSE = "of another recorder --highest says how far, or --channels SITE.toml or a log of it"
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
 
@@ -30,25 +33,30 @@ class Asked:
     n_modes: int
     seconds: float
     damping: float
-    highest: float
+    highest: float | None  #: None: as what is recorded at --channels, or at 1000 Hz
     target: str | None
     within: str
     channels: Path | None
 
-    def record(self) -> Record:
+    def record(self, rate: float | None) -> Record:
         """Return the record that is planned.
+
+        Parameters
+        ----------
+        rate : of what is set against the sensors [Hz]
 
         Raises
         ------
         ArgumentError
             Naming the option that makes no sense.
         """
-        for name, value in (("--record", self.seconds), ("--damping", self.damping), ("--highest", self.highest)):
+        highest = self.highest if self.highest is not None else PASS * (rate or _USUAL_RATE)
+        for name, value in (("--record", self.seconds), ("--damping", self.damping), ("--highest", highest)):
             if not value > 0:
                 raise ArgumentError(name, f"expected a positive number, found {value:g}")
         if self.damping >= 1:
             raise ArgumentError("--damping", f"expected a ratio of critical such as 0.005, found {self.damping:g}")
-        return Record(seconds=self.seconds, damping=self.damping, highest=self.highest)
+        return Record(seconds=self.seconds, damping=self.damping, highest=highest)
 
     def wanted(self) -> Target | None:
         """Return what is to be found, None if nothing is asked for.
@@ -85,8 +93,9 @@ def measured(option: str, text: str, kind: str) -> float:
 
 def structure_command(path: Path, asked: Asked, *, json_path: Path | None, picture: Path | None) -> int:
     """Draw the structure, list its modes, and say what its sensors see; 1 if sensors and channels do not match."""
-    structure, record, target = load_structure(path), asked.record(), asked.wanted()
+    structure, target = load_structure(path), asked.wanted()
     check = check_channels(structure, asked.channels) if asked.channels else None
+    record = asked.record(check.rate if check else None)
     if check:
         structure = measured_only(structure, check)
     try:
@@ -102,7 +111,13 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     _say(sight, planned)
     for words in channel_words(structure, check):
         console.print(escape(words))
-    for note in odd_units(structure):
+    notes = odd_units(structure)
+    if asked.highest is None and check is None:
+        notes = [
+            *notes,
+            f"modes are counted up to {record.highest:g} Hz, as recorded at {_USUAL_RATE:g} Hz; {_ELSE}",
+        ]
+    for note in notes:
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
     console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
     if json_path:

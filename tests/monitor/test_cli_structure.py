@@ -187,6 +187,11 @@ def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) 
     done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
     assert done.code == 0, done.err
     assert f"{site}: its 3 channels are the structure's sensors" in done.out
+    assert "up to 400 Hz" in done.out
+    site.write_text(site.read_text(encoding="utf-8").replace("rate = 1000", "rate = 200"), encoding="utf-8")
+    done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
+    assert "up to 80 Hz" in done.out
+    assert "--highest says" not in done.out
     assert "s1 and s2 measure the same motion" in done.out
     assert_refused(modalwatch("structure", bar, "--channels", tmp_path / "none.toml"), "none.toml: cannot be read")
 
