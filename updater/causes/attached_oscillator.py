@@ -17,7 +17,6 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
-from updater.causes.stretches import OPEN
 from updater.comparison import Comparison, NewModes
 from updater.fe.element import local_axes
 from updater.fit import fit as fit_all
@@ -122,17 +121,12 @@ class AttachedOscillator:
         return replace(found, log_ratio=found.log_ratio + np.log(2.0))
 
     def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
-        """Return positions closer together about the likely ones, of the same direction and mode.
-
-        What else is left open stays as it is: see `Stretches.finer`.
-        """
+        """Return positions closer together about the likely ones, of the same direction and mode."""
         near = np.flatnonzero(log_density > log_density.max() - _NEAR)
         near = near[np.argsort(-log_density[near])]
         steps = np.linspace(-self.gap, self.gap, 2 * _FINER + 1)
         chosen: dict[tuple[int, int, int, float], int] = {}
-        others = near[log_density[near] > log_density.max() - OPEN]
         for row in near.tolist():
-            others = others[others != row]
             length = self.reference.calibration.structure.member[self.member[row]].length
             for at in np.clip(self.position[row] + steps, 0, length):
                 key = int(self.member[row]), int(self.axis[row]), int(self.mode[row]), round(float(at), 6)
@@ -145,15 +139,13 @@ class AttachedOscillator:
         finer = self.log_prior[source] + np.log(1 / _FINER)
         return replace(
             self,
-            member=np.concatenate([columns[0], self.member[others]]),
-            axis=np.concatenate([columns[1], self.axis[others]]),
-            mode=np.concatenate([columns[2], self.mode[others]]),
-            position=np.concatenate([columns[3], self.position[others]]),
-            translation=np.concatenate(
-                [translations(self.reference, columns[0], columns[3]), self.translation[others]]
-            ),
-            log_prior=np.concatenate([finer, self.log_prior[others]]),
-            start=theta[np.concatenate([source, others])],
+            member=columns[0],
+            axis=columns[1],
+            mode=columns[2],
+            position=columns[3],
+            translation=translations(self.reference, columns[0], columns[3]),
+            log_prior=finer,
+            start=theta[source],
         )
 
     def _alike(self, fit: "Fit[Cause]") -> IndexArray:

@@ -27,7 +27,7 @@ _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
 _OF_EACH = 2  # and of each length
-OPEN = 10.0  #: of log density under the best: what else is left open
+_OPEN = 10.0  # of log density under the best: what else is left open
 _MOST_OTHERS = 120  # of the likeliest that are looked at for that
 
 
@@ -138,7 +138,7 @@ class Stretches:
         start = self.carried(theta[source], np.maximum(rows[:, 2], 1) / np.maximum(self.size[source], 1))
         start[:, 1:3] = 0.0  # the shift, and the length if there is one
         others = np.setdiff1d(order[:_MOST_OTHERS], near)
-        others = others[log_density[others] > log_density.max() - OPEN]
+        others = others[log_density[others] > log_density.max() - _OPEN]
         fields = _fields(self.cells, self.kinds, rows, first=False) | {"start": start}
         both: dict[str, Any] = {
             name: np.concatenate([found, getattr(self, name)[others]]) for name, found in fields.items()
