@@ -7,6 +7,7 @@ counted. Only the serving process loads rerun.
 import multiprocessing
 import queue
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.queues import Queue
@@ -146,8 +147,12 @@ def _free(port: int) -> bool:
 def _serve(structure: str, site: str, inbox: "Queue[Item | None]") -> None:
     """Serve until the last item."""
     from monitor.viewer.live import serve  # loads rerun, in this process only
+    from monitor.viewer.signals import ServerEndedError
 
-    serve(structure, site, _until_none(received(inbox)))
+    try:
+        serve(structure, site, _until_none(received(inbox)))
+    except ServerEndedError:  # rerun has said why: another one took its port since it was found free
+        sys.exit(1)
 
 
 def _until_none(items: Iterator[Item | None]) -> Iterator[Item]:

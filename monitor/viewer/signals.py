@@ -33,6 +33,10 @@ def signal_path(channel: str) -> str:
     return rr.new_entity_path(["signal", channel])
 
 
+class ServerEndedError(Exception):
+    """Rerun's server takes nothing any more, or never did: its port was taken before it listened."""
+
+
 class SignalStream:
     """Signals as the blocks come, on the clocks that devices have or share, without what is known of their delays.
 
@@ -40,6 +44,11 @@ class SignalStream:
     ----------
     recording : that gets them
     channels : that are drawn
+
+    Raises
+    ------
+    ServerEndedError
+        By `add`, when what gets them has ended.
     """
 
     def __init__(self, recording: rr.RecordingStream, channels: tuple[Channel, ...]) -> None:
@@ -73,4 +82,7 @@ class SignalStream:
             if channel.device == device and channel.axis < values.shape[1]:
                 scalars = rr.Scalars.columns(scalars=values[:, channel.axis])
                 self._recording.send_columns(signal_path(channel.name), [column], scalars)
-        self._recording.flush()  # what waits, waits before this process, where it is bounded and counted
+        try:
+            self._recording.flush()  # what waits, waits before this process, where it is bounded and counted
+        except RuntimeError as error:
+            raise ServerEndedError(str(error)) from error

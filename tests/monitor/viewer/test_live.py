@@ -221,3 +221,23 @@ def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: p
         assert time.monotonic() - start < 0.5
         assert live.dropped >= 50 - 3
         assert 1 <= live.waiting <= 3
+
+
+def test_a_port_that_is_taken_after_it_was_found_free_ends_the_view_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("monitor.live._free", lambda _: True)
+    port = free_port()
+    with socket.socket() as other, socket.socket() as beside:
+        for number, taken in enumerate((other, beside)):
+            taken.bind(("127.0.0.1", port + number))
+            taken.listen()
+        text = site_text(port)
+        items = [item for item in results() if not isinstance(item, Block)]
+        with live_view(parse_settings(text), t_structure_toml(), text) as live:
+            end = time.monotonic() + 30
+            while not live.problem and time.monotonic() < end:
+                shown(live, [block(0), items[0]])
+                time.sleep(0.2)
+            assert live.problem == "its process ended with code 1"
+    assert "Traceback" not in capfd.readouterr().err
