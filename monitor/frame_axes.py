@@ -1,12 +1,14 @@
 """Axes in which a frame is drawn in three dimensions, all directions to the same scale."""
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from daq import FloatArray
 from updater import Model
 
+_TICKS = 4  # along the longest side
 SWAY = 0.12  #: largest displacement drawn, as a share of the structure's size
 
 
@@ -27,7 +29,8 @@ def frame_axes(axes: Axes3D, model: Model, zoom: float) -> Axes3D:
     axes.set_box_aspect(high - low, zoom=zoom)
     axes.tick_params(labelsize=7)
     axes.view_init(elev=18, azim=-55)
-    axes.locator_params(nbins=4)
+    for axis, extent in zip((axes.xaxis, axes.yaxis, axes.zaxis), high - low, strict=True):
+        axis.set_major_locator(MaxNLocator(max(1, round(_TICKS * extent / (high - low).max()))))
     return axes
 
 

@@ -23,6 +23,7 @@ from updater import Outlook
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"
 _NAMED = 8  # members up to which each has its name at the curves
+_USUAL, _BEYOND_USUAL = 0.9, 5.0  # share of the places, and times their most, that colours and curves reach up to
 _SUBS = (1.0, 2.0, 5.0)
 _TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400)  # s
 
@@ -30,8 +31,7 @@ _TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 4
 def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | None) -> None:
     """Draw the weakest masses on the structure and along the members, and under these the target's records."""
     left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1, 1.25)), object))
-    top = heaviest(outlook)
-    limits = min(float(sight.weakest.min()), 0.5 * top), top
+    limits = _limits(sight, outlook)
     _coloured(left, sight, outlook, limits)
     unrolled = Unrolled(_places(outlook))
     curves = right.subplots(2 if planned else 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -43,6 +43,13 @@ def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | 
     curves[-1].set_xlabel(said)
 
 
+def _limits(sight: Sight, outlook: Outlook) -> tuple[float, float]:
+    """Return the masses between which colours and curves run: next to a foot the weakest mass knows no bounds."""
+    top = heaviest(outlook)
+    most = min(_BEYOND_USUAL * float(np.quantile(sight.weakest, _USUAL)), top)
+    return min(float(sight.weakest.min()), 0.5 * most), most
+
+
 def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[float, float]) -> None:
     axes = figure.add_subplot(projection="3d")
     frame_axes(axes, sight.model, 0.92)
@@ -50,11 +57,12 @@ def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[f
     pairs = np.flatnonzero(outlook.member[1:] == outlook.member[:-1])
     mass = np.maximum(sight.weakest[pairs], sight.weakest[pairs + 1])
     colours = scale.to_rgba(np.minimum(mass, limits[1]))
-    colours[mass > limits[1]] = to_rgba(_BLIND)
+    colours[mass > heaviest(outlook)] = to_rgba(_BLIND)
     segments = [outlook.point[[k, k + 1]] for k in pairs]
     axes.add_collection3d(Line3DCollection(segments, colors=colours, linewidths=_width(outlook, 7.0), capstyle="butt"))
     _extremes(axes, sight, outlook)
-    bar = figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.1, ticks=LogLocator(subs=_SUBS))
+    more = "max" if mass.max() > limits[1] else "neither"
+    bar = figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.1, ticks=LogLocator(subs=_SUBS), extend=more)
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     figure.suptitle("Weakest mass that raises the alarm", fontsize=12)
@@ -83,21 +91,19 @@ def _places(outlook: Outlook) -> Iterator[tuple[str, Vector]]:
 
 def _weakest(axes: Axes, sight: Sight, outlook: Outlook, unrolled: Unrolled, limits: tuple[float, float]) -> None:
     """Draw the weakest mass along the members, red on the axis where even the heaviest raises no alarm."""
-    x = _along(outlook, unrolled)
+    x, top = _along(outlook, unrolled), heaviest(outlook)
     for m in np.unique(outlook.member):
         here = outlook.member == m
-        known = np.where(sight.weakest[here] <= limits[1], sight.weakest[here], np.nan)
-        axes.plot(x[here], known, color=_LINE, linewidth=_width(outlook, 1.8))
-        axes.plot(
-            x[here], np.where(np.isnan(known), limits[1], np.nan), color=_BLIND, linewidth=4, solid_capstyle="butt"
-        )
+        blind = sight.weakest[here] > top
+        axes.plot(x[here], np.where(blind, np.nan, sight.weakest[here]), color=_LINE, linewidth=_width(outlook, 1.8))
+        axes.plot(x[here], np.where(blind, limits[1], np.nan), color=_BLIND, linewidth=4, solid_capstyle="butt")
     axes.set(yscale="log", ylim=(0.8 * limits[0], 1.15 * limits[1]), ylabel="weakest mass seen")
     axes.yaxis.set_major_locator(LogLocator(subs=_SUBS))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
     record = outlook.record
     axes.set_title(
         f"{duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
-        f"{len(outlook.frequency)} modes up to {record.highest:g} Hz; red: over {mass_words(limits[1])}",
+        f"{len(outlook.frequency)} modes up to {record.highest:g} Hz; red: over {mass_words(top)}",
         fontsize=10,
     )
     _members(axes, unrolled)

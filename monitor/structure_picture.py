@@ -10,8 +10,10 @@ from monitor.frame_axes import SWAY, frame_axes, lines, size
 from monitor.mass_map import draw_map
 from monitor.sight import Sight
 from monitor.target import Plan
+from updater import Support
 
 _COLUMNS = 3  # of modes
+_MOTIONS = 6  # that a support can hold
 _MEMBER, _STILL, _SENSOR, _SUPPORT, _BODY, _JOINT = "#37474f", "#b0bec5", "#1565c0", "#2e7d32", "#c62828", "#ef6c00"
 _SEGMENT = "#8e24aa"
 _LABELS = 30  # sensors up to which each has its name
@@ -30,7 +32,7 @@ def draw_structure(sight: Sight, path: Path, planned: Plan | None = None, n_mode
     _draw_parts(frame_axes(left.add_subplot(projection="3d"), sight.model, 0.92), sight)
     left.suptitle(sight.model.structure.name, fontsize=13)
     for k in range(n):
-        axes = frame_axes(right.add_subplot(rows, _COLUMNS, k + 1, projection="3d"), sight.model, 1.2)
+        axes = frame_axes(right.add_subplot(rows, _COLUMNS, k + 1, projection="3d"), sight.model, 1.25)
         axes.set_axis_off()
         _draw_mode(axes, sight, k)
     figure.savefig(path, dpi=110)
@@ -58,8 +60,19 @@ def _draw_parts(axes: Axes3D, sight: Sight) -> None:
         tip = at + 0.07 * extent * way
         axes.quiver(*at.T, *(tip - at).T, color=_SENSOR, linewidth=1.5, arrow_length_ratio=0.35, label="sensor")
         for sensor, place in zip(structure.heard[:_LABELS], at + 0.09 * extent * way, strict=False):
-            axes.text(*place, sensor.channel, fontsize=7, color=_SENSOR)
+            below = "top" if abs(sensor.direction[0]) > abs(sensor.direction[1]) else "bottom"  # x points down here
+            axes.text(*place, sensor.channel, fontsize=7, color=_SENSOR, va=below)
+    for support in structure.support[:_LABELS]:
+        x, y, z = support.at
+        axes.text(x, y, z - 0.06 * extent, _held(support), fontsize=7, color=_SUPPORT, ha="center", va="top")
     axes.legend(loc="upper left", fontsize=8)
+
+
+def _held(support: Support) -> str:
+    """Say which motions a support holds, and which it springs."""
+    fixed = "fixed" if len(support.fixed) == _MOTIONS else " ".join(support.fixed)
+    springs = " ".join(support.stiffness)
+    return "\n".join(part for part in (fixed, f"springs {springs}" if springs else "") if part)
 
 
 def _draw_mode(axes: Axes3D, sight: Sight, k: int) -> None:
