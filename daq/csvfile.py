@@ -5,7 +5,8 @@ import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ class Table:
     names: tuple[str, ...]
     values: FloatArray  #: (n_rows, n_columns), NaN where a cell is empty
     line: IndexArray  #: (n_rows,) number of each row's line in the file
+    dated: bool = False  #: whether the column of times holds dates, which are seconds since 1970 [UTC] here
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,7 @@ class _Layout:
     header: tuple[str, ...]
     delimiter: str
     chosen: tuple[int, ...]  # places in the header
+    dated: int | None = None  # place of the column of dates
 
 
 def csv_names(path: Path) -> tuple[str, ...]:
@@ -44,7 +47,7 @@ def csv_names(path: Path) -> tuple[str, ...]:
         return _layout(path, next(lines, None), ()).header
 
 
-def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
+def read_csv(path: Path, wanted: Collection[str] | None = None, times: str | None = None) -> Table:
     """Read a table of text.
 
     The first line that is neither empty nor a comment (#) names the columns; it also tells the delimiter, the first of
@@ -54,6 +57,7 @@ def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
     ----------
     path : of the file
     wanted : columns to read; what stands in the others does not matter. All unless given.
+    times : column that may hold dates with times (ISO 8601; UTC where they state no zone) in place of numbers
 
     Raises
     ------
@@ -61,7 +65,7 @@ def read_csv(path: Path, wanted: Collection[str] | None = None) -> Table:
         Naming the file, and line and column where there is one.
     """
     with _content_of(path) as lines:
-        return _read(path, lines, wanted)
+        return _read(path, lines, wanted, times)
 
 
 @contextmanager
@@ -83,10 +87,12 @@ def _content(path: Path, lines: Iterable[str]) -> Iterator[Line]:
             yield number, text
 
 
-def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None) -> Table:
+def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None, times: str | None) -> Table:
     layout = _layout(path, next(lines, None), wanted)
     pieces, numbers = [], []
     while piece := list(itertools.islice(lines, _LINES)):
+        if not pieces and times is not None:
+            layout = _with_dates(path, layout, layout.header.index(times), piece[0])
         if layout.delimiter != ",":
             piece = [(number, text.replace(",", ".")) for number, text in piece]
         pieces.append(_values(path, piece, layout))
@@ -94,7 +100,31 @@ def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None) -> 
     if not pieces:
         raise DataError(path, "holds no numbers after the line with the columns' names")
     names = tuple(layout.header[place] for place in layout.chosen)
-    return Table(names, np.concatenate(pieces), np.array(numbers, np.intp))
+    return Table(names, np.concatenate(pieces), np.array(numbers, np.intp), layout.dated is not None)
+
+
+def _with_dates(path: Path, layout: _Layout, place: int, first: Line) -> _Layout:
+    """Take a column for dates if the first line has one there."""
+    cells = _cells(path, first, layout.delimiter)
+    dated = len(cells) > place and not _is_number(cells[place]) and _seconds(cells[place]) is not None
+    return replace(layout, dated=place) if dated else layout
+
+
+def _seconds(text: str) -> float | None:
+    """Return a date with a time in seconds since 1970; None if it is none."""
+    try:
+        time = datetime.fromisoformat(text.strip())
+    except ValueError:
+        return None
+    seconds = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+    return seconds if seconds >= 0 else None
+
+
+def _date(text: str) -> float:
+    seconds = _seconds(text)
+    if seconds is None:
+        raise ValueError(text)
+    return seconds
 
 
 def _layout(path: Path, line: Line | None, wanted: Collection[str] | None) -> _Layout:
@@ -140,6 +170,7 @@ def _values(path: Path, piece: list[Line], layout: _Layout) -> FloatArray:
             comments=None,
             ndmin=2,
             usecols=None if every else layout.chosen,
+            converters=None if layout.dated is None else {layout.dated: _date},
         )
     except ValueError:
         values = np.array([_row(path, line, layout) for line in piece])
@@ -153,14 +184,16 @@ def _row(path: Path, line: Line, layout: _Layout) -> list[float]:
     cells = _cells(path, line, layout.delimiter)
     if len(cells) != len(layout.header):
         raise DataError(path, f"line {number}: expected {len(layout.header)} cells, found {len(cells)}")
-    return [_cell(path, number, layout.header[place], cells[place].strip()) for place in layout.chosen]
+    return [_cell(path, number, layout, place, cells[place].strip()) for place in layout.chosen]
 
 
-def _cell(path: Path, number: int, name: str, cell: str) -> float:
+def _cell(path: Path, number: int, layout: _Layout, place: int, cell: str) -> float:
+    dated = place == layout.dated
     try:
-        value = float(cell) if cell else float("nan")
+        value = (_date if dated else float)(cell) if cell else float("nan")
     except ValueError:
         value = float("inf")
     if np.isinf(value):
-        raise DataError(path, f"line {number}, column {name!r}: expected a number, found {cell!r:.40}")
+        what = "a time as 2026-01-31T12:00:00.005" if dated else "a number"
+        raise DataError(path, f"line {number}, column {layout.header[place]!r}: expected {what}, found {cell!r:.40}")
     return value

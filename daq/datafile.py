@@ -14,7 +14,7 @@ from daq.headings import Signal, factors, signals_of, temperatures_of, unit_rema
 from daq.recording import Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
 from daq.temperatures import known_mean, mean_temperature, temperature_remark
-from daq.timecolumn import TIME_UNITS, in_seconds, no_times, time_column, time_remark
+from daq.timecolumn import TIME_UNITS, date_remark, in_seconds, no_times, time_column, time_remark
 from daq.universalfile import read_universal
 
 UNIVERSAL = {".uff", ".unv"}  #: endings of universal files
@@ -27,7 +27,7 @@ class DataOptions:
 
     rate: float | None = None  #: samples a second [Hz], if the file does not say
     factor: float | None = None  #: m/s2 a unit of the file; what its columns' names say, or 1, unless given
-    start: int = 0  #: time of the first sample [ns UTC]
+    start: int | None = None  #: time of the first sample [ns UTC]; unless given what a column of dates says, else 0
     time: str | None = None  #: name of the column of times; `time_column` looks for it unless given
     time_unit: str | None = None  #: of `TIME_UNITS`; what the column's name says, or s, unless given
     columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; see `signals_of`
@@ -58,7 +58,7 @@ def read_data(
     *,
     rate: float | None = None,
     factor: float | None = None,
-    start: int = 0,
+    start: int | None = None,
     time: str | None = None,
     time_unit: str | None = None,
     columns: Mapping[str, str] | None = None,
@@ -111,12 +111,13 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
         channels=channels,
         data=data,
         rate=found.rate,
-        start=options.start,
+        start=next((start for start in (options.start, found.began) if start is not None), 0),
         temperature=known_mean(temperature),
         gaps=find_gaps(channels, data),
     )
     said = [
-        time_remark(found.time, options.time_unit) if found.time is not None else None,
+        date_remark(found.time, found.began) if found.time and found.began is not None else None,
+        time_remark(found.time, options.time_unit) if found.time and found.began is None else None,
         unit_remark(found.signals, options.velocities, by_hand),
         temperature_remark(found.warm, temperature),
     ]
@@ -136,6 +137,7 @@ class _Columns:
     every: FloatArray  #: (n_samples, n_signals + n_warm)
     rate: float  #: [Hz]
     time: str | None = None  #: name of the column of times; None if the rate was said
+    began: int | None = None  #: when its first date was [ns UTC], if it holds dates
 
     @property
     def values(self) -> FloatArray:
@@ -162,7 +164,8 @@ def _table(path: Path, options: DataOptions) -> _Columns:
     signals, warm = _what(path, [name for name in every if name != time], options)
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
-    table = read_csv(path, None if options.columns is None else {*columns, *([time] if time and timed else [])})
+    wanted = None if options.columns is None else {*columns, *([time] if time and timed else [])}
+    table = read_csv(path, wanted, time if timed else None)
     if not signals:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     values = table.values[:, [table.names.index(name) for name in columns]]
@@ -171,8 +174,10 @@ def _table(path: Path, options: DataOptions) -> _Columns:
     if rate is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
     try:
-        t = in_seconds(path, time, table.values[:, table.names.index(time)], options.time_unit)
-        return _Columns(signals, warm, *_on_grid(t, values), time)
+        t = table.values[:, table.names.index(time)]
+        if table.dated:
+            return _Columns(signals, warm, *_on_grid(t, values), time, round(1e9 * float(t[0])))
+        return _Columns(signals, warm, *_on_grid(in_seconds(path, time, t, options.time_unit), values), time)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Collection
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ _SPELT = {
     "d": ("day", "days"),
 }
 _WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
-_BARE = re.compile(r"t|time", re.IGNORECASE)
+_BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3  # Hz: no log of a structure's accelerations is beyond, unless somebody says so
 _USUAL = 20e3  # Hz: up to which a unit is proposed
@@ -35,8 +36,8 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     Parameters
     ----------
     names : of all columns
-    asked : the name that it should have; else ``t`` or ``time``, large or small, alone or with a unit as ``time [ms]``,
-        ``Time (s)`` or ``t_us``
+    asked : the name that it should have; else ``t``, ``time``, ``timestamp`` or ``datetime``, large or small, alone or
+        with a unit as ``time [ms]``, ``Time (s)`` or ``t_us``
     """
     if asked is not None:
         return asked if asked in names else None
@@ -103,6 +104,12 @@ def time_remark(name: str, given: str | None) -> str | None:
         return f"times of {name!r} are taken in {given}, as --time-unit says, not in {said}"
     unit = given or said or "s"
     return f"times of {name!r} are in {unit}" if unit != "s" else None
+
+
+def date_remark(name: str, began: int) -> str:
+    """Say that times were taken from dates, and when the first was [ns UTC]."""
+    first = datetime.fromtimestamp(began // 10**6 / 1000, UTC).isoformat(timespec="milliseconds")
+    return f"times of {name!r} are dates, UTC where they state no zone: the first is {first}"
 
 
 def no_times(names: Collection[str], asked: str | None) -> str:

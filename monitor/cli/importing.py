@@ -88,7 +88,7 @@ def _read(data: Path, options: ImportOptions) -> Measured:
     asked = DataOptions(
         rate=options.rate,
         factor=_factor(options),
-        start=0 if options.start is None else start_of(options.start),
+        start=None if options.start is None else start_of(options.start),
         time=options.time,
         time_unit=options.time_unit,
         columns=columns_of(options.columns),

@@ -261,6 +261,32 @@ def test_seldom_readings_of_temperature_go_with_the_windows_of_the_log(tmp_path:
     assert np.isnan(windows[8])  # farther than half an hour from the last reading
 
 
+@pytest.mark.parametrize(
+    ("delimiter", "name", "form", "start"),
+    [
+        (",", "timestamp", "2026-01-01T00:00:{:09.6f}Z", START),
+        (",", "Time", "2026-01-01 00:00:{:06.3f}", START),
+        (",", "Date/Time", "2026-01-01 01:00:{:06.3f}+01:00", START),
+        ("\t", "datetime", "2025-12-31T23:59:{:06.3f}", START - 60_000_000_000),
+    ],
+)
+def test_times_may_be_dates(tmp_path: Path, delimiter: str, name: str, form: str, start: int) -> None:
+    path = tmp_path / "data.csv"
+    rows = [(form.format(k / 200), str(k), "note") for k in range(2000) if k not in (700, 701)]
+    text = "\n".join(delimiter.join(row) for row in [(name, "left", "note"), *rows])
+    path.write_text(text if delimiter == "," else text.replace(".", ","))
+    found = read_measured(path, DataOptions(columns={"left": "left"}))
+    assert (found.recording.start, found.recording.rate) == (start, 200.0)
+    assert found.recording.gaps == (Gap(device="import", start=700, stop=702),)
+    (remark,) = found.remarks
+    assert remark.startswith(f"times of {name!r} are dates, UTC where they state no zone: the first is 202")
+    assert read_data(path, columns={"left": "left"}, start=5).start == 5
+    path.write_text(path.read_text().replace(rows[1500][0].replace(".", "," if delimiter == "\t" else "."), "noon"))
+    says = f"line 1502, column '{name}': expected a time as 2026-01-31T12:00:00.005, found 'noon'"
+    with pytest.raises(DataError, match=says):
+        read_data(path, columns={"left": "left"})
+
+
 def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t_s,t\n5,0\n6,0.5\n8,1\n")
