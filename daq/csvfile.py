@@ -89,7 +89,8 @@ def _content(path: Path, lines: Iterable[str]) -> Iterator[Line]:
 
 def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None, times: str | None) -> Table:
     layout = _layout(path, next(lines, None), wanted)
-    pieces, numbers = [], []
+    pieces: list[FloatArray] = []
+    numbers: list[int] = []
     while piece := list(itertools.islice(lines, _LINES)):
         if not pieces and times is not None:
             layout = _with_dates(path, layout, layout.header.index(times), piece[0])

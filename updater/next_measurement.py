@@ -21,9 +21,11 @@ from updater.prediction import effect_of, prediction
 from updater.reanalysis import Changed, Effect, picked, reanalyse
 from updater.reference import Reference
 from updater.residual import residual
+from updater.size import size
 from updater.statistics import ModalMean
 
 _DECIDES = 3.0  # standard deviations
+_NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good as another
 _SPACING = 0.1  # of a member's length, between places that are tried
 _SHARE = 0.02  # of the structure's mass: what is clamped on
 _LONGER = 4  # times the record
@@ -154,8 +156,10 @@ def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArra
 
 
 def _taken(reference: Reference, point: FloatArray, axis: int) -> bool:
+    """Tell whether a sensor along an axis is there already, or so near that it sees the same."""
+    near = _NEAR * size(reference.calibration.structure)
     return any(
-        np.linalg.norm(np.subtract(s.at, point)) < 1e-3 and abs(s.direction[axis]) > 0.99 * np.linalg.norm(s.direction)
+        np.linalg.norm(np.subtract(s.at, point)) < near and abs(s.direction[axis]) > 0.99 * np.linalg.norm(s.direction)
         for s in reference.calibration.structure.sensor
     )
 

@@ -18,6 +18,7 @@ from updater import Outlook, Sensor, Structure, vagueness
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
 _PAIRS = 4  # that are named
+_WORTH_IT = 0.9  # of how far off a mass is located, that one more sensor must come under
 _SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sensor sets
 
 
@@ -128,10 +129,10 @@ def helper_words(sight: Sight) -> str:
         return ""
     before = vagueness(sight.outlook, sight.typical_mass)
     after, mass = sight.helper.vagueness, mass_words(sight.typical_mass)
-    return (
-        f"one more sensor helps most at {_at(sight.helper.changed)}: {mass} anywhere located to "
-        f"± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm (geometric mean over all places)"
-    )
+    found = f"{mass} anywhere located to ± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm"
+    if after > _WORTH_IT * before:
+        return f"one more sensor would hardly help: {found} at best (geometric mean over all places)"
+    return f"one more sensor helps most at {_at(sight.helper.changed)}: {found} (geometric mean over all places)"
 
 
 def plan_tables(planned: Plan) -> Iterator[RenderableType]:

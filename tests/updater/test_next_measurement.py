@@ -8,13 +8,14 @@ from diagnosis_helpers import TRACK, Change, learnt
 from updater_helpers import measure, t_frame, true_model
 
 from oma import ModalEstimate
-from updater import diagnose, learn_reference, matched, stack_tracks
+from updater import Sensor, Structure, diagnose, learn_reference, matched, stack_tracks
 from updater.candidates import Weighing
 from updater.causes.added_mass import AddedMass
 from updater.causes.composite import Chosen
 from updater.comparing import compare
 from updater.next_measurement import next_measurement
 
+AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))
 
 
@@ -24,12 +25,18 @@ def on_the_column(estimate: ModalEstimate) -> ModalEstimate:
     return replace(estimate, channels=COLUMN, shape=estimate.shape[:, here], shape_std=estimate.shape_std[:, here])
 
 
+def with_sensors(structure: Structure, *more: Sensor) -> Structure:
+    """Return a frame with the sensors of its column and others."""
+    kept = tuple(s for s in structure.sensor if s.channel in COLUMN)
+    return structure.model_copy(update={"sensor": kept + more})
+
+
 def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     """Sensors of the column alone see mirror images alike; what is named must lie on the beam that holds the mass."""
     random, bare = np.random.default_rng(501), true_model(np.random.default_rng(502))
     before = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(8)]
     structure = t_frame()
-    structure = structure.model_copy(update={"sensor": tuple(s for s in structure.sensor if s.channel in COLUMN)})
+    structure = with_sensors(structure)
     reference = learn_reference(structure, before, [TRACK] * 8)
     now = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(5)]
     event = matched(reference.baseline, reference.mean_of(stack_tracks(now, [TRACK] * 5)))
@@ -46,6 +53,12 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     assert place is not None, said
     assert abs(float(place[1])) > 0.1
     assert float(place[2]) > 3
+    axis = said.split("m along ")[1][0]
+    there = Sensor(channel="there", at=(float(place[1]) + 0.02, 0.0, 1.48), direction=AXES[axis])
+    calibration = replace(reference.calibration, structure=with_sensors(reference.calibration.structure, there))
+    said = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
+    other = re.search(rf"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along {axis}:", said)
+    assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, said
 
 
 def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
