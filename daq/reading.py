@@ -14,7 +14,8 @@ from daq.parts import AnyLog, files_of
 from daq.recording import Block, Channel, Recording, find_gaps
 
 HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an imported log
-    "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site"
+    "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
+    "writes one"
 )
 _LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
 _PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each

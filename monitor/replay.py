@@ -37,6 +37,7 @@ class ReplayReport:
     found: list[Result]
     logged: list[Result]
     memory: str  #: what to go on from, as text; empty if nothing was said
+    window_seconds: float  #: length of a window [s]
 
     @property
     def same(self) -> bool:
@@ -75,7 +76,8 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
         raise LogError(str(log), _how_to(log, "has no settings attached: give --site"))
     texts = (site.structure_text, site.site_text) if site else (attached["structure.toml"], attached["site.toml"])
-    devices = tuple(device.name for device in parse_settings(texts[1], f"{log}: site.toml").device)
+    settings = parse_settings(texts[1], f"{log}: site.toml")
+    devices = tuple(device.name for device in settings.device)
     logged: list[Result] = []
     found: list[Result] = []
     kept = ""
@@ -91,7 +93,7 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
             found.append(result)
             on_result(result)
         feeding.result()
-    return ReplayReport(found=found, logged=logged, memory=kept)
+    return ReplayReport(found=found, logged=logged, memory=kept, window_seconds=settings.analysis.window_seconds)
 
 
 def _how_to(log: AnyLog, why: str) -> str:

@@ -63,14 +63,12 @@ def _say_around(site: Site) -> bool:
 
 def _say_plan(site: Site) -> None:
     settings, analysis = site.settings, site.settings.analysis
-    step = analysis.window_seconds * (1 - analysis.overlap)
-    learning = (analysis.window_seconds + (analysis.baseline_windows - 1) * step) / 3600
     folder = site.folder / settings.recorder.folder
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
     console.print(f"structure: {escape(str(site.folder / settings.structure))}", soft_wrap=True)
     console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
-    console.print(f"windows:   {analysis.window_seconds:g} s, one every {step:g} s")
-    console.print(f"baseline:  {analysis.baseline_windows} windows, {learning:.2g} h")
+    console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
+    console.print(f"baseline:  {analysis.baseline_windows} windows, {settings.learning_seconds / 3600:.2g} h")
     acknowledged = ", once acknowledged" if settings.alarm.latch else ""
     console.print(
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "

@@ -41,6 +41,10 @@ def import_(
     ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
+    new_site: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="SITE.toml to write for the channels, and to attach; with --structure."),
+    ] = None,
     dbc: Annotated[Path | None, typer.Option(metavar="FILE", help="Of CAN traffic: what the frames say.")] = None,
     counter: Annotated[str | None, typer.Option(metavar="SIGNAL", help="Of CAN traffic: what counts scans.")] = None,
 ) -> None:
@@ -61,6 +65,7 @@ def import_(
         temperature=temperature,
         structure=structure,
         site=site,
+        new_site=new_site,
         dbc=dbc,
         counter=counter,
     )

@@ -22,6 +22,7 @@ from daq import (
     write_recording,
 )
 from monitor.cli.exits import DONE
+from monitor.cli.new_site import learning_notes, write_new_site
 from monitor.errors import ArgumentError
 from monitor.site import Site, load_site
 from updater import parse_structure, portable_text
@@ -47,6 +48,7 @@ class ImportOptions:
     temperature: str | None = None  #: column of temperatures; all that say so unless given
     structure: Path | None = None
     site: Path | None = None
+    new_site: Path | None = None  #: to be written, with these channels
     dbc: Path | None = None  #: of a CAN log: what its frames say
     counter: str | None = None  #: of a CAN log: signal that counts scans
 
@@ -57,16 +59,23 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
     recording = measured.recording
     attachments: dict[str, str] = {}
     notes: list[str] = []
-    if options.site is not None:
-        site = load_site(options.site)
-        recording = _for_site(data, recording, site, options.site)
-        attachments = {"site.toml": site.site_text, "structure.toml": site.structure_text}
-        if site.settings.temperature is not None and np.isfinite(recording.temperature):
-            notes.append(f"[temperature] of {options.site} goes before the log's temperatures; leave it out there")
     if options.structure is not None:
         attachments["structure.toml"], lacking = _structure_text(data, recording, options.structure)
         if lacking:
             notes.append(f"no column for {', '.join(lacking)} of {options.structure}")
+    if options.new_site is not None:
+        if options.structure is None or options.site is not None:
+            raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
+        write_new_site(options.new_site, options.structure, out, recording)
+    path = options.new_site or options.site
+    if path is not None:
+        site = load_site(path)
+        recording = _for_site(data, recording, site, path)
+        attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
+        if site.settings.temperature is not None and np.isfinite(recording.temperature):
+            notes.append(f"[temperature] of {path} goes before the log's temperatures; leave it out there")
+        if options.new_site is not None:
+            notes += learning_notes(site.settings, recording.duration, path)
     write_recording(out, recording, attachments, measured.temperature)
     missing = sum(gap.stop - gap.start for gap in recording.gaps)
     console.print(
@@ -75,6 +84,11 @@ def import_command(data: Path, out: Path, options: ImportOptions) -> int:
         f"{_level(recording)}",
         soft_wrap=True,
     )
+    if options.new_site is not None:
+        console.print(
+            escape(f"written: {path}, to be edited: `modalwatch replay {out} --site {path}` watches the log"),
+            soft_wrap=True,
+        )
     for remark in measured.remarks:
         console.print(escape(remark), soft_wrap=True)
     for note in notes:

@@ -23,6 +23,8 @@ def import_can_command(data: Path, out: Path, options: ImportOptions) -> int:
     """Write the log; say what was found of each sensor."""
     if options.velocities or options.unit is not None:
         raise ArgumentError("--velocity" if options.velocities else "--unit", "not of a CAN log: its DBC file says")
+    if options.new_site is not None:
+        raise ArgumentError("--new-site", "not of a CAN log, whose sensors [device.dbc] describes: give --site")
     sensors, channels, attachments = _of_site(options.site) if options.site else _of_options(options)
     if options.structure is not None:
         attachments["structure.toml"] = _structure_text(channels, options.structure)

@@ -21,7 +21,7 @@ from monitor.mending import mend_logs
 from monitor.only_one import only_one
 from monitor.processes import give_back_memory, spare_what_is_loaded
 from monitor.replay import replay
-from monitor.results import AlarmResult, Result
+from monitor.results import AlarmResult, Result, WindowResult
 from monitor.site import Site, load_site
 from monitor.words import utc
 from updater import parse_structure
@@ -132,6 +132,13 @@ def replay_command(logs: Sequence[Path], site: Path | None, json_path: Path | No
     if json_path:
         found = {"same_as_live": report.same, "results": [result.payload() for result in report.found]}
         json_path.write_text(json.dumps(found), encoding="utf-8")
+    if not any(isinstance(result, WindowResult) for result in report.found):
+        console.print(
+            f"note: the log holds no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing "
+            "was looked at",
+            style="yellow",
+            soft_wrap=True,
+        )
     if report.logged and site is None:
         console.print("the same as live, to the last digit" if report.same else "NOT the same as live")
     alarms = [result for result in report.found if isinstance(result, AlarmResult)]

@@ -49,8 +49,9 @@ def annotated(settings: Settings = EXAMPLE) -> str:
             continue
         value = getattr(settings, name)
         many = isinstance(field.default, tuple) or field.is_required()
-        for one in (value or (None,)) if many else (value,):
-            blocks += _table(f"[[{name}]]" if many else f"[{name}]", section, one)
+        first, *others = (value or (None,)) if many else (value,)
+        blocks += _table(f"[[{name}]]" if many else f"[{name}]", section, first)
+        blocks += [_given(f"[[{name}]]", other) for other in others]
     return _HEAD + "\n" + "\n\n".join(blocks) + "\n"
 
 
@@ -69,6 +70,12 @@ def _table(head: str, section: type[Any], given: Section | None) -> Iterator[str
     yield "\n".join(lines)
     for head_below, below, value in inner:
         yield from _table(head_below, below, value)
+
+
+def _given(head: str, section: Section) -> str:
+    """Return one more section of a kind that has been told: what it has beside the defaults."""
+    values = section.model_dump(exclude_defaults=True, exclude_none=True)
+    return "\n".join([head, *(f"{name} = {_toml(value)}" for name, value in values.items())])
 
 
 def _setting(name: str, field: FieldInfo, value: Any) -> str:  # noqa: ANN401 - of any setting

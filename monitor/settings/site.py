@@ -220,3 +220,8 @@ class Settings(Section):
     def step_seconds(self) -> float:
         """From the start of a window to that of the next [s]."""
         return self.analysis.window_seconds * (1 - self.analysis.overlap)
+
+    @property
+    def learning_seconds(self) -> float:
+        """How long the baseline takes [s]."""
+        return self.analysis.window_seconds + (self.analysis.baseline_windows - 1) * self.step_seconds

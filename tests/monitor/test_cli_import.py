@@ -9,6 +9,7 @@ from cli_helpers import Commands, assert_refused
 
 from daq import Recording, load_recordings, read_attachments
 from monitor.recordings import log_recordings
+from monitor.settings import load_settings
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -205,6 +206,36 @@ def test_who_has_imported_without_a_site_is_told_what_to_type(
     done = modalwatch("import", table, "-o", tmp_path / "placed.mcap", "--site", site)
     assert done.code == 0, done.err
     assert "all devices answer" in modalwatch("check", site).out
+
+
+def test_a_file_without_a_site_gets_one_and_is_watched(modalwatch: Commands, tmp_path: Path) -> None:
+    """Four channels are two devices: from a table to a watch in two commands, and a third after an edit."""
+    names = ["beam_left_y", "beam_left_z", "beam_right_y", "beam_right_z"]
+    random = np.random.default_rng(12)
+    table, structure, log = tmp_path / "data.csv", tmp_path / "t.toml", tmp_path / "logs" / "log.mcap"
+    log.parent.mkdir()
+    rows = [",".join(f"{value:.5f}" for value in (k / 200, *random.normal(size=4))) for k in range(4000)]
+    table.write_text("\n".join([",".join(["t", *names]), *rows]))
+    structure.write_text(t_structure_toml(), encoding="utf-8")
+    site = tmp_path / "sites" / "site.toml"
+    asked = ("import", table, "-o", log, "--new-site", site)
+    assert_refused(modalwatch(*asked), "--new-site: expected --structure beside it, and no --site")
+    assert_refused(modalwatch(*asked, "--structure", structure), "site.toml: cannot be written: No such file")
+    site.parent.mkdir()
+    done = modalwatch(*asked, "--structure", structure)
+    assert done.code == 0, done.err
+    assert f"written: {site}, to be edited" in done.out
+    assert "learns for 14400 s (24 windows of 600 s), the log has 20 s" in done.out
+    settings = load_settings(site)
+    assert [(d.name, d.rate, list(d.channels.values())) for d in settings.device] == [
+        ("logger-1", 200.0, names[:3]),
+        ("logger-2", 200.0, names[3:]),
+    ]
+    assert "all devices answer" in modalwatch("check", site).out
+    assert "no whole window of 600 s" in modalwatch("replay", log).out
+    site.write_text(site.read_text().replace("window_seconds = 600.0", "window_seconds = 10.0"), encoding="utf-8")
+    assert "window   1 learning none of" in modalwatch("replay", log, "--site", site).out
+    assert_refused(modalwatch(*asked, "--structure", structure), "site.toml is there already: give it as --site")
 
 
 def test_data_that_does_not_fit_the_site(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
