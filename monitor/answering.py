@@ -49,9 +49,10 @@ def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], str
 
 
 def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:
-    """Return how each channel fares in calm windows."""
+    """Return how each channel fares in calm windows; of one that died among them a window holds half."""
     tracks = [watch.modes_of(window.in_time) for window in calm]
-    return sensors_seen(watch.reference, in_time_of(calm, devices), tracks)
+    found = sensors_seen(watch.reference, in_time_of(calm, devices), tracks)
+    return {channel: health for channel, health in found.items() if channel in calm[-1].in_time.channels}
 
 
 def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:

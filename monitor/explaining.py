@@ -1,6 +1,6 @@
 """What the monitor asks on every change, before it claims a mass: the diagnosis, with all that its windows know."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from monitor.diagnosing import THERMOMETER_STD
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from monitor.fusion import choose_tracks, common_tones
 from monitor.lateness import InTime
+from monitor.left_out import told_apart
 from monitor.sensors_said import health_result
 from monitor.window import Window
 from oma import ModalEstimate
@@ -80,7 +81,7 @@ def explain_windows(
         trend=trend_of(modes, now.rms, (reference.windows, before.rms)),
         devices=windows.devices,
         wander=windows.delays.wander,
-        faults={c: fault for c, fault in now.faults.items() if c not in there and c not in before.faults},
+        faults=_silent(before, now, there),
     )
     event = reference.mean_of(stack_tracks(heard, tracks))
     found = diagnose(reference, event, circumstances=circumstances)
@@ -89,6 +90,12 @@ def explain_windows(
     except (PairingError, ValueError):
         beside = None  # what can be compared is enough to diagnose, not to draw
     return found, beside
+
+
+def _silent(before: Seen, now: Seen, there: Collection[str]) -> dict[str, str]:
+    """Return channels that have fallen silent; those that carry the same samples speak, if only for another."""
+    _, found = told_apart({c: fault for c, fault in now.faults.items() if c not in there})
+    return {c: fault for c, fault in found.items() if c not in before.faults}
 
 
 def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexArray]) -> dict[str, ChannelHealth]:

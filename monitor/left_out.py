@@ -36,4 +36,11 @@ def left_out_texts(given_up: Mapping[str, str]) -> list[str]:
         "left out, since nothing tells which of them is right"
         for group in same
     ]
-    return texts + [f"{name} is left out: {fault}" for name, fault in rest.items()]
+    alike: dict[str, list[str]] = {}
+    for name, fault in rest.items():
+        alike.setdefault(fault, []).append(name)
+    return texts + [f"{_listed(names)} left out: {fault}" for fault, names in alike.items()]
+
+
+def _listed(names: list[str]) -> str:
+    return f"{names[0]} is" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} are"

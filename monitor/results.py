@@ -173,6 +173,7 @@ class WindowResult(_Result):
     end: int  #: [ns UTC]
     phase: Phase
     channels: list[str]  #: of the shapes
+    faults: dict[str, str] = {}  #: channels that are not among those, and why
     modes: list[ModeResult]
     novelty: Novelty | None = None
     answer: MassAnswer | None = None

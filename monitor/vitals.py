@@ -24,6 +24,7 @@ from monitor.results import (
     WindowResult,
 )
 from monitor.sightless import Sight
+from monitor.unheard import Unheard
 
 NAME = "status.json"
 _EVERY = 1.0  # s
@@ -88,7 +89,7 @@ class Vitals:
         self._pace, self._windowed = pace, time.monotonic()
         self._heard_first = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
-        self._sight = Sight()
+        self._sight, self._unheard = Sight(), Unheard()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         before = last_written(path)
         self._self_test = before.get("self_test")
@@ -176,6 +177,7 @@ class Vitals:
                 "window_overdue": now - self._windowed > self._pace.window + 2 * self._pace.step,
                 "window": self._window,
                 "blind": self._sight.blind,
+                "unheard": self._unheard.texts,
                 "late": self._late,
                 "self_test": self._self_test if self._pace.tests else None,
                 "identities": self._identities,
@@ -220,6 +222,7 @@ class Vitals:
         if isinstance(result, WindowResult):
             self._late["window"] = late
             self._windowed, self._sight = time.monotonic(), self._sight.after(result)
+            self._unheard = self._unheard.after(result)
             self._learnt = result.phase != "learning"
             if not self._learnt:
                 self._self_test = None  # it was of what is not known any more

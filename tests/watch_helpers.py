@@ -52,6 +52,7 @@ class Played:
         self._random = np.random.default_rng(seed)
         self._seed, self._n = seed, 0
         self.hidden: tuple[int, ...] = ()  # modes that no window shows
+        self.dead: dict[str, str] = {}  # channels that none hears, and why
         self._gain = 1 + 0.003 * self._random.standard_normal(12)
         self._modes = self._true_modes(None)
         self.text, self.structure = site_text(), parse_structure(t_structure_toml())
@@ -102,12 +103,19 @@ class Played:
             start=recording.start,
             end=recording.end,
         )
+        heard = [k for k, channel in enumerate(estimate.channels) if channel not in self.dead]
+        estimate = replace(
+            estimate,
+            channels=tuple(estimate.channels[k] for k in heard),
+            shape=estimate.shape[:, heard],
+            shape_std=estimate.shape_std[:, heard],
+        )
         return Identification(
             estimate=estimate[np.setdiff1d(np.arange(true.n_modes), self.hidden)],
             poles=_NO_POLES,
             harmonics=np.array([50.0]),
             quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),
-            channels=dict.fromkeys(estimate.channels, "ok"),
+            channels=dict.fromkeys(estimate.channels, "ok") | self.dead,
             delays={f"d_{c}": 0.0 for c in estimate.channels},
         )
 

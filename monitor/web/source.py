@@ -101,6 +101,7 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
         found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
     if vitals["blind"]:
         found.append(vitals["blind"])
+    found += vitals.get("unheard", ())
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
     if (test := vitals.get("self_test")) and not test["passed"]:

@@ -1,0 +1,39 @@
+"""A sensor that dies while the watch goes on is told by the windows, the page and the look at the sensors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vitals_helpers import WELL
+from watch_helpers import BASELINE, Played, judged, run
+
+from daq import SystemClock
+from monitor.result_events import result_event
+from monitor.vitals import NAME, Pace, Vitals
+from monitor.web.source import problems
+
+DEAD = "beam_left_y"
+
+
+def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    played = Played(31, monkeypatch)
+    pipeline = played.pipeline()
+    calm = judged(run(pipeline, played.windows(BASELINE + BASELINE // 2)))
+    played.dead = {DEAD: "constant"}
+    last = judged(run(pipeline, played.windows(BASELINE - BASELINE // 2)))
+    assert all(window.faults == {} for window in calm)
+    assert all(window.faults == {DEAD: "constant"} and DEAD not in window.channels for window in last)
+    looked = [window for window in (*calm, *last) if window.sensors]
+    assert looked == [last[-1]]
+    assert DEAD not in looked[0].sensors
+    assert len(looked[0].sensors) == 11
+    for n, said in ((0, []), (1, []), (2, [f"{DEAD} is left out: constant"])):
+        vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        for window in (calm[-1], *last[:n]):
+            vitals.take(result_event(window))
+        vitals.write(WELL)
+        assert problems(json.loads((tmp_path / NAME).read_text())) == said
+    assert np.isfinite([window.novelty.t2 for window in last if window.novelty]).all()
