@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 from oma import SAME_AS
 
+_COPIES = "carry the same samples, as after an error of cabling or export"
+
 
 def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict[str, str]]:
     """Return groups of channels that carry the same samples, and the other channels with what is wrong with them.
@@ -28,19 +30,22 @@ def _copied(fault: str, names: Mapping[str, str]) -> str | None:
     return next((name for name in names if said == name or said.startswith(f"{name} (in ")), None)
 
 
+def by_reason(given_up: Mapping[str, str]) -> list[tuple[tuple[str, ...], str]]:
+    """Return groups of channels, and what is wrong with each: alike samples, or the same fault."""
+    same, rest = told_apart(given_up)
+    alike: dict[str, tuple[str, ...]] = {}
+    for name, fault in rest.items():
+        alike[fault] = (*alike.get(fault, ()), name)
+    return [(group, _COPIES) for group in same] + [(names, fault) for fault, names in alike.items()]
+
+
 def left_out_texts(given_up: Mapping[str, str]) -> list[str]:
     """Say which channels are left out, and why."""
-    same, rest = told_apart(given_up)
-    texts = [
-        f"{', '.join(group[:-1])} and {group[-1]} carry the same samples, as after an error of cabling or export: "
-        "left out, since nothing tells which of them is right"
-        for group in same
-    ]
-    alike: dict[str, list[str]] = {}
-    for name, fault in rest.items():
-        alike.setdefault(fault, []).append(name)
-    return texts + [f"{_listed(names)} left out: {fault}" for fault, names in alike.items()]
+    return [_text(names, why) for names, why in by_reason(given_up)]
 
 
-def _listed(names: list[str]) -> str:
-    return f"{names[0]} is" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} are"
+def _text(names: tuple[str, ...], why: str) -> str:
+    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+    if why == _COPIES:
+        return f"{listed} {why}: left out, since nothing tells which of them is right"
+    return f"{listed} {'are' if len(names) > 1 else 'is'} left out: {why}"

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from monitor.left_out import left_out_texts
+from monitor.left_out import by_reason, left_out_texts
 from monitor.results import WindowResult
 
 LASTING = 2  #: windows in a row from which on a channel is told: a gap, or a blow, may cost one
@@ -15,7 +15,8 @@ class Unheard:
 
     windows: Mapping[str, int] = field(default_factory=dict)  #: channel -> in how many windows in a row by now
     lasting: Mapping[str, str] = field(default_factory=dict)  #: channel that is told -> why it was not heard at first
-    news: str = ""  #: that the last window brought
+    gone: tuple[tuple[tuple[str, ...], str], ...] = ()  #: groups that the last window added, and why
+    back: tuple[str, ...] = ()  #: channels that it heard again
 
     def after(self, window: WindowResult) -> "Unheard":
         """Return the same after one more window; one without modes says nothing of single channels."""
@@ -24,9 +25,8 @@ class Unheard:
         windows = {channel: self.windows.get(channel, 0) + 1 for channel in window.faults}
         lasting = {c: self.lasting.get(c, why) for c, why in window.faults.items() if windows[c] >= LASTING}
         gone = {c: why for c, why in lasting.items() if c not in self.lasting}
-        back = [c for c in self.lasting if c not in lasting]
-        news = left_out_texts(gone) + ([f"heard again: {', '.join(back)}"] if back else [])
-        return Unheard(windows, lasting, "; ".join(news))
+        back = (c for c in self.lasting if c not in lasting)
+        return Unheard(windows, lasting, tuple(by_reason(gone)), tuple(back))
 
     @property
     def texts(self) -> list[str]:

@@ -222,13 +222,21 @@ class Vitals:
         if isinstance(result, WindowResult):
             self._late["window"] = late
             self._windowed, self._sight = time.monotonic(), self._sight.after(result)
-            self._unheard = self._unheard.after(result)
+            self._listen(result)
             self._learnt = result.phase != "learning"
             if not self._learnt:
                 self._self_test = None  # it was of what is not known any more
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
+
+    def _listen(self, window: WindowResult) -> None:
+        """Take note of channels that windows do not hear any more, or hear again."""
+        self._unheard = self._unheard.after(window)
+        for channels, why in self._unheard.gone:
+            self._said.append(("/event/channel_lost", {"channels": ", ".join(channels), "why": why}))
+        if self._unheard.back:
+            self._said.append(("/event/channel_back", {"channels": ", ".join(self._unheard.back)}))
 
 
 def last_written(path: Path) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from monitor.results import (
     WindowResult,
 )
 from monitor.sightless import MOST, Sight
-from monitor.unheard import Unheard
 from monitor.words import change_text, utc
 
 _ROUTINE = (
@@ -42,7 +41,7 @@ class News:
         self._raised: int | None = None
         self._causes: tuple[str, ...] | None = ()  # that were told last; None: by a run before
         self._behind = False  # windows are left out
-        self._sight, self._unheard = Sight(), Unheard()
+        self._sight = Sight()
         self._passed = True  # the last self-test
         self._failed = ""  # what the analysis could not find beside the verdict, and why
 
@@ -97,15 +96,12 @@ class News:
 
     def _of_window(self, window: WindowResult) -> Notice | None:
         before, self._sight = self._sight, self._sight.after(window)
-        self._unheard = self._unheard.after(window)
         if self._sight.dark == MOST:
             return self._notice("trouble", window.end, self._sight.blind or "")
         if before.blind and not self._sight.dark:
             return self._notice(
                 "trouble", window.end, f"windows tell of the structure again, after {before.dark} that did not"
             )
-        if self._unheard.news:
-            return self._notice("trouble", window.end, f"channels: {self._unheard.news}")
         behind, self._behind = self._behind, window.skipped
         if window.skipped and not behind:
             return self._notice("trouble", window.end, "windows are left out: the analysis has fallen behind")

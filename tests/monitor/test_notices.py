@@ -93,28 +93,6 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
     assert "again, after 5 that did not" in told[9].text  # type: ignore[union-attr]
 
 
-def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_back() -> None:
-    """One window may miss a channel for a gap; copies are told together; a window without modes tells nothing."""
-    good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
-
-    def window(faults: dict[str, str], problem: str | None = None) -> Event:
-        return replace(good, payload=good.payload | {"faults": faults, "problem": problem})
-
-    dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
-    rows = [{"a": "constant"}, {}, dead, dead, dead | twice, dead | twice, twice, twice, {}]
-    events = [window(row) for row in rows]
-    events.insert(4, window({}, "no resonance stands out"))
-    news = News("bridge")
-    told = {i: notice.text for i, event in enumerate(events) if (notice := news.of(event))}
-    assert told == {
-        3: "channels: a and b are left out: constant",
-        6: "channels: c and d carry the same samples, as after an error of cabling or export: left out, since nothing "
-        "tells which of them is right",
-        7: "channels: heard again: a, b",
-        9: "channels: heard again: c, d",
-    }
-
-
 def test_failure_beside_the_verdict_is_told_once() -> None:
     news = News("bridge")
     events = [change(k, "alarm", text, kind="failed", quiet=True) for k, text in enumerate("aab")]

@@ -9,6 +9,8 @@ from history_helpers import run_events
 from vitals_helpers import PACE, WELL
 
 from daq import Event, SystemClock
+from monitor.result_events import result_event
+from monitor.results import WindowResult
 from monitor.vitals import NAME, Pace, Vitals
 
 EVENTS = run_events()
@@ -103,6 +105,26 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
         vitals.write(WELL)
     replaced = {"device": "left", "before": {"serial": "S1"}, "now": {"serial": "S2"}}
     assert told == [[], [], [("/event/device_replaced", replaced)], []]
+
+
+def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_back(tmp_path: Path) -> None:
+    """One window may miss a channel for a gap; copies are told together; a window without modes tells nothing."""
+    dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
+    rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
+    vitals, told = Vitals(tmp_path / NAME, (), PACE, SystemClock()), {}
+    for index, row in enumerate(rows):
+        window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": [], "modes": []}
+        said = {"problem": "no resonance stands out"} if row is None else {"faults": row}
+        vitals.take(result_event(WindowResult.model_validate(window | said)))
+        if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in vitals.said()]:
+            told[index] = found
+    copies = "carry the same samples, as after an error of cabling or export"
+    assert told == {
+        3: [("channel_lost", "a, b", "constant")],
+        6: [("channel_lost", "c, d", copies)],
+        7: [("channel_back", "a, b")],
+        9: [("channel_back", "c, d")],
+    }
 
 
 class FastClock:
