@@ -3,14 +3,14 @@
 import csv
 import itertools
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from daq.datecells import CLOCK, DAY, MOMENT, Dated, reads
 from daq.errors import DataError
 from daq.recording import FloatArray, IndexArray
 
@@ -38,16 +38,20 @@ class _Layout:
     header: tuple[str, ...]
     delimiter: str
     chosen: tuple[int, ...]  # places in the header
-    dated: int | None = None  # place of the column of dates
+    dated: Mapping[int, Dated] = field(default_factory=dict)  # places of columns of dates and times of day
 
 
-def csv_names(path: Path) -> tuple[str, ...]:
-    """Return the names of a table's columns; errors as for `read_csv`."""
+def csv_head(path: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of a table's columns, and its first cells, if any; errors as for `read_csv`."""
     with _content_of(path) as lines:
-        return _layout(path, next(lines, None), ()).header
+        layout = _layout(path, next(lines, None), ())
+        first = next(lines, None)
+        return layout.header, () if first is None else tuple(_cells(path, first, layout.delimiter))
 
 
-def read_csv(path: Path, wanted: Collection[str] | None = None, times: str | None = None) -> Table:
+def read_csv(
+    path: Path, wanted: Collection[str] | None = None, times: str | None = None, days: str | None = None
+) -> Table:
     """Read a table of text.
 
     The first line that is neither empty nor a comment (#) names the columns; it also tells the delimiter, the first of
@@ -57,7 +61,9 @@ def read_csv(path: Path, wanted: Collection[str] | None = None, times: str | Non
     ----------
     path : of the file
     wanted : columns to read; what stands in the others does not matter. All unless given.
-    times : column that may hold dates with times (ISO 8601; UTC where they state no zone) in place of numbers
+    times : column that may hold dates with times (ISO 8601, or with days first, as 31.01.2026; UTC where they state no
+        zone) in place of numbers
+    days : column of dates, if `times` holds times of day: their sum stands in `times`
 
     Raises
     ------
@@ -65,7 +71,7 @@ def read_csv(path: Path, wanted: Collection[str] | None = None, times: str | Non
         Naming the file, and line and column where there is one.
     """
     with _content_of(path) as lines:
-        return _read(path, lines, wanted, times)
+        return _read(path, lines, wanted, times, days)
 
 
 @contextmanager
@@ -87,13 +93,15 @@ def _content(path: Path, lines: Iterable[str]) -> Iterator[Line]:
             yield number, text
 
 
-def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None, times: str | None) -> Table:
+def _read(
+    path: Path, lines: Iterator[Line], wanted: Collection[str] | None, times: str | None, days: str | None
+) -> Table:
     layout = _layout(path, next(lines, None), wanted)
     pieces: list[FloatArray] = []
     numbers: list[int] = []
     while piece := list(itertools.islice(lines, _LINES)):
         if not pieces and times is not None:
-            layout = _with_dates(path, layout, layout.header.index(times), piece[0])
+            layout = _with_dates(path, layout, times, days, piece[0])
         if layout.delimiter != ",":
             piece = [(number, text.replace(",", ".")) for number, text in piece]
         pieces.append(_values(path, piece, layout))
@@ -101,31 +109,20 @@ def _read(path: Path, lines: Iterator[Line], wanted: Collection[str] | None, tim
     if not pieces:
         raise DataError(path, "holds no numbers after the line with the columns' names")
     names = tuple(layout.header[place] for place in layout.chosen)
-    return Table(names, np.concatenate(pieces), np.array(numbers, np.intp), layout.dated is not None)
+    values = np.concatenate(pieces)
+    if times is not None and days is not None:
+        values[:, names.index(times)] += values[:, names.index(days)]
+    return Table(names, values, np.array(numbers, np.intp), bool(layout.dated))
 
 
-def _with_dates(path: Path, layout: _Layout, place: int, first: Line) -> _Layout:
-    """Take a column for dates if the first line has one there."""
+def _with_dates(path: Path, layout: _Layout, times: str, days: str | None, first: Line) -> _Layout:
+    """Take a column for dates if the first line has one there, or two if days stand in their own."""
+    place = layout.header.index(times)
+    if days is not None:
+        return replace(layout, dated={place: CLOCK, layout.header.index(days): DAY})
     cells = _cells(path, first, layout.delimiter)
-    dated = len(cells) > place and not _is_number(cells[place]) and _seconds(cells[place]) is not None
-    return replace(layout, dated=place) if dated else layout
-
-
-def _seconds(text: str) -> float | None:
-    """Return a date with a time in seconds since 1970; None if it is none."""
-    try:
-        time = datetime.fromisoformat(text.strip())
-    except ValueError:
-        return None
-    seconds = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
-    return seconds if seconds >= 0 else None
-
-
-def _date(text: str) -> float:
-    seconds = _seconds(text)
-    if seconds is None:
-        raise ValueError(text)
-    return seconds
+    dated = len(cells) > place and not _is_number(cells[place]) and reads(MOMENT, cells[place])
+    return replace(layout, dated={place: MOMENT}) if dated else layout
 
 
 def _layout(path: Path, line: Line | None, wanted: Collection[str] | None) -> _Layout:
@@ -171,7 +168,7 @@ def _values(path: Path, piece: list[Line], layout: _Layout) -> FloatArray:
             comments=None,
             ndmin=2,
             usecols=None if every else layout.chosen,
-            converters=None if layout.dated is None else {layout.dated: _date},
+            converters={place: kind.read for place, kind in layout.dated.items()},
         )
     except ValueError:
         values = np.array([_row(path, line, layout) for line in piece])
@@ -189,12 +186,12 @@ def _row(path: Path, line: Line, layout: _Layout) -> list[float]:
 
 
 def _cell(path: Path, number: int, layout: _Layout, place: int, cell: str) -> float:
-    dated = place == layout.dated
+    dated = layout.dated.get(place)
     try:
-        value = (_date if dated else float)(cell) if cell else float("nan")
+        value = (dated.read if dated else float)(cell) if cell else float("nan")
     except ValueError:
         value = float("inf")
     if np.isinf(value):
-        what = "a time as 2026-01-31T12:00:00.005" if dated else "a number"
+        what = dated.like if dated else "a number"
         raise DataError(path, f"line {number}, column {layout.header[place]!r}: expected {what}, found {cell!r:.40}")
     return value

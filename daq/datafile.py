@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from daq.arrayfile import read_arrays
-from daq.csvfile import csv_names, read_csv
+from daq.csvfile import csv_head, read_csv
 from daq.derivative import differentiated
 from daq.errors import DataError
 from daq.headings import Signal, factors, signals_of, temperatures_of, unit_remark
 from daq.recording import Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
 from daq.temperatures import known_mean, mean_temperature, temperature_remark
-from daq.timecolumn import TIME_UNITS, date_remark, in_seconds, no_times, time_column, time_remark
+from daq.timecolumn import TIME_UNITS, date_column, date_remark, in_seconds, no_times, time_column, time_remark
 from daq.universalfile import read_universal
 
 UNIVERSAL = {".uff", ".unv"}  #: endings of universal files
@@ -159,13 +159,14 @@ def _what(path: Path, names: Sequence[str], options: DataOptions) -> tuple[tuple
 
 
 def _table(path: Path, options: DataOptions) -> _Columns:
-    every, rate = csv_names(path), options.rate
+    (every, first), rate = csv_head(path), options.rate
     time = time_column(every, options.time)
-    signals, warm = _what(path, [name for name in every if name != time], options)
+    day = date_column(every, first, time)
+    signals, warm = _what(path, [name for name in every if name not in (time, day)], options)
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
-    wanted = None if options.columns is None else {*columns, *([time] if time and timed else [])}
-    table = read_csv(path, wanted, time if timed else None)
+    wanted = None if options.columns is None else {*columns, *(name for name in (time, day) if name and timed)}
+    table = read_csv(path, wanted, *((time, day) if timed else ()))
     if not signals:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     values = table.values[:, [table.names.index(name) for name in columns]]
@@ -176,7 +177,8 @@ def _table(path: Path, options: DataOptions) -> _Columns:
     try:
         t = table.values[:, table.names.index(time)]
         if table.dated:
-            return _Columns(signals, warm, *_on_grid(t, values), time, round(1e9 * float(t[0])))
+            name = time if day is None else f"{day} {time}"
+            return _Columns(signals, warm, *_on_grid(t, values), name, round(1e9 * float(t[0])))
         return _Columns(signals, warm, *_on_grid(in_seconds(path, time, t, options.time_unit), values), time)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error

@@ -1,12 +1,13 @@
 """Which column of a table, or array of a file, holds the times, and in which unit."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
+from daq.datecells import CLOCK, DAY, reads
 from daq.errors import DataError
 from daq.headings import parted
 from daq.recording import FloatArray
@@ -23,6 +24,7 @@ _SPELT = {
 }
 _WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
 _BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
+_DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3  # Hz: no log of a structure's accelerations is beyond, unless somebody says so
 _USUAL = 20e3  # Hz: up to which a unit is proposed
@@ -44,6 +46,22 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     bare = (name for name in names if _BARE.fullmatch(name))
     united = (name for name in names if _BARE.fullmatch(_parted(name)[0]) and header_unit(name))
     return next(bare, None) or next(united, None)
+
+
+def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:
+    """Return the name of the column of dates that times of day belong to, None where there is none.
+
+    Parameters
+    ----------
+    names : of all columns
+    first : cells of the first line
+    time : column of times
+    """
+    cell = dict(zip(names, first, strict=False))
+    if time is None or not reads(CLOCK, cell.get(time, "")):
+        return None
+    dates = (name for name in names if _DAYS.fullmatch(_parted(name)[0]) and reads(DAY, cell.get(name, "")))
+    return next(dates, None)
 
 
 def header_unit(name: str) -> str | None:

@@ -3,6 +3,7 @@
 import io
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
@@ -268,6 +269,7 @@ def test_seldom_readings_of_temperature_go_with_the_windows_of_the_log(tmp_path:
         (",", "Time", "2026-01-01 00:00:{:06.3f}", START),
         (",", "Date/Time", "2026-01-01 01:00:{:06.3f}+01:00", START),
         ("\t", "datetime", "2025-12-31T23:59:{:06.3f}", START - 60_000_000_000),
+        (",", "time", "31.12.2025 23:59:{:06.3f}", START - 60_000_000_000),
     ],
 )
 def test_times_may_be_dates(tmp_path: Path, delimiter: str, name: str, form: str, start: int) -> None:
@@ -285,6 +287,59 @@ def test_times_may_be_dates(tmp_path: Path, delimiter: str, name: str, form: str
     says = f"line 1502, column '{name}': expected a time as 2026-01-31T12:00:00.005, found 'noon'"
     with pytest.raises(DataError, match=says):
         read_data(path, columns={"left": "left"})
+
+
+@pytest.mark.parametrize(
+    ("delimiter", "head", "cells", "options"),
+    [
+        (",", "date,time,left", "2026-01-01,00:00:{:06.3f},{}", {}),
+        (";", "Datum;left;Time", "1.1.2026;{1};0:00:{0:06.3f}", {}),
+        ("\t", "Date [UTC]\tclock\tleft", "2026-01-01\t01:00:{:06.3f}+01:00\t{}", {"time": "clock"}),
+        (",", "date,time,left", "2026-01-01,00:00:{:06.3f},{}", {"columns": {"left": "left"}}),
+    ],
+)
+def test_dates_may_stand_in_a_column_of_their_own(
+    tmp_path: Path, delimiter: str, head: str, cells: str, options: dict[str, Any]
+) -> None:
+    path = tmp_path / "data.csv"
+    text = "\n".join([head, *(cells.format(k / 200, k) for k in range(2000) if k != 700)])
+    path.write_text(text.replace("00.", "00,") if delimiter == ";" else text)
+    found = read_measured(path, DataOptions(**options))
+    assert (found.recording.start, found.recording.rate) == (START, 200.0)
+    assert [channel.name for channel in found.recording.channels] == ["left"]
+    assert found.recording.gaps == (Gap(device="import", start=700, stop=701),)
+    assert "are dates, UTC where they state no zone: the first is 2026-01-01T00:00:00.000+00:00" in found.remarks[0]
+
+
+def test_midnight_between_two_columns_is_no_step(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    rows = [
+        f"2026-01-0{1 if k < 50 else 2},{'23:59:59' if k < 50 else '00:00:00'}.{k % 50 * 2:02d},{k}" for k in range(100)
+    ]
+    path.write_text("\n".join(["date,time,left", *rows]))
+    found = read_data(path)
+    assert (found.rate, found.gaps, found.start) == (50.0, (), START + 86_399 * 10**9)
+
+
+def test_a_date_that_is_wrong_amid_a_column(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    good = "date,time,a\n2026-01-01,00:00:00,1\n2026-01-01,00:00:01,1\n"
+    for row, says in (
+        ("2026-01-32,00:00:02,1", "line 4, column 'date': expected a date as 2026-01-31, found '2026-01-32'"),
+        ("2026-01-01,24:61:02,1", "line 4, column 'time': expected a time of day as 12:00:00.005, found '24:61:02'"),
+        (",00:00:02,1", "line 4: the time is missing"),
+    ):
+        path.write_text(good + row)
+        with pytest.raises(DataError, match=says):
+            read_data(path)
+
+
+def test_a_column_of_dates_beside_seconds_is_a_column_like_others(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("date,time,a\n2026-01-01,0,1\n2026-01-01,1,2\n")
+    assert read_data(path, columns={"a": "a"}).rate == 1.0
+    with pytest.raises(DataError, match="line 2, column 'date': expected a number"):
+        read_data(path)
 
 
 def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
