@@ -46,7 +46,8 @@ def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | 
 def _limits(sight: Sight, outlook: Outlook) -> tuple[float, float]:
     """Return the masses between which colours and curves run: next to a foot the weakest mass knows no bounds."""
     top = heaviest(outlook)
-    most = min(_BEYOND_USUAL * float(np.quantile(sight.weakest, _USUAL)), top)
+    seen = sight.weakest[np.isfinite(sight.weakest)]  # what no mode moves knows none at all
+    most = min(_BEYOND_USUAL * float(np.quantile(seen, _USUAL)), top)
     return min(float(sight.weakest.min()), 0.5 * most), most
 
 

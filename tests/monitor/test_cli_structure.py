@@ -103,6 +103,20 @@ def test_structure_writes_figures_and_a_picture(modalwatch: Commands, tmp_path: 
     assert found["target"] is None
 
 
+def test_a_member_that_no_mode_moves_is_drawn_blind(modalwatch: Commands, tmp_path: Path) -> None:
+    """It is a third of all places, and needs masses without bounds."""
+    path = tmp_path / "bar.toml"
+    stub = CANTILEVER[CANTILEVER.index("[[member]]") :].replace('"bar"\nfrom', '"stub"\nfrom')
+    stub = stub.replace("to = [1, 0, 0]", "to = [0, 0, -0.6]").replace("at = [0, 0, 0]", "at = [0, 0, -0.6]")
+    path.write_text(cantilever((1.0, "z"), (0.7, "y"), (0.4, "z"), (0.4, "y")) + stub)
+    done = modalwatch("structure", path, "--highest", 90, "--json", tmp_path / "bar.json")
+    assert (done.code, done.err) == (0, "")
+    weakest = json.loads((tmp_path / "bar.json").read_text())["body"]["weakest_mass"]
+    assert sum(mass is None for mass in weakest) > 0.2 * len(weakest)
+    assert "0.00 to 0.60" in done.out
+    assert path.with_suffix(".png").exists()
+
+
 def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, tmp_path: Path) -> None:
     path, written = tmp_path / "bar.toml", tmp_path / "bar.json"
     path.write_text(cantilever((0.3, "y"), (0.6, "y"), (1.0, "y"), (0.6, "z"), (1.0, "z")))
