@@ -90,7 +90,8 @@ class Tracker:
         own, found = self._at_common_channels(estimate)
         apart = np.abs(np.log(self.reference.frequency / self.reference.frequency[:, None]))
         mixed = np.zeros(chance.shape, np.bool_)
-        for i, e in zip(*np.nonzero(np.sort(apart)[:, 1:2] * self.most_turned < chance), strict=True):
+        nearest = np.where(np.eye(len(apart), dtype=np.bool_), np.inf, apart).min(1, initial=np.inf)[:, None]
+        for i, e in zip(*np.nonzero(nearest * self.most_turned < chance), strict=True):
             span = np.linalg.qr(own[apart[i] * self.most_turned < chance[i, e]].T)[0]
             mixed[i, e] = np.linalg.norm(span.conj().T @ found[e]) ** 2 >= self.min_mac * np.linalg.norm(found[e]) ** 2
         return mixed

@@ -46,6 +46,11 @@ def test_close_modes_are_not_exchanged_when_their_frequencies_cross() -> None:
     assert found.tolist() == [1, 0, 2, 3, 4, 5, 6, 7]
 
 
+@pytest.mark.parametrize(("modes", "found"), [([2], [2]), ([], [])])
+def test_so_few_modes_have_no_neighbour(modes: list[int], found: list[int]) -> None:
+    assert Tracker(reference=some(REFERENCE, modes)).assign(REFERENCE).tolist() == found
+
+
 def test_a_mode_may_vanish_and_return() -> None:
     tracker = Tracker(reference=REFERENCE)
     assert tracker.assign(some(REFERENCE, [0, 2, 3, 4, 5, 6])).tolist() == [0, -1, 1, 2, 3, 4, 5, -1]
