@@ -178,7 +178,7 @@ def _table(path: Path, options: DataOptions) -> _Columns:
         t = table.values[:, table.names.index(time)]
         if table.dated:
             name = time if day is None else f"{day} {time}"
-            return _Columns(signals, warm, *_on_grid(t, values), name, round(1e9 * float(t[0])))
+            return _Columns(signals, warm, *_on_grid(t, values), name, 1000 * round(1e6 * float(t[0])))
         return _Columns(signals, warm, *_on_grid(in_seconds(path, time, t, options.time_unit), values), time)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error

@@ -66,7 +66,7 @@ def signals_of(
     Raises
     ------
     DataError
-        If a column is asked for twice, with its unit and without.
+        If a column is asked for twice, with its unit and without, or two would be channels of one name.
     """
     bare = _bare(names) if united else {name: name for name in names}
     units = {name: parted(name)[1] for name in names if united}
@@ -74,10 +74,14 @@ def signals_of(
     if columns is not None and len(asked) < len(columns):
         raise DataError(path, f"expected different columns, found {', '.join(columns)}")
     order = {name: place for place, name in enumerate(names)}
-    return tuple(
+    found = tuple(
         Signal(column=name, channel=bare[name] if name == channel in bare else channel, unit=units.get(name, ""))
         for name, channel in sorted(asked.items(), key=lambda item: order.get(item[0], len(order)))
     )
+    channels = [signal.channel for signal in found]
+    if len(set(channels)) < len(channels):
+        raise DataError(path, f"expected channels of different names, found {', '.join(channels)}")
+    return found
 
 
 def _bare(names: Sequence[str]) -> dict[str, str]:

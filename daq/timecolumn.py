@@ -1,5 +1,6 @@
 """Which column of a table, or array of a file, holds the times, and in which unit."""
 
+import itertools
 import re
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
@@ -25,6 +26,7 @@ _SPELT = {
 _WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
 _BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
 _DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
+_DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3  # Hz: no log of a structure's accelerations is beyond, unless somebody says so
 _USUAL = 20e3  # Hz: up to which a unit is proposed
@@ -43,9 +45,10 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     """
     if asked is not None:
         return asked if asked in names else None
-    bare = (name for name in names if _BARE.fullmatch(name))
+    bare = [name for name in names if _BARE.fullmatch(name)]
     united = (name for name in names if _BARE.fullmatch(_parted(name)[0]) and header_unit(name))
-    return next(bare, None) or next(united, None)
+    surely = (name for name in bare if name != _DOUBTFUL)
+    return next(itertools.chain(surely, united, bare), None)
 
 
 def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:

@@ -351,6 +351,31 @@ def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
         read_data(path, time_unit="week")
 
 
+def test_a_column_t_beside_times_may_be_of_temperatures(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("T,time [s],left\n20,0,1\n20,0.5,2\n20,1,3\n")
+    found = read_data(path)
+    assert ([c.name for c in found.channels], found.rate) == (["T", "left"], 2.0)
+
+
+def test_the_first_date_is_told_to_its_digits(tmp_path: Path) -> None:
+    """Some of these thousandths of a second lie under their numbers as floats do, some over."""
+    path = tmp_path / "data.csv"
+    for ms in range(40):
+        first = f"2026-01-31T12:00:00.{ms:03d}"
+        path.write_text(f"time,left\n{first},1\n2026-01-31T12:00:01.{ms:03d},2\n2026-01-31T12:00:02.{ms:03d},2\n")
+        found = read_measured(path, DataOptions())
+        assert found.recording.start == START + (30 * 86400 + 43200) * 10**9 + ms * 10**6
+        assert found.remarks[0].endswith(f"the first is {first}+00:00")
+
+
+def test_two_columns_are_not_one_channel(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("t,a [g],y\n0,1,2\n1,1,2\n2,2,1\n")
+    with pytest.raises(DataError, match="expected channels of different names, found a, a"):
+        read_data(path, columns={"a [g]": "a [g]", "y": "a"})
+
+
 def test_chosen_arrays_only(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, data=np.arange(12.0).reshape(4, 3), seconds=np.arange(4) / 2)
