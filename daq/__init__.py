@@ -5,7 +5,7 @@ from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
 from daq.canlog import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
 from daq.channelmap import CHANNELS, ChannelMap
 from daq.contents import DeviceInfo, LogInfo, log_info
-from daq.convert import export_recording, with_channels, write_recording
+from daq.convert import export_recording, with_channels, write_recording, write_recordings
 from daq.datafile import DataOptions, Measured, read_data, read_measured
 from daq.dbc import read_layout
 from daq.derivative import differentiated
@@ -40,6 +40,7 @@ from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, Int
 from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.scan_clocks import ScanClock, ScanClocks
+from daq.sequence import in_order
 from daq.timebase import ClockFit
 from daq.timecolumn import TIME_UNITS
 
@@ -123,6 +124,7 @@ __all__ = [
     "files_of",
     "has_end",
     "import_can_log",
+    "in_order",
     "inspect_log",
     "load_recordings",
     "log_info",
@@ -143,4 +145,5 @@ __all__ = [
     "unplugging",
     "with_channels",
     "write_recording",
+    "write_recordings",
 ]

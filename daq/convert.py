@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO
@@ -48,16 +48,44 @@ def write_recording(
     ValueError
         If two channels stand on the same axis of a device.
     """
-    places = [(channel.device, channel.axis) for channel in recording.channels]
+    write_recordings(path, [recording], attachments, None if temperature is None else [temperature])
+
+
+def write_recordings(
+    path: Path,
+    recordings: Sequence[Recording],
+    attachments: Mapping[str, str] | None = None,
+    temperatures: Sequence[FloatArray] | None = None,
+) -> None:
+    """Write recordings that follow each other to one new log; what lies between them is missing.
+
+    Parameters
+    ----------
+    path : of the new file
+    recordings : of the same channels on one time grid, as of `in_order`; each is written as by `write_recording`
+    attachments : name -> text, beside the channel map
+    temperatures : of each recording (n_samples,) [degC], NaN where not known; those of the recordings unless given
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    ValueError
+        If two channels stand on the same axis of a device.
+    """
+    first = recordings[0]
+    places = [(channel.device, channel.axis) for channel in first.channels]
     for device, axis in places:
         if places.count((device, axis)) > 1:
             raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
-    warmth = np.full(len(recording.data), recording.temperature) if temperature is None else temperature
-    known = ChannelMap(channels=recording.channels, on_grid=True)
+    known = ChannelMap(channels=first.channels, on_grid=True)
     writer = LogWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
-    blocks = [block for device in _devices(recording) for block in _blocks(recording, device, warmth)]
-    for block in sorted(blocks, key=lambda block: block.first_index):
-        writer.write(block)
+    for number, recording in enumerate(recordings):
+        warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
+        skipped = round((recording.start - first.start) * 1e-9 * first.rate)
+        blocks = [block for device in _devices(recording) for block in _blocks(recording, device, warmth, skipped)]
+        for block in sorted(blocks, key=lambda block: block.first_index):
+            writer.write(block)
     writer.close()
 
 
@@ -65,8 +93,8 @@ def _devices(recording: Recording) -> tuple[str, ...]:
     return tuple(dict.fromkeys(channel.device for channel in recording.channels))
 
 
-def _blocks(recording: Recording, device: str, warmth: FloatArray) -> Iterator[Block]:
-    """Yield the blocks of one device."""
+def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int) -> Iterator[Block]:
+    """Yield the blocks of one device, numbered from the number of samples that lie before the recording."""
     axes = {c.axis: i for i, c in enumerate(recording.channels) if c.device == device}
     data = np.zeros((len(recording.data), max(axes) + 1))
     data[:, list(axes)] = recording.data[:, list(axes.values())]
@@ -82,10 +110,10 @@ def _blocks(recording: Recording, device: str, warmth: FloatArray) -> Iterator[B
             yield Block(
                 device=device,
                 rate=recording.rate,
-                first_index=first,
+                first_index=skipped + first,
                 counts=counts[first:end],
                 scale=scale,
-                pair_index=first,
+                pair_index=skipped + first,
                 pair_time=recording.start + round(first / recording.rate * 1e9),
                 temperature=known_mean(warmth[first:end]),
             )

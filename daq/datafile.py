@@ -1,6 +1,6 @@
 """Files of measurements to recordings."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,6 +51,7 @@ class Measured:
     recording: Recording  #: its temperature is the mean
     temperature: FloatArray  #: (n_samples,) mean of all columns of temperatures [degC], NaN where none tells it
     remarks: tuple[str, ...]  #: what was taken from the names of columns, or against them
+    dated: bool = False  #: whether the file says when it begins
 
 
 def read_data(
@@ -125,6 +126,7 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
         recording=differentiated(recording, options.velocities) if options.velocities else recording,
         temperature=temperature,
         remarks=tuple(remark for remark in said if remark),
+        dated=found.began is not None,
     )
 
 
@@ -228,11 +230,16 @@ def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
 
 def _channels(names: tuple[str, ...], values: FloatArray) -> tuple[Channel, ...]:
     """Give the columns to devices: those that lack the same samples to the same one."""
-    patterns: dict[bytes, list[int]] = {}
-    for column, missing in enumerate(np.isnan(values).T):
-        patterns.setdefault(np.packbits(missing).tobytes(), []).append(column)
+    return devices_of(names, [np.packbits(missing).tobytes() for missing in np.isnan(values).T])
+
+
+def devices_of(names: Sequence[str], patterns: Sequence[Hashable]) -> tuple[Channel, ...]:
+    """Give channels to devices, those of the same pattern to the same one."""
+    together: dict[Hashable, list[int]] = {}
+    for column, pattern in enumerate(patterns):
+        together.setdefault(pattern, []).append(column)
     place = {}
-    for number, columns in enumerate(patterns.values(), 1):
+    for number, columns in enumerate(together.values(), 1):
         device = _DEVICE if number == 1 else f"{_DEVICE}-{number}"
         place.update({column: Channel(name=names[column], device=device, axis=i) for i, column in enumerate(columns)})
     return tuple(place[column] for column in range(len(names)))

@@ -11,8 +11,12 @@ data_app = typer.Typer()
 @data_app.command("import")
 def import_(
     data: Annotated[
-        Path,
-        typer.Argument(metavar="DATA", help="A table (CSV), .npz, .mat, .uff, .unv; .log, .blf, .asc, .trc of CAN."),
+        list[Path],
+        typer.Argument(
+            metavar="DATA",
+            help="A table (CSV), .npz, .mat, .uff, .unv, or tables with dates that follow each other; "
+            ".log, .blf, .asc, .trc of CAN.",
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
     rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
@@ -48,7 +52,7 @@ def import_(
     dbc: Annotated[Path | None, typer.Option(metavar="FILE", help="Of CAN traffic: what the frames say.")] = None,
     counter: Annotated[str | None, typer.Option(metavar="SIGNAL", help="Of CAN traffic: what counts scans.")] = None,
 ) -> None:
-    """Make a log of a file of measurements: one column a channel, named as its sensor."""
+    """Make a log of measurements: one column a channel, named as its sensor."""
     from daq import CAN_LOGS
     from monitor.cli.importing import ImportOptions, import_command
     from monitor.cli.importing_can import import_can_command
@@ -69,8 +73,8 @@ def import_(
         dbc=dbc,
         counter=counter,
     )
-    command = import_can_command if dbc or data.suffix.lower() in CAN_LOGS else import_command
-    raise typer.Exit(command(data, out, options))
+    can = dbc is not None or any(path.suffix.lower() in CAN_LOGS for path in data)
+    raise typer.Exit((import_can_command if can else import_command)(data, out, options))
 
 
 @data_app.command()

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,10 @@ from daq import (
     Measured,
     Recording,
     acceleration,
+    in_order,
     read_measured,
     with_channels,
-    write_recording,
+    write_recordings,
 )
 from monitor.cli.exits import DONE
 from monitor.cli.new_site import learning_notes, write_new_site
@@ -53,47 +55,67 @@ class ImportOptions:
     counter: str | None = None  #: of a CAN log: signal that counts scans
 
 
-def import_command(data: Path, out: Path, options: ImportOptions) -> int:
+def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
     """Write the log; say what is in it."""
-    measured = _read(data, options)
-    recording = measured.recording
+    if len(data) > 1 and options.start is not None:
+        raise ArgumentError("--start", f"not of {len(data)} files, which say by dates when each begins")
+    parts = in_order([(path, _read(path, options)) for path in data])
+    recordings = [part.recording for part in parts]
+    first = recordings[0]
     attachments: dict[str, str] = {}
     notes: list[str] = []
     if options.structure is not None:
-        attachments["structure.toml"], lacking = _structure_text(data, recording, options.structure)
+        attachments["structure.toml"], lacking = _structure_text(data[0], first, options.structure)
         if lacking:
             notes.append(f"no column for {', '.join(lacking)} of {options.structure}")
     if options.new_site is not None:
         if options.structure is None or options.site is not None:
             raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
-        write_new_site(options.new_site, options.structure, out, recording)
+        write_new_site(options.new_site, options.structure, out, first)
     path = options.new_site or options.site
     if path is not None:
         site = load_site(path)
-        recording = _for_site(data, recording, site, path)
+        recordings = [_for_site(data[0], recording, site, path) for recording in recordings]
         attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
-        if site.settings.temperature is not None and np.isfinite(recording.temperature):
+        if site.settings.temperature is not None and any(np.isfinite(one.temperature) for one in recordings):
             notes.append(f"[temperature] of {path} goes before the log's temperatures; leave it out there")
         if options.new_site is not None:
-            notes += learning_notes(site.settings, recording.duration, path)
-    write_recording(out, recording, attachments, measured.temperature)
-    missing = sum(gap.stop - gap.start for gap in recording.gaps)
-    console.print(
-        f"{escape(str(out))}: {len(recording.channels)} channels, "
-        f"{recording.duration:.6g} s at {recording.rate:.6g} Hz, {len(recording.gaps)} gaps ({missing} samples)"
-        f"{_level(recording)}",
-        soft_wrap=True,
-    )
-    if options.new_site is not None:
-        console.print(
-            escape(f"written: {path}, to be edited: `modalwatch replay {out} --site {path}` watches the log"),
-            soft_wrap=True,
-        )
-    for remark in measured.remarks:
-        console.print(escape(remark), soft_wrap=True)
+            notes += learning_notes(site.settings, sum(recording.duration for recording in recordings), path)
+    write_recordings(out, recordings, attachments, [part.temperature for part in parts])
+    _say(out, recordings, parts, options.new_site)
     for note in notes:
         console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
     return DONE
+
+
+def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], new_site: Path | None) -> None:
+    """Say what was written, and as what it was taken."""
+    gaps = [gap for recording in recordings for gap in recording.gaps]
+    seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
+    console.print(
+        f"{escape(str(out))}: {len(recordings[0].channels)} channels, {seconds:.6g} s at {rate:.6g} Hz, "
+        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){_level(recordings)}",
+        soft_wrap=True,
+    )
+    if len(recordings) > 1:
+        console.print(_sequence(recordings), soft_wrap=True)
+    if new_site is not None:
+        console.print(
+            escape(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` watches the log"),
+            soft_wrap=True,
+        )
+    for remark in parts[0].remarks:
+        console.print(escape(f"{'first file: ' if len(parts) > 1 else ''}{remark}"), soft_wrap=True)
+
+
+def _sequence(recordings: Sequence[Recording]) -> str:
+    """Say what lies between recordings that follow each other."""
+    pauses = [(after.start - before.end) * 1e-9 for before, after in pairwise(recordings)]
+    real = [pause for pause in pauses if pause > 1 / recordings[0].rate]
+    longest = f", the longest {max(real):.6g} s" if real else ""
+    warm = [recording.temperature for recording in recordings if np.isfinite(recording.temperature)]
+    means = f"; their mean temperatures: {min(warm):.4g} to {max(warm):.4g} degC" if warm else ""
+    return f"{len(recordings)} files by their dates, {len(real)} pauses between them{longest}{means}"
 
 
 def _read(data: Path, options: ImportOptions) -> Measured:
@@ -163,12 +185,13 @@ def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recor
         raise DataError(data, f"{error} of {path}") from error
 
 
-def _level(recording: Recording) -> str:
+def _level(recordings: Sequence[Recording]) -> str:
     """Say how much the channels move about their means: a wrong unit shows in that."""
-    known = np.isfinite(recording.data).any(0)
+    data = np.concatenate([recording.data for recording in recordings])
+    known = np.isfinite(data).any(0)
     if not known.any():
         return ""
-    rms = np.nanstd(recording.data[:, known], axis=0)
+    rms = np.nanstd(data[:, known], axis=0)
     return f", rms {rms.min():.2g} to {rms.max():.2g} m/s2"
 
 

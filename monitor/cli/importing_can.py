@@ -1,6 +1,6 @@
 """`import` of a file of CAN traffic."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -19,8 +19,10 @@ _AXES = 3
 console = Console(highlight=False)
 
 
-def import_can_command(data: Path, out: Path, options: ImportOptions) -> int:
+def import_can_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
     """Write the log; say what was found of each sensor."""
+    if len(data) > 1:
+        raise ArgumentError("DATA", f"expected one file of CAN traffic, found {len(data)}: {data[0]}, {data[1]}")
     if options.velocities or options.unit is not None:
         raise ArgumentError("--velocity" if options.velocities else "--unit", "not of a CAN log: its DBC file says")
     if options.new_site is not None:
@@ -29,7 +31,7 @@ def import_can_command(data: Path, out: Path, options: ImportOptions) -> int:
     if options.structure is not None:
         attachments["structure.toml"] = _structure_text(channels, options.structure)
     start = None if options.start is None else start_of(options.start)
-    for found in import_can_log(data, out, sensors, channels, attachments, start=start):
+    for found in import_can_log(data[0], out, sensors, channels, attachments, start=start):
         console.print(
             f"{escape(str(out))}: {escape(found.device)}: {found.scans} scans, {found.missing} missing, "
             f"{found.seconds:.6g} s",

@@ -67,7 +67,11 @@ def one_log(paths: Sequence[Path]) -> AnyLog:
         return newest_log(paths[0])
     logs = as_logs(paths)
     if len(logs) > 1:
-        raise ArgumentError("LOG", f"expected the files of one run, found those of {len(logs)}: {logs[0]}, {logs[1]}")
+        raise ArgumentError(
+            "LOG",
+            f"expected the files of one run, found those of {len(logs)}: {logs[0]}, {logs[1]}; "
+            "tables that follow each other become one log by `modalwatch import DATA... -o LOG.mcap`",
+        )
     return logs[0]
 
 

@@ -36,7 +36,7 @@ def through_a_table(log: Path) -> Path:
     site.write_text(SITE, encoding="utf-8")
     log.with_name("t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     assert export_command([log], table) == 0
-    assert import_command(table, imported, ImportOptions(site=site)) == 0
+    assert import_command([table], imported, ImportOptions(site=site)) == 0
     return imported
 
 

@@ -1,0 +1,100 @@
+"""`import` of the tables of a logger that begins a new one every few minutes: one log."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_helpers import Commands, assert_refused
+
+from daq import FloatArray, load_recordings
+from updater import t_structure_toml
+
+RATE, ROWS = 100, 500
+NAMES = ("beam_left_y", "beam_left_z")
+DATA = np.random.default_rng(31).standard_normal((2000, 2)).round(4)
+
+
+def write(path: Path, first: int, data: FloatArray, late: float = 0.0, names: tuple[str, ...] = NAMES) -> Path:
+    """Write rows of a record that began at midnight; `late` ms."""
+    rows = [
+        f"2026-01-01 00:00:{(first + k) / RATE + late * 1e-3:09.6f},{','.join(map(str, row))},{20 + first / 100}"
+        for k, row in enumerate(data.tolist())
+    ]
+    path.write_text("\n".join([f"time,{','.join(names)},T [C]", *rows]))
+    return path
+
+
+@pytest.fixture
+def tables(tmp_path: Path) -> list[Path]:
+    """Return three tables of 5 s that follow each other, and a fourth after 5 s of nothing, half a sample late."""
+    parts = [(k, DATA[k : k + ROWS]) for k in (0, 500, 1000)]
+    paths = [write(tmp_path / f"{k:04d}.csv", k, data) for k, data in parts]
+    paths.append(write(tmp_path / "late.csv", 2000, DATA[1500:], late=4.0))
+    (tmp_path / "structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    return paths
+
+
+def test_tables_that_follow_each_other_become_one_log(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    done = modalwatch("import", *reversed(tables), "-o", log)
+    assert (done.code, done.err) == (0, "")
+    said = done.out.splitlines()
+    assert said[0].startswith(f"{log}: 2 channels, 20 s at 100 Hz, 0 gaps (0 samples), rms ")
+    assert said[1] == (
+        "4 files by their dates, 1 pauses between them, the longest 5 s; their mean temperatures: 20 to 40 degC"
+    )
+    assert said[2].endswith("the first is 2026-01-01T00:00:00.000+00:00")
+    (found,) = load_recordings(log)
+    assert (found.rate, len(found.data)) == (RATE, 2500)
+    np.testing.assert_allclose(found.data[:1500], DATA[:1500], atol=1e-6)
+    assert np.isnan(found.data[1500:2000]).all()
+    np.testing.assert_allclose(found.data[2000:], DATA[1500:], atol=1e-6)
+    (gap,) = found.gaps
+    assert (gap.start, gap.stop) == (1500, 2000)
+
+
+def test_windows_go_across_the_files_and_a_site_takes_them(
+    modalwatch: Commands, tables: list[Path], tmp_path: Path
+) -> None:
+    log, site = tmp_path / "log.mcap", tmp_path / "site.toml"
+    done = modalwatch("import", *tables[:3], "-o", log, "--structure", tmp_path / "structure.toml", "--new-site", site)
+    assert (done.code, done.err) == (0, "")
+    assert "the log has 15 s" in done.out
+    windows = list(load_recordings(log, window_seconds=7.5))
+    assert [len(window.data) for window in windows] == [750, 750]
+    np.testing.assert_allclose(np.concatenate([window.data for window in windows]), DATA[:1500], atol=1e-6)
+    assert [window.temperature for window in windows] == pytest.approx(
+        [20 + 5 / 3, 30 - 5 / 3], abs=0.3
+    )  # a block goes to both windows
+    assert modalwatch("import", *tables[:3], "-o", tmp_path / "again.mcap", "--site", site).code == 0
+
+
+def test_a_channel_that_fails_in_one_file_is_a_device_of_its_own_in_all(tables: list[Path], tmp_path: Path) -> None:
+    from daq import DataOptions, in_order, read_measured
+
+    holed = DATA[500:1000].copy()
+    holed[7, 1] = np.nan
+    write(tables[1], 500, holed)
+    found = in_order([(path, read_measured(path, DataOptions())) for path in tables])
+    assert {tuple(c.device for c in part.recording.channels) for part in found} == {("import", "import-2")}
+    assert [[gap.device for gap in part.recording.gaps] for part in found] == [[], ["import-2"], [], []]
+
+
+def test_files_that_make_no_log_together(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
+    log, other, late = tmp_path / "log.mcap", tmp_path / "other.csv", tmp_path / "late.csv"
+    late.write_text(late.read_text().replace("beam_left_z", "z"))
+    write(other, 1200, DATA[:ROWS])
+    slow = [f"2026-01-01 00:01:{k / 50:06.3f},1,2,20" for k in range(ROWS)]
+    (tmp_path / "slow.csv").write_text("\n".join([f"time,{','.join(NAMES)},T [C]", *slow]))
+    (tmp_path / "bare.csv").write_text("t,beam_left_y,beam_left_z\n0,1,2\n0.01,2,1\n0.02,1,1\n")
+    for wrong, says in (
+        ("other.csv", "other.csv: begins 3 s before"),
+        ("0000.csv", "0000.csv: begins 5 s before"),
+        ("late.csv", "only one of them has beam_left_z, z"),
+        ("slow.csv", "slow.csv: has 50 samples a second, "),
+        ("bare.csv", "bare.csv: states no dates"),
+    ):
+        assert_refused(modalwatch("import", *tables[:3], tmp_path / wrong, "-o", log), says)
+    assert_refused(modalwatch("import", *tables, "-o", log, "--start", "2026-01-01"), "--start: not of 4 files")
+    assert_refused(modalwatch("import", "a.log", "b.log", "-o", log), "expected one file of CAN traffic, found 2")
+    assert not log.exists()
