@@ -9,12 +9,14 @@ from daq.errors import DataError
 from daq.recording import Recording, find_gaps
 
 _RATES_ALIKE = 2e-5  # relative: a tenth of what shifts of frequencies are told by
+_MOST_OVERLAP = 1.5  # samples: by what dates are rounded to, and clocks differ
 
 
 def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
     """Return what files hold by time, at one rate, the same channels on the same devices.
 
-    Each begins on the time grid of the first, by less than a sample off what it says.
+    Each begins on the time grid of the first, as many samples after the one before as their dates tell, to the nearest:
+    a logger whose converter and clock differ by some parts in a million drops no file for it, however many there are.
 
     Parameters
     ----------
@@ -33,11 +35,13 @@ def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
     ordered = sorted(files, key=lambda file: file[1].recording.start)
     first_path, first = ordered[0][0], ordered[0][1].recording
     patterns: list[tuple[str, ...]] = [() for _ in first.channels]
-    placed: list[tuple[Path, Recording]] = []
+    placed: list[Recording] = []
+    before, sample = (first_path, first.start), 0
     for path, measured in ordered:
-        recording = _alike(path, measured.recording, first_path, first)
-        start = _begins(path, recording, placed[-1], first) if placed else recording.start
-        placed.append((path, replace(recording, rate=first.rate, start=start)))
+        recording = replace(_alike(path, measured.recording, first_path, first), rate=first.rate)
+        sample += _pause(path, recording, before)
+        placed.append(replace(recording, start=first.start + round(sample / first.rate * 1e9)))
+        before, sample = (path, recording.end), sample + len(recording.data)
         patterns = [(*own, channel.device) for own, channel in zip(patterns, recording.channels, strict=True)]
     channels = devices_of([channel.name for channel in first.channels], patterns)
     return tuple(
@@ -45,7 +49,7 @@ def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
             measured,
             recording=replace(recording, channels=channels, gaps=find_gaps(channels, recording.data)),
         )
-        for (_, measured), (_, recording) in zip(ordered, placed, strict=True)
+        for (_, measured), recording in zip(ordered, placed, strict=True)
     )
 
 
@@ -61,10 +65,9 @@ def _alike(path: Path, found: Recording, first_path: Path, first: Recording) -> 
     return replace(found, channels=tuple(found.channels[i] for i in place), data=found.data[:, place])
 
 
-def _begins(path: Path, found: Recording, before: tuple[Path, Recording], first: Recording) -> int:
-    """Return when a recording begins [ns UTC]: on the grid of the first, not before the one before it ends."""
-    end = before[1].end
-    sample, free = (round((time - first.start) * 1e-9 * first.rate) for time in (found.start, end))
-    if sample < free - 1:
-        raise DataError(path, f"begins {(end - found.start) * 1e-9:.6g} s before {before[0]} ends")
-    return first.start + round(max(sample, free) / first.rate * 1e9)
+def _pause(path: Path, found: Recording, before: tuple[Path, int]) -> int:
+    """Return how many samples lie between a recording and the end [ns UTC] of the one before."""
+    pause = (found.start - before[1]) * 1e-9
+    if pause * found.rate < -_MOST_OVERLAP:
+        raise DataError(path, f"begins {-pause:.6g} s before {before[0]} ends")
+    return max(round(pause * found.rate), 0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cli_helpers import Commands, assert_refused
 
-from daq import FloatArray, load_recordings
+from daq import DataOptions, FloatArray, in_order, load_recordings, read_measured
 from updater import t_structure_toml
 
 RATE, ROWS = 100, 500
@@ -70,8 +70,6 @@ def test_windows_go_across_the_files_and_a_site_takes_them(
 
 
 def test_a_channel_that_fails_in_one_file_is_a_device_of_its_own_in_all(tables: list[Path], tmp_path: Path) -> None:
-    from daq import DataOptions, in_order, read_measured
-
     holed = DATA[500:1000].copy()
     holed[7, 1] = np.nan
     write(tables[1], 500, holed)
@@ -98,3 +96,14 @@ def test_files_that_make_no_log_together(modalwatch: Commands, tables: list[Path
     assert_refused(modalwatch("import", *tables, "-o", log, "--start", "2026-01-01"), "--start: not of 4 files")
     assert_refused(modalwatch("import", "a.log", "b.log", "-o", log), "expected one file of CAN traffic, found 2")
     assert not log.exists()
+
+
+def test_a_logger_whose_two_clocks_differ(tmp_path: Path) -> None:
+    """Its converter is slower or faster than what its clock says when a table begins: no sample lost, none invented."""
+    for drift in (4.0, -4.0):  # ms, of a period of 10 ms, a table
+        paths = [
+            write(tmp_path / f"{k}.csv", 100 * k, DATA[100 * k : 100 * k + 100], late=50 + drift * k) for k in range(9)
+        ]
+        found = in_order([(path, read_measured(path, DataOptions())) for path in paths])
+        starts = [round((part.recording.start - found[0].recording.start) * 1e-9 * RATE) for part in found]
+        assert starts == list(range(0, 900, 100))
