@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import Channel
+from daq import Channel, read_attachments
 from monitor.recordings import log_channels, log_rate
-from monitor.settings import load_settings
+from monitor.settings import Settings, load_settings, parse_settings
+from oma import PASS
 from updater import Sensor, Structure
 
 _SAME_PLACE = 1e-3  # m
@@ -21,7 +22,7 @@ class ChannelCheck:
 
     path: Path  #: settings or log
     n_channels: int
-    rate: float  #: the slowest [Hz]
+    highest: float  #: up to where modes are identified [Hz]
     without_sensor: tuple[str, ...]  #: channels that are no sensor of the structure
     without_channel: tuple[str, ...]  #: sensors that nothing measures
 
@@ -39,20 +40,28 @@ def check_channels(structure: Structure, path: Path) -> ChannelCheck:
     SettingsError, LogError
         If the file cannot be read or does not tell its channels.
     """
-    channels, rate = _of_settings(path) if path.suffix == ".toml" else (log_channels(path), log_rate(path))
+    channels, highest = _of_settings(load_settings(path)) if path.suffix == ".toml" else _of_log(path)
     names = tuple(channel.name for channel in channels)
     return ChannelCheck(
         path=path,
         n_channels=len(names),
-        rate=rate,
+        highest=highest,
         without_sensor=tuple(n for n in names if n not in structure.channels),
         without_channel=tuple(n for n in structure.channels if n not in names),
     )
 
 
-def _of_settings(path: Path) -> tuple[tuple[Channel, ...], float]:
-    settings = load_settings(path)
-    return settings.channels, min(device.rate for device in settings.device)
+def _of_settings(settings: Settings) -> tuple[tuple[Channel, ...], float]:
+    heard, band = PASS * min(device.rate for device in settings.device), settings.analysis.band
+    return settings.channels, min(heard, band[1]) if band else heard
+
+
+def _of_log(path: Path) -> tuple[tuple[Channel, ...], float]:
+    """Return the same of a log; one that was imported without a site has one rate."""
+    channels, attached = log_channels(path), read_attachments(path)
+    if "site.toml" not in attached:
+        return channels, PASS * log_rate(path)
+    return channels, _of_settings(parse_settings(attached["site.toml"], f"{path}: site.toml"))[1]
 
 
 def measured_only(structure: Structure, check: ChannelCheck) -> Structure:

@@ -1,6 +1,7 @@
 """`import`: a file of measurements becomes a log."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -24,7 +25,7 @@ from daq import (
     write_recordings,
 )
 from monitor.cli.exits import DONE
-from monitor.cli.new_site import learning_notes, write_new_site
+from monitor.cli.new_site import learning_notes, new_site
 from monitor.errors import ArgumentError
 from monitor.site import Site, load_site
 from updater import parse_structure, portable_text
@@ -60,32 +61,40 @@ def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> i
     if len(data) > 1 and options.start is not None:
         raise ArgumentError("--start", f"not of {len(data)} files, which say by dates when each begins")
     parts = in_order([(path, _read(path, options)) for path in data])
+    with ExitStack() as undone:
+        if options.new_site is not None:
+            if options.structure is None or options.site is not None:
+                raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
+            undone.enter_context(new_site(options.new_site, options.structure, out, parts[0].recording))
+        recordings, notes = _write(data[0], out, options, parts)
+    _say(out, recordings, parts, options.new_site)
+    for note in notes:
+        console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
+    return DONE
+
+
+def _write(
+    data: Path, out: Path, options: ImportOptions, parts: Sequence[Measured]
+) -> tuple[Sequence[Recording], list[str]]:
+    """Write the log; return what it holds, and what is to be noted."""
     recordings = [part.recording for part in parts]
-    first = recordings[0]
     attachments: dict[str, str] = {}
     notes: list[str] = []
     if options.structure is not None:
-        attachments["structure.toml"], lacking = _structure_text(data[0], first, options.structure)
+        attachments["structure.toml"], lacking = _structure_text(data, recordings[0], options.structure)
         if lacking:
             notes.append(f"no column for {', '.join(lacking)} of {options.structure}")
-    if options.new_site is not None:
-        if options.structure is None or options.site is not None:
-            raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
-        write_new_site(options.new_site, options.structure, out, first)
     path = options.new_site or options.site
     if path is not None:
         site = load_site(path)
-        recordings = [_for_site(data[0], recording, site, path) for recording in recordings]
+        recordings = [_for_site(data, recording, site, path) for recording in recordings]
         attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
         if site.settings.temperature is not None and any(np.isfinite(one.temperature) for one in recordings):
             notes.append(f"[temperature] of {path} goes before the log's temperatures; leave it out there")
         if options.new_site is not None:
             notes += learning_notes(site.settings, sum(recording.duration for recording in recordings), path)
     write_recordings(out, recordings, attachments, [part.temperature for part in parts])
-    _say(out, recordings, parts, options.new_site)
-    for note in notes:
-        console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
-    return DONE
+    return recordings, notes
 
 
 def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], new_site: Path | None) -> None:
@@ -111,7 +120,7 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
 def _sequence(recordings: Sequence[Recording]) -> str:
     """Say what lies between recordings that follow each other."""
     pauses = [(after.start - before.end) * 1e-9 for before, after in pairwise(recordings)]
-    real = [pause for pause in pauses if pause > 1 / recordings[0].rate]
+    real = [pause for pause in pauses if pause > 0.5 / recordings[0].rate]
     longest = f", the longest {max(real):.6g} s" if real else ""
     warm = [recording.temperature for recording in recordings if np.isfinite(recording.temperature)]
     means = f"; their mean temperatures: {min(warm):.4g} to {max(warm):.4g} degC" if warm else ""

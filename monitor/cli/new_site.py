@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from daq import Recording
@@ -11,8 +12,9 @@ from monitor.settings import AXES, DeviceSettings, Settings, annotated
 _NAME = "logger"
 
 
-def write_new_site(path: Path, structure: Path, log: Path, recording: Recording) -> None:
-    """Write a site with the channels of a recording, every setting with what it means.
+@contextmanager
+def new_site(path: Path, structure: Path, log: Path, recording: Recording) -> Iterator[None]:
+    """Write a site with the channels of a recording, every setting with what it means; if what follows fails, none.
 
     Parameters
     ----------
@@ -33,6 +35,11 @@ def write_new_site(path: Path, structure: Path, log: Path, recording: Recording)
         raise ArgumentError("--new-site", f"{path} is there already: give it as --site") from error
     except OSError as error:
         raise ArgumentError("--new-site", f"{path}: cannot be written: {error.strerror}") from error
+    try:
+        yield
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
 
 
 def _devices(path: Path, log: Path, recording: Recording) -> Iterator[DeviceSettings]:

@@ -38,19 +38,19 @@ class Asked:
     within: str
     channels: Path | None
 
-    def record(self, rate: float | None) -> Record:
+    def record(self, heard: float) -> Record:
         """Return the record that is planned.
 
         Parameters
         ----------
-        rate : of what is set against the sensors [Hz]
+        heard : up to where modes are identified, unless that was said [Hz]
 
         Raises
         ------
         ArgumentError
             Naming the option that makes no sense.
         """
-        highest = self.highest if self.highest is not None else PASS * (rate or _USUAL_RATE)
+        highest = self.highest if self.highest is not None else heard
         for name, value in (("--record", self.seconds), ("--damping", self.damping), ("--highest", highest)):
             if not value > 0:
                 raise ArgumentError(name, f"expected a positive number, found {value:g}")
@@ -95,7 +95,7 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     """Draw the structure, list its modes, and say what its sensors see; 1 if sensors and channels do not match."""
     structure, target = load_structure(path), asked.wanted()
     check = check_channels(structure, asked.channels) if asked.channels else None
-    record = asked.record(check.rate if check else None)
+    record = asked.record(check.highest if check else PASS * _USUAL_RATE)
     if check:
         structure = measured_only(structure, check)
     try:

@@ -222,6 +222,10 @@ def test_a_file_without_a_site_gets_one_and_is_watched(modalwatch: Commands, tmp
     assert_refused(modalwatch(*asked), "--new-site: expected --structure beside it, and no --site")
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml: cannot be written: No such file")
     site.parent.mkdir()
+    log.write_text("precious")
+    assert_refused(modalwatch(*asked, "--structure", structure), "log.mcap: cannot be written: File exists")
+    assert not site.exists()  # of a log that is none: the same command is to go once that is seen to
+    log.unlink()
     done = modalwatch(*asked, "--structure", structure)
     assert done.code == 0, done.err
     assert f"written: {site}, to be edited" in done.out

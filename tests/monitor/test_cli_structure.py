@@ -8,6 +8,7 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from PIL import Image
 
+from daq import LogWriter
 from monitor.odd_units import odd_units
 from monitor.sight import look
 from updater import Structure, parse_structure, t_structure_toml
@@ -206,6 +207,19 @@ def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) 
     done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
     assert "up to 80 Hz" in done.out
     assert "--highest says" not in done.out
+    with_channels(x="s0", y="s1")
+    slower = site.read_text(encoding="utf-8")
+    other = 'name = "e"\ndriver = "epson-uart"\nport = "/dev/e"\nrate = 100\nchannels = {x = "s2"}\n'
+    slower += f"[[device]]\n{other}"
+    log = tmp_path / "log.mcap"
+    for more, heard in (("", 40), ("[analysis]\nband = [1, 30]\n", 30)):  # of the slower device; of its band
+        site.write_text(slower + more, encoding="utf-8")
+        writer = LogWriter(log, {"structure.toml": bar.read_text(), "site.toml": site.read_text(encoding="utf-8")})
+        writer.close()
+        for of in (site, log):
+            done = modalwatch("structure", bar, "--channels", of, "--modes", 3)
+            assert f"up to {heard} Hz" in done.out
+        log.unlink()
     assert "s1 and s2 measure the same motion" in done.out
     assert_refused(modalwatch("structure", bar, "--channels", tmp_path / "none.toml"), "none.toml: cannot be read")
 
