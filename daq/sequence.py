@@ -2,21 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 from daq.datafile import Measured, devices_of
 from daq.errors import DataError
 from daq.recording import Recording, find_gaps
+from daq.sampling import TOLERANCE
 
 _RATES_ALIKE = 2e-5  # relative: a tenth of what shifts of frequencies are told by
-_MOST_OVERLAP = 1.5  # samples: by what dates are rounded to, and clocks differ
+_MOST_OVERLAP = 1.5  # samples: by what dates are rounded to ...
+_MOST_DRIFT = 1e-4  # ... and of a file's length: by what a converter is faster than the clock
 
 
 def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
-    """Return what files hold by time, at one rate, the same channels on the same devices.
+    """Return what files hold by time, at one rate, that of the longest, the same channels on the same devices.
 
     Each begins on the time grid of the first, as many samples after the one before as their dates tell, to the nearest:
-    a logger whose converter and clock differ by some parts in a million drops no file for it, however many there are.
+    a logger whose converter and clock differ by some tens of parts in a million drops no file for it, however many
+    there are.
 
     Parameters
     ----------
@@ -25,7 +29,7 @@ def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
     Raises
     ------
     DataError
-        Naming a file that has no dates, other channels or another rate than the first, or that overlaps another.
+        Naming a file that has no dates, other channels or another rate than the longest, or that overlaps another.
     """
     if len(files) == 1:
         return (files[0][1],)
@@ -33,41 +37,44 @@ def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
         if not measured.dated:
             raise DataError(path, "states no dates: its place among the other files is not known; import it alone")
     ordered = sorted(files, key=lambda file: file[1].recording.start)
-    first_path, first = ordered[0][0], ordered[0][1].recording
-    patterns: list[tuple[str, ...]] = [() for _ in first.channels]
-    placed: list[Recording] = []
-    before, sample = (first_path, first.start), 0
-    for path, measured in ordered:
-        recording = replace(_alike(path, measured.recording, first_path, first), rate=first.rate)
-        sample += _pause(path, recording, before)
-        placed.append(replace(recording, start=first.start + round(sample / first.rate * 1e9)))
-        before, sample = (path, recording.end), sample + len(recording.data)
-        patterns = [(*own, channel.device) for own, channel in zip(patterns, recording.channels, strict=True)]
-    channels = devices_of([channel.name for channel in first.channels], patterns)
+    model_path, model = max(((path, m.recording) for path, m in ordered), key=lambda file: len(file[1].data))
+    recordings = [replace(_alike(path, m.recording, model_path, model), rate=model.rate) for path, m in ordered]
+    places = [0]  # samples from the first one's start
+    for (before_path, _), (path, _), (before, found) in zip(ordered, ordered[1:], pairwise(recordings), strict=False):
+        places.append(places[-1] + len(before.data) + _pause(path, found, before_path, before))
+    patterns = zip(*([channel.device for channel in recording.channels] for recording in recordings), strict=True)
+    channels = devices_of([channel.name for channel in model.channels], list(patterns))
     return tuple(
         replace(
             measured,
-            recording=replace(recording, channels=channels, gaps=find_gaps(channels, recording.data)),
+            recording=replace(
+                recording,
+                start=recordings[0].start + round(place / model.rate * 1e9),
+                channels=channels,
+                gaps=find_gaps(channels, recording.data),
+            ),
         )
-        for (_, measured), recording in zip(ordered, placed, strict=True)
+        for (_, measured), recording, place in zip(ordered, recordings, places, strict=True)
     )
 
 
-def _alike(path: Path, found: Recording, first_path: Path, first: Recording) -> Recording:
-    """Return a recording with its channels in the order of the first's."""
-    names, wanted = ([channel.name for channel in one.channels] for one in (found, first))
+def _alike(path: Path, found: Recording, model_path: Path, model: Recording) -> Recording:
+    """Return a recording with its channels in the order of the model's; the fewer samples, the less its rate says."""
+    names, wanted = ([channel.name for channel in one.channels] for one in (found, model))
     if sorted(names) != sorted(wanted):
         other = sorted(set(names) ^ set(wanted))
-        raise DataError(path, f"has not the channels of {first_path}: only one of them has {', '.join(other):.100}")
-    if abs(found.rate / first.rate - 1) > _RATES_ALIKE:
-        raise DataError(path, f"has {found.rate:.8g} samples a second, {first_path} {first.rate:.8g}")
+        raise DataError(path, f"has not the channels of {model_path}: only one of them has {', '.join(other):.100}")
+    if abs(found.rate / model.rate - 1) > max(_RATES_ALIKE, TOLERANCE / len(found.data)):
+        raise DataError(path, f"has {found.rate:.8g} samples a second, {model_path} {model.rate:.8g}")
+    if names == wanted:
+        return found
     place = [names.index(name) for name in wanted]
     return replace(found, channels=tuple(found.channels[i] for i in place), data=found.data[:, place])
 
 
-def _pause(path: Path, found: Recording, before: tuple[Path, int]) -> int:
-    """Return how many samples lie between a recording and the end [ns UTC] of the one before."""
-    pause = (found.start - before[1]) * 1e-9
-    if pause * found.rate < -_MOST_OVERLAP:
-        raise DataError(path, f"begins {-pause:.6g} s before {before[0]} ends")
+def _pause(path: Path, found: Recording, before_path: Path, before: Recording) -> int:
+    """Return how many samples lie between a recording and the one before."""
+    pause = (found.start - before.end) * 1e-9
+    if pause * found.rate < -max(_MOST_OVERLAP, _MOST_DRIFT * len(before.data)):
+        raise DataError(path, f"begins {-pause:.6g} s before {before_path} ends")
     return max(round(pause * found.rate), 0)

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from cli_helpers import Commands, assert_refused
 
-from daq import DataOptions, FloatArray, in_order, load_recordings, read_measured
+from daq import (
+    Channel,
+    DataError,
+    DataOptions,
+    FloatArray,
+    Measured,
+    Recording,
+    in_order,
+    load_recordings,
+    read_measured,
+)
 from updater import t_structure_toml
 
 RATE, ROWS = 100, 500
@@ -107,3 +117,40 @@ def test_a_logger_whose_two_clocks_differ(tmp_path: Path) -> None:
         found = in_order([(path, read_measured(path, DataOptions())) for path in paths])
         starts = [round((part.recording.start - found[0].recording.start) * 1e-9 * RATE) for part in found]
         assert starts == list(range(0, 900, 100))
+
+
+@pytest.mark.parametrize("short", [10, 200])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_file_that_is_cut_short_has_the_rate_of_the_others(tmp_path: Path, short: int, first: bool) -> None:
+    """Dates to the millisecond tell 128 Hz of ten samples as 128.6, and as 127.999 of two hundred that come first."""
+    lengths = [short, 2000, 2000] if first else [2000, 2000, short]
+    files, done = [], 0
+    for number, length in enumerate(lengths):
+        path = tmp_path / f"{number}.csv"
+        times = ((done + k) / 128 for k in range(length))
+        rows = (f"2026-01-01 00:{int(t // 60):02d}:{t % 60:06.3f},{number}" for t in times)
+        path.write_text("\n".join(["time,a", *rows]))
+        files.append((path, read_measured(path, DataOptions())))
+        done += length
+    found = [part.recording for part in in_order(files)]
+    assert {one.rate for one in found} == {128}
+    starts = [round((one.start - found[0].start) * 1e-9 * 128) for one in found]
+    assert starts == [0, lengths[0], lengths[0] + lengths[1]]
+
+
+@pytest.mark.parametrize("drift", [3, 200])
+def test_files_of_a_converter_that_is_faster_than_the_clock_overlap_a_little(drift: int) -> None:
+    """Three milliseconds a minute, 50 parts in a million, are three samples of 1000 Hz; 200 are files that overlap."""
+    channels = (Channel(name="a", device="import", axis=0),)
+    files = []
+    for number in range(3):
+        start = 10**18 + number * (60_000 - drift) * 10**6
+        recording = Recording(channels=channels, data=np.ones((60_000, 1)), rate=1000.0, start=start)
+        measured = Measured(recording=recording, temperature=np.full(60_000, np.nan), remarks=(), dated=True)
+        files.append((Path(f"{number}.csv"), measured))
+    if drift > 3:
+        with pytest.raises(DataError, match=r"1\.csv: begins 0\.2 s before 0\.csv ends"):
+            in_order(files)
+    else:
+        starts = [part.recording.start - 10**18 for part in in_order(files)]
+        assert starts == [0, 60 * 10**9, 120 * 10**9]
