@@ -19,13 +19,16 @@ class Unheard:
     back: tuple[str, ...] = ()  #: channels that it heard again
 
     def after(self, window: WindowResult) -> "Unheard":
-        """Return the same after one more window; one without modes says nothing of single channels."""
+        """Return the same after one more window; one without modes says nothing of single channels.
+
+        A channel that the site does not have any more is forgotten: nobody has heard it again.
+        """
         if window.problem:
             return Unheard(self.windows, self.lasting)
         windows = {channel: self.windows.get(channel, 0) + 1 for channel in window.faults}
         lasting = {c: self.lasting.get(c, why) for c, why in window.faults.items() if windows[c] >= LASTING}
         gone = {c: why for c, why in lasting.items() if c not in self.lasting}
-        back = (c for c in self.lasting if c not in lasting)
+        back = (c for c in self.lasting if c in window.channels)
         return Unheard(windows, lasting, tuple(by_reason(gone)), tuple(back))
 
     @property

@@ -10,6 +10,8 @@ from watch_helpers import BASELINE, Played, judged, run
 
 from daq import SystemClock
 from monitor.result_events import result_event
+from monitor.results import WindowResult
+from monitor.unheard import Unheard
 from monitor.vitals import NAME, Pace, Vitals
 from monitor.web.source import problems
 
@@ -37,3 +39,15 @@ def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
         vitals.write(WELL)
         assert problems(json.loads((tmp_path / NAME).read_text())) == said
     assert np.isfinite([window.novelty.t2 for window in last if window.novelty]).all()
+
+
+def test_a_dead_channel_that_a_person_takes_out_of_the_settings_is_not_back() -> None:
+    dead = WindowResult(
+        index=0, start=0, end=1, phase="watching", channels=["a", "b"], faults={"c": "constant"}, modes=[], rms={}
+    )
+    known = Unheard().after(dead).after(dead)
+    assert known.gone == ((("c",), "constant"),)
+    without = known.after(dead.model_copy(update={"faults": {}}))
+    assert (without.texts, without.back) == ([], ())
+    again = known.after(dead.model_copy(update={"faults": {}, "channels": ["a", "b", "c"]}))
+    assert (again.texts, again.back) == ([], ("c",))
