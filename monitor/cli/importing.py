@@ -103,7 +103,7 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
     console.print(
         f"{escape(str(out))}: {len(recordings[0].channels)} channels, {seconds:.6g} s at {rate:.6g} Hz, "
-        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){_level(recordings)}",
+        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}",
         soft_wrap=True,
     )
     if len(recordings) > 1:
@@ -194,14 +194,11 @@ def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recor
         raise DataError(data, f"{error} of {path}") from error
 
 
-def _level(recordings: Sequence[Recording]) -> str:
+def level(recordings: Sequence[Recording]) -> str:
     """Say how much the channels move about their means: a wrong unit shows in that."""
-    data = np.concatenate([recording.data for recording in recordings])
-    known = np.isfinite(data).any(0)
-    if not known.any():
-        return ""
-    rms = np.nanstd(data[:, known], axis=0)
-    return f", rms {rms.min():.2g} to {rms.max():.2g} m/s2"
+    columns = (np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(recordings[0].channels)))
+    rms = [np.nanstd(column) for column in columns if np.isfinite(column).any()]
+    return f", rms {min(rms):.2g} to {max(rms):.2g} m/s2" if rms else ""
 
 
 def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, list[str]]:
