@@ -38,6 +38,7 @@ class _Layout:
     header: tuple[str, ...]
     delimiter: str
     chosen: tuple[int, ...]  # places in the header
+    times: int | None = None  # place of the column of times
     dated: Mapping[int, Dated] = field(default_factory=dict)  # places of columns of dates and times of day
 
 
@@ -101,7 +102,7 @@ def _read(
     numbers: list[int] = []
     while piece := list(itertools.islice(lines, _LINES)):
         if not pieces and times is not None:
-            layout = _with_dates(path, layout, times, days, piece[0])
+            layout = _with_dates(path, layout, times, days, piece)
         if layout.delimiter != ",":
             piece = [(number, text.replace(",", ".")) for number, text in piece]
         pieces.append(_values(path, piece, layout))
@@ -115,14 +116,15 @@ def _read(
     return Table(names, values, np.array(numbers, np.intp), bool(layout.dated))
 
 
-def _with_dates(path: Path, layout: _Layout, times: str, days: str | None, first: Line) -> _Layout:
-    """Take a column for dates if the first line has one there, or two if days stand in their own."""
+def _with_dates(path: Path, layout: _Layout, times: str, days: str | None, piece: list[Line]) -> _Layout:
+    """Take a column for dates if what is first in it is one, or two if days stand in their own."""
     place = layout.header.index(times)
+    layout = replace(layout, times=place)
     if days is not None:
         return replace(layout, dated={place: CLOCK, layout.header.index(days): DAY})
-    cells = _cells(path, first, layout.delimiter)
-    dated = len(cells) > place and not _is_number(cells[place]) and reads(MOMENT, cells[place])
-    return replace(layout, dated={place: MOMENT}) if dated else layout
+    rows = (_cells(path, line, layout.delimiter) for line in piece)
+    first = next((cells[place] for cells in rows if len(cells) > place and cells[place].strip()), "")
+    return replace(layout, dated={place: MOMENT}) if not _is_number(first) and reads(MOMENT, first) else layout
 
 
 def _layout(path: Path, line: Line | None, wanted: Collection[str] | None) -> _Layout:
@@ -192,6 +194,6 @@ def _cell(path: Path, number: int, layout: _Layout, place: int, cell: str) -> fl
     except ValueError:
         value = float("inf")
     if np.isinf(value):
-        what = dated.like if dated else "a number"
+        what = dated.like if dated else f"a number, or {MOMENT.like}" if place == layout.times else "a number"
         raise DataError(path, f"line {number}, column {layout.header[place]!r}: expected {what}, found {cell!r:.40}")
     return value

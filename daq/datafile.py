@@ -167,14 +167,15 @@ def _table(path: Path, options: DataOptions) -> _Columns:
     signals, warm = _what(path, [name for name in every if name not in (time, day)], options)
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
+    known = rate if timed else _known(path, rate, None, no_times(every, options.time))
     wanted = None if options.columns is None else {*columns, *(name for name in (time, day) if name and timed)}
     table = read_csv(path, wanted, *((time, day) if timed else ()))
     if not signals:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     values = table.values[:, [table.names.index(name) for name in columns]]
-    if time is None or not timed:
-        return _Columns(signals, warm, values, _known(path, rate, None, no_times(every, options.time)))
-    if rate is not None:
+    if known is not None and not timed:
+        return _Columns(signals, warm, values, known)
+    if time is None or known is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
     try:
         t = table.values[:, table.names.index(time)]

@@ -54,6 +54,8 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
 def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:
     """Return the name of the column of dates that times of day belong to, None where there is none.
 
+    One that is called so and cannot be read is told by its cells.
+
     Parameters
     ----------
     names : of all columns
@@ -63,8 +65,8 @@ def date_column(names: Sequence[str], first: Sequence[str], time: str | None) ->
     cell = dict(zip(names, first, strict=False))
     if time is None or not reads(CLOCK, cell.get(time, "")):
         return None
-    dates = (name for name in names if _DAYS.fullmatch(_parted(name)[0]) and reads(DAY, cell.get(name, "")))
-    return next(dates, None)
+    called = [name for name in names if _DAYS.fullmatch(_parted(name)[0])]
+    return next((name for name in called if reads(DAY, cell.get(name, ""))), called[0] if called else None)
 
 
 def header_unit(name: str) -> str | None:

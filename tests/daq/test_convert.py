@@ -492,6 +492,19 @@ TABLES = {
     ),
     "microseconds": ("t,a\n0,1\n1000,1\n2000,1\n", r"column 't': .* as ms \(1 Hz\) or us \(1000 Hz\);"),
     "days": ("t,a\n0,1\n1e-7,1\n2e-7,1\n", r"column 't': .* 1e\+07 Hz, .* as h \(2777.78 Hz\) or d \(115.741 Hz\);"),
+    "American times": (
+        "time,a\n01/31/2026 12:00:00,1\n",
+        r"line 2, column 'time': expected a number, or a time as 2026-01-31T12:00:00\.005, found '01/31/2026 12:00:00'",
+    ),
+    "American dates": (
+        "Date,Time,a\n01/31/2026,12:00:00,1\n",
+        "line 2, column 'Date': expected a date as 2026-01-31, found '01/31/2026'",
+    ),
+    "times called otherwise": (
+        "Datum,a\n2026-01-31 12:00:00,1\n",
+        "has no column of times, .* but Datum, a: give --time",
+    ),
+    "no first date": ("time,a\n,1\n2026-01-31T12:00:00,1\n2026-01-31T12:00:01,1\n", "line 2: the time is missing"),
     "name twice": ("t,a,a\n0,1,2\n", "line 1: the column name 'a' is given twice"),
     "no name": ("t,,a\n0,1,2\n", "line 1: the column name '' is empty"),
     "word": ("t,a\n0,1\n# c\n1,x1\n", "line 4, column 'a': expected a number, found 'x1'"),
