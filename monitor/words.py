@@ -14,6 +14,7 @@ from updater import Cause, Diagnosis, Pair, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
+_LEAST_P = 1e-12  # that is told as it is
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
@@ -64,6 +65,12 @@ def share_text(probability: float) -> str:
     if probability > _CERTAIN:
         return f"over {100 * _CERTAIN:g} %"
     return f"{100 * probability:.1f} %"
+
+
+def fit_text(answer: MassAnswer) -> str:
+    """Return how well a mass fits what was measured, and in how many windows."""
+    p = f"= {answer.p_value:.2g}" if answer.p_value > _LEAST_P else f"under {_LEAST_P:.0e}"
+    return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
 
 
 def quantity_text(quantity: Quantity) -> str:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
+_LEAST_TOLD = 1e-12  # of p and of odds: beyond it neither noise nor model is known well enough to say how much
 _WORTH_NAMING = 0.05  # of the best one's posterior
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
@@ -175,7 +176,7 @@ def rejected_causes(singles: "list[Candidate]", accepted: Collection[str], best:
 def _why(candidate: "Candidate", evidence: float) -> str:
     p = candidate.p_value
     if p < LEAST_P:
-        return f"does not fit: p {p:.0e}" if p > 0 else "does not fit: p under 1e-300"
+        return f"does not fit: p {p:.0e}" if p > _LEAST_TOLD else f"does not fit: p under {_LEAST_TOLD:.0e}"
     if not candidate.effective:
         return "adds nothing to a drift common to all frequencies"
     if evidence >= 0:
@@ -184,6 +185,8 @@ def _why(candidate: "Candidate", evidence: float) -> str:
 
 
 def _odds(log_odds: float) -> str:
+    if log_odds > -np.log(_LEAST_TOLD):
+        return f"more than {1 / _LEAST_TOLD:.0e}".replace("+", "")
     return f"{np.exp(log_odds):.2g}" if log_odds < np.log(1e4) else f"1e{log_odds / np.log(10):.0f}"
 
 

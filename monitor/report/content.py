@@ -21,6 +21,7 @@ from monitor.words import (
     accepted_text,
     cause_text,
     diagnosis_text,
+    fit_text,
     gain_text,
     headline,
     is_one_mass,
@@ -98,8 +99,7 @@ def _facts(story: Story) -> list[tuple[str, str]]:
     if answer:
         facts.append(("Where and how much", mass_text(answer)))
         sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
-        windows = f"{answer.n_windows} window{'s' * (answer.n_windows > 1)}"
-        facts.append(("How sure", f"{sure}; fit p = {answer.p_value:.2g} from {windows}"))
+        facts.append(("How sure", f"{sure}; {fit_text(answer)}"))
         if answer.outlook:
             facts.append(("Outlook", answer.outlook))
     judged = [w.novelty for w in story.watched if w.novelty]

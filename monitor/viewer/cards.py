@@ -5,7 +5,7 @@ import rerun as rr
 from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
 from monitor.viewer.draw import at, clock
-from monitor.words import cause_text, diagnosis_text, mass_text, plain, share_text
+from monitor.words import cause_text, diagnosis_text, fit_text, mass_text, plain, share_text
 from updater import Diagnosis
 
 _MOST_REFUSED = 6  # causes whose refusal is told one by one
@@ -63,9 +63,8 @@ def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
 
 def _answer(answer: MassAnswer) -> str:
     share = f"{share_text(answer.member_probability)} sure of the {answer.member}"
-    fit = f"from {answer.n_windows} window{'s' * (answer.n_windows > 1)}, fit p = {answer.p_value:.2g}"
     doubt = ". **A mass alone explains it badly.**" if answer.p_value < _DOUBTFUL else ""
-    return f"**{mass_text(answer)}**\n\n{share}, {fit}{doubt}"
+    return f"**{mass_text(answer)}**\n\n{share}; {fit_text(answer)}{doubt}"
 
 
 def _table(window: WindowResult, story: Story) -> str:

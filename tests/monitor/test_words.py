@@ -7,7 +7,16 @@ import viewer_helpers as made
 
 from monitor.discrepancy import BalanceResult
 from monitor.viewer.cards import window_card
-from monitor.words import cause_text, gain_text, is_one_mass, left_over_text, number_text, parameter_text, where_text
+from monitor.words import (
+    cause_text,
+    fit_text,
+    gain_text,
+    is_one_mass,
+    left_over_text,
+    number_text,
+    parameter_text,
+    where_text,
+)
 from updater import Cause, Pair, Quantity, Where
 
 
@@ -26,6 +35,13 @@ from updater import Cause, Pair, Quantity, Where
 )
 def test_a_value_is_rounded_by_its_standard_deviation(value: float, std: float, text: str) -> None:
     assert number_text(value, std) == text
+
+
+def test_what_fits_worse_than_any_noise_is_known_is_told_as_that() -> None:
+    site = made.Site()
+    answer = site.answer(site.mass * site.sensitivity[:, site.node(site.place)], 3)
+    assert fit_text(answer) == "fit p = 0.4 from 3 windows"
+    assert fit_text(answer.model_copy(update={"p_value": 2e-130, "n_windows": 1})) == "fit p under 1e-12 from 1 window"
 
 
 @pytest.mark.parametrize("explained", [False, True])

@@ -1,6 +1,7 @@
 """The contract of `modalwatch diagnose --json`: what other programs read, whatever the verdict."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -56,6 +57,8 @@ def test_every_verdict_has_the_keys_of_the_contract(verdict: str) -> None:
     for rejected in found["rejected"]:
         assert set(rejected) == {"cause", "log_evidence", "why"}
         assert rejected["why"]
+        powers = re.findall(r"e([+-]?\d+)", rejected["why"])
+        assert all(abs(int(power)) <= 12 for power in powers), rejected["why"]  # more is known of no noise, nor model
 
 
 @pytest.mark.parametrize("verdict", KINDS)
