@@ -3,9 +3,10 @@
 Laplace evidence with proper priors chooses (a cause that can be anywhere must earn its freedom); nothing at all is one
 of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or
 one more promises much to first order, more together are tried, up to three, while the evidence grows. If the best of
-them does not fit (p under 1e-3, of several together 0.03) the diagnosis says so and names nothing. All this is first
-done with twice the error of a good model: first order misses less where less is held against it. What is found so is
-then judged, and taken on, with that error itself, unless the evidence says that the model is worse.
+them does not fit (p under 1e-3, of several together 0.03; of the frequencies alone a hundredth of that) the diagnosis
+says so and names nothing. All this is first done with twice the error of a good model: first order misses less where
+less is held against it. What is found so is then judged, and taken on, with that error itself, unless the evidence says
+that the model is worse.
 """
 
 from collections.abc import Callable, Sequence

@@ -20,6 +20,7 @@ _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
 _FEW = 150  # alternatives that go on after the first step, of more: those that are promised most
 _HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
+_SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 BoolArray = npt.NDArray[np.bool_]
 
@@ -106,6 +107,7 @@ class Fit(Generic[H]):
     chi_square: FloatArray  #: (n_alternatives,) of data and priors
     log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
     freedom: float  #: data less what is fitted
+    off_frequencies: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
 
     @property
     def log_evidence(self) -> float:
@@ -129,8 +131,11 @@ class Fit(Generic[H]):
 
     @property
     def p_value(self) -> float:
-        """Chance of a worse fit if this is the cause."""
-        return float(chi2.sf(self.chi_square.min(), self.freedom))
+        """Chance of a worse fit if this is the cause: of all data, or of the frequencies (Bonferroni, at most)."""
+        best = int(np.argmin(self.chi_square))
+        off = self.off_frequencies[best]
+        of_frequencies = float(chi2.sf(off @ off, len(off)))
+        return min(float(chi2.sf(self.chi_square[best], self.freedom)), of_frequencies / _SHARE)
 
 
 def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
@@ -191,6 +196,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
         chi_square=point.cost,
         log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
         freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
+        off_frequencies=point.residual[:, : len(comparison.log_ratio)],
     )
 
 

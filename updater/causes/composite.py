@@ -105,6 +105,7 @@ class Beside(Generic[C]):
             chi_square=fit.chi_square,
             log_density=fit.log_density,
             freedom=fit.freedom,
+            off_frequencies=fit.off_frequencies,
         )
 
     def best(self, fit: "Fit[Beside[C]]") -> tuple[Chosen, ...]:
