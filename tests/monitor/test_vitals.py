@@ -113,7 +113,8 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
     rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
     vitals, told = Vitals(tmp_path / NAME, (), PACE, SystemClock()), {}
     for index, row in enumerate(rows):
-        window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": [], "modes": []}
+        heard = [channel for channel in "abcd" if channel not in (row or {})]
+        window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         said = {"problem": "no resonance stands out"} if row is None else {"faults": row}
         vitals.take(result_event(WindowResult.model_validate(window | said)))
         if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in vitals.said()]:
