@@ -40,7 +40,7 @@ from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, Int
 from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.scan_clocks import ScanClock, ScanClocks
-from daq.sequence import in_order
+from daq.sequence import in_order, read_in_order
 from daq.timebase import ClockFit
 from daq.timecolumn import TIME_UNITS
 
@@ -135,6 +135,7 @@ __all__ = [
     "read_channel_map",
     "read_data",
     "read_events",
+    "read_in_order",
     "read_layout",
     "read_log",
     "read_measured",

@@ -1,7 +1,7 @@
 """Files of measurements to recordings."""
 
 from collections.abc import Collection, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +101,14 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
     ValueError
         If a channel of `options.velocities` is none.
     """
+    found = read_undifferentiated(path, options)
+    if not options.velocities:
+        return found
+    return replace(found, recording=differentiated(found.recording, options.velocities))
+
+
+def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
+    """Read a file as `read_measured` does, but leave velocities what they are [m/s]."""
     read = _arrays if path.suffix.lower() in {".npz", ".mat", *UNIVERSAL} else _table
     found = read(path, options)
     by_hand = options.factor
@@ -123,7 +131,7 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
         temperature_remark(found.warm, temperature),
     ]
     return Measured(
-        recording=differentiated(recording, options.velocities) if options.velocities else recording,
+        recording=recording,
         temperature=temperature,
         remarks=tuple(remark for remark in said if remark),
         dated=found.began is not None,

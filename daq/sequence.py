@@ -1,11 +1,14 @@
 """Files of measurements that follow each other: a logger that begins a new table every five minutes."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-from daq.datafile import Measured, devices_of
+import numpy as np
+
+from daq.datafile import DataOptions, Measured, devices_of, read_measured, read_undifferentiated
+from daq.derivative import differentiated
 from daq.errors import DataError
 from daq.recording import Recording, find_gaps
 from daq.sampling import TOLERANCE
@@ -13,6 +16,25 @@ from daq.sampling import TOLERANCE
 _RATES_ALIKE = 2e-5  # relative: a tenth of what shifts of frequencies are told by
 _MOST_OVERLAP = 1.5  # samples: by what dates are rounded to ...
 _MOST_DRIFT = 1e-4  # ... and of a file's length: by what a converter is faster than the clock
+
+
+def read_in_order(paths: Sequence[Path], options: DataOptions) -> tuple[Measured, ...]:
+    """Read one file of measurements, or several that follow each other, as `read_measured` and `in_order` do.
+
+    Velocities are differentiated across files: a derivative lacks both ends of a record, but not of each of its files.
+    """
+    if len(paths) == 1:
+        return (read_measured(paths[0], options),)
+    found = in_order([(path, read_undifferentiated(path, options)) for path in paths])
+    if not options.velocities:
+        return found
+    runs: list[list[Measured]] = []
+    for part in found:
+        if runs and (part.recording.start - runs[-1][-1].recording.end) * 1e-9 * part.recording.rate < 0.5:
+            runs[-1].append(part)
+        else:
+            runs.append([part])
+    return tuple(part for run in runs for part in _differentiated(run, options.velocities))
 
 
 def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
@@ -78,3 +100,13 @@ def _pause(path: Path, found: Recording, before_path: Path, before: Recording) -
     if pause * found.rate < -max(_MOST_OVERLAP, _MOST_DRIFT * len(before.data)):
         raise DataError(path, f"begins {-pause:.6g} s before {before_path} ends")
     return max(round(pause * found.rate), 0)
+
+
+def _differentiated(run: Sequence[Measured], velocities: Collection[str]) -> Iterator[Measured]:
+    """Yield parts that follow each other without a pause, with accelerations in the place of velocities."""
+    together = np.concatenate([part.recording.data for part in run])
+    whole = differentiated(replace(run[0].recording, data=together, gaps=()), velocities)
+    ends = np.cumsum([len(part.recording.data) for part in run])
+    for part, data in zip(run, np.split(whole.data, ends[:-1]), strict=True):
+        gaps = find_gaps(part.recording.channels, data)
+        yield replace(part, recording=replace(part.recording, data=data, gaps=gaps))

@@ -19,8 +19,7 @@ from daq import (
     Measured,
     Recording,
     acceleration,
-    in_order,
-    read_measured,
+    read_in_order,
     with_channels,
     write_recordings,
 )
@@ -60,7 +59,7 @@ def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> i
     """Write the log; say what is in it."""
     if len(data) > 1 and options.start is not None:
         raise ArgumentError("--start", f"not of {len(data)} files, which say by dates when each begins")
-    parts = in_order([(path, _read(path, options)) for path in data])
+    parts = _read(data, options)
     with ExitStack() as undone:
         if options.new_site is not None:
             if options.structure is None or options.site is not None:
@@ -127,7 +126,7 @@ def _sequence(recordings: Sequence[Recording]) -> str:
     return f"{len(recordings)} files by their dates, {len(real)} pauses between them{longest}{means}"
 
 
-def _read(data: Path, options: ImportOptions) -> Measured:
+def _read(data: Sequence[Path], options: ImportOptions) -> tuple[Measured, ...]:
     if options.time_unit is not None and options.time_unit not in TIME_UNITS:
         raise ArgumentError("--time-unit", f"expected one of {', '.join(TIME_UNITS)}, found {options.time_unit!r}")
     asked = DataOptions(
@@ -141,9 +140,9 @@ def _read(data: Path, options: ImportOptions) -> Measured:
         temperature=options.temperature,
     )
     try:
-        return read_measured(data, asked)
+        return read_in_order(data, asked)
     except ValueError as error:  # of a name or a record too short: what the other arguments may be was checked
-        raise ArgumentError("--velocity", f"{data}: {error}") from error
+        raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
 
 
 def _factor(options: ImportOptions) -> float | None:

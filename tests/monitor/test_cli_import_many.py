@@ -14,8 +14,10 @@ from daq import (
     FloatArray,
     Measured,
     Recording,
+    differentiated,
     in_order,
     load_recordings,
+    read_in_order,
     read_measured,
 )
 from monitor.cli.importing import level
@@ -174,3 +176,21 @@ def test_many_files_are_not_held_twice() -> None:
     finally:
         tracemalloc.stop()
     assert peak < 40_000 * 12 * 8 / 2
+
+
+def test_velocities_are_differentiated_across_files(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
+    """Of a record the derivative lacks 32 samples at both ends; where files meet it lacks none."""
+    options = DataOptions(velocities=("beam_left_z",))
+    parts = [part.recording for part in read_in_order(tables, options)]
+    assert [np.flatnonzero(np.isnan(part.data[:, 1])).tolist() for part in parts] == [
+        [*range(32)],
+        [],
+        [*range(468, 500)],
+        [*range(32), *range(468, 500)],
+    ]
+    whole = differentiated(
+        Recording(channels=parts[0].channels, data=DATA[:1500], rate=RATE, start=0), options.velocities
+    )
+    np.testing.assert_allclose(np.concatenate([part.data for part in parts[:3]]), whole.data, atol=1e-9)
+    wrong = modalwatch("import", *tables, "-o", tmp_path / "log.mcap", "--velocity", "z")
+    assert_refused(wrong, "--velocity: ", "found 'z'")
