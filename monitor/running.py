@@ -57,7 +57,8 @@ class Running:
         self._clock = site_clock(site.settings)
         self._mended = mended
         self._inbox, self._outlets = Inbox(site.state), Outlets(site, live)
-        self.vitals = Vitals(site.state / NAME, _names(site), pace_of(site.settings), self._clock)
+        settings = site.settings
+        self.vitals = Vitals(site.state / NAME, _names(site), pace_of(settings), self._clock, settings.device_of)
         #: the log that is written and the analysis that is fed, and all before them
         self.logs = Succession(site, self._clock, on_result, self._take, lambda: self.vitals.lost, recalled)
         self._thermometer = ExitStack()
@@ -154,7 +155,8 @@ class Running:
         """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""
         alike = analysed_alike(old, self._site)
         stopped = self._devices.stop(changed)
-        self.vitals.follow(_names(self._site), pace_of(self._site.settings))
+        settings = self._site.settings
+        self.vitals.follow(_names(self._site), pace_of(settings), settings.device_of)
         if not alike:
             self.logs.renew("other settings")
         self._devices.resume(drivers, stopped if alike else {})

@@ -6,9 +6,10 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from daq import Block, Event, HostClock, Item
@@ -79,10 +80,18 @@ class Vitals:
     devices : names
     pace : of windows
     clock : of the data
+    device_of : device of each channel
     """
 
-    def __init__(self, path: Path, devices: tuple[str, ...], pace: Pace, clock: HostClock) -> None:
-        self._clock = clock
+    def __init__(
+        self,
+        path: Path,
+        devices: tuple[str, ...],
+        pace: Pace,
+        clock: HostClock,
+        device_of: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self._clock, self._device_of = clock, device_of
         self._late: dict[str, float] = {}  # of results: since their last sample came [s of wall time]
         self._path, self._lock, self._started = path, threading.Lock(), time.time()
         self._devices = {name: DeviceVitals() for name in devices}
@@ -111,11 +120,11 @@ class Vitals:
             else:
                 self._happened(item)
 
-    def follow(self, devices: tuple[str, ...], pace: Pace) -> None:
+    def follow(self, devices: tuple[str, ...], pace: Pace, device_of: Mapping[str, str]) -> None:
         """Follow these devices from now on, whose first window begins now; what is known of those that stay is kept."""
         with self._lock:
             self._devices = {name: self._devices.get(name, DeviceVitals()) for name in devices}
-            self._pace, self._windowed = pace, time.monotonic()
+            self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
     def said(self) -> Iterator[Said]:
         """Yield topic and payload of what is to be told of the devices since the last time."""
@@ -231,8 +240,10 @@ class Vitals:
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
 
     def _listen(self, window: WindowResult) -> None:
-        """Take note of channels that windows do not hear any more, or hear again."""
-        self._unheard = self._unheard.after(window)
+        """Take note of channels that windows do not hear any more, or hear again; a lost device is told as such."""
+        lost = {name for name, device in self._devices.items() if device.lost}
+        faults = {c: why for c, why in window.faults.items() if self._device_of.get(c) not in lost}
+        self._unheard = self._unheard.after(window.model_copy(update={"faults": faults}))
         for channels, why in self._unheard.gone:
             self._said.append(("/event/channel_lost", {"channels": ", ".join(channels), "why": why}))
         if self._unheard.back:

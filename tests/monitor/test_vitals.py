@@ -128,6 +128,24 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
     }
 
 
+def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Path) -> None:
+    """What is dead on another device is; and so is what is still not heard when the device is back."""
+    vitals = Vitals(tmp_path / NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"})
+    gone = dict.fromkeys("ab", "0% of the samples are there")
+    rows = [gone | {"c": "constant"}] * 3 + ["device_back"] + [{"a": "constant", "c": "constant"}] * 2
+    told = []
+    vitals.take(Event(topic="/event/device_lost", time=0, payload={"device": "left"}))
+    for index, row in enumerate(rows):
+        if isinstance(row, str):
+            vitals.take(Event(topic=f"/event/{row}", time=0, payload={"device": "left"}))
+            continue
+        heard = [channel for channel in "abc" if channel not in row]
+        window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
+        vitals.take(result_event(WindowResult.model_validate(window | {"faults": row})))
+        told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in vitals.said()]
+    assert told == [(1, "channel_lost", "c"), (5, "channel_lost", "a")]
+
+
 class FastClock:
     """Ten seconds of data a second; stands still."""
 
