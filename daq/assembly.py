@@ -9,9 +9,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from daq.log import Event
 from daq.recording import Block, Channel, Flag, FloatArray, Recording, find_gaps
+from daq.sampling import BoolArray
 from daq.timebase import ClockFit
 
 _HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
+_LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
 _BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
 _PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
 _SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
@@ -193,7 +195,7 @@ class Assembler:
             name: _Device(rate, self._rate, n_axes, clocks, on_grid=on_grid) for name, rate in rates.items()
         }
         self._n = round(window_seconds * self._rate)
-        self._step = round(step_seconds * 1e9)
+        self._step = round(round(step_seconds * self._rate) / self._rate * 1e9)  # whole samples: none is left over
         self._next: int | None = None  # start of the next window [ns UTC]
 
     def push(self, block: Block) -> Iterator[Recording]:
@@ -243,11 +245,13 @@ class Assembler:
         return (min if self._on_grid else max)(device.first_time for device in devices)
 
     def _cut(self, start: int, n: int) -> Iterator[Recording]:
-        """Yield a window of `n` samples unless nothing was there, and go on to the next."""
+        """Yield a window of `n` samples, if there is one, and go on to the next."""
         signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
-        if not all(np.isnan(signal).all() for signal in signals.values()):
+        there = np.any([np.isfinite(signal).any(1) for signal in signals.values()], axis=0)
+        unused = _unused(there)
+        if not unused:
             yield self._recording(start, signals)
-        self._next = start + self._step
+        self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)
         for device in self._devices.values():
             device.forget(self._next)
 
@@ -266,6 +270,19 @@ class Assembler:
             temperature=_mean([_mean(values) for values in temperatures]),
             gaps=find_gaps(self._channels, data),
         )
+
+
+def _unused(there: BoolArray) -> int:
+    """Return how many samples of a window are to be left out for it to begin with a record; 0 if it does.
+
+    A recorder that pauses begins its records when it likes; what little a record has left over makes no window.
+    """
+    little = _LITTLE * len(there)
+    edges = np.diff(np.concatenate([[True], there, [True]]).astype(np.int8))
+    for begin, end in zip(np.flatnonzero(edges < 0), np.flatnonzero(edges > 0), strict=True):
+        if end - begin > little:
+            return int(end) if begin < little else 0
+    return 0
 
 
 def _mean(values: list[float]) -> float:

@@ -31,7 +31,10 @@ class TooFewChannels(IdentificationError):  # noqa: N818
     """
 
     def __init__(self, usable: tuple[str, ...], needed: int, dropped: dict[str, str]) -> None:
-        reasons = ", ".join(f"{name}: {why}" for name, why in dropped.items())
+        alike: dict[str, list[str]] = {}
+        for name, why in dropped.items():
+            alike.setdefault(why, []).append(name)
+        reasons = "; ".join(f"{', '.join(names)}: {why}" for why, names in alike.items())
         super().__init__(f"{len(usable)} usable channels, {needed} needed ({reasons or 'none dropped'})")
         self.usable = usable
         self.needed = needed

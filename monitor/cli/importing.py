@@ -64,7 +64,8 @@ def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> i
         if options.new_site is not None:
             if options.structure is None or options.site is not None:
                 raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
-            undone.enter_context(new_site(options.new_site, options.structure, out, parts[0].recording))
+            recorded = [part.recording for part in parts]
+            undone.enter_context(new_site(options.new_site, options.structure, out, recorded))
         recordings, notes = _write(data[0], out, options, parts)
     _say(out, recordings, parts, options.new_site)
     for note in notes:

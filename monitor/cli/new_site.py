@@ -1,33 +1,39 @@
 """A site for a file of measurements: its channels as devices, which `replay` watches and `run` plays."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
+from math import ceil, floor, log10
 from pathlib import Path
+from statistics import median
 
 from daq import Recording
 from monitor.errors import ArgumentError
-from monitor.settings import AXES, DeviceSettings, Settings, annotated
+from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, annotated
 
 _NAME = "logger"
+_EDGES = 40  # samples of a record that alignment in time leaves no window
 
 
 @contextmanager
-def new_site(path: Path, structure: Path, log: Path, recording: Recording) -> Iterator[None]:
-    """Write a site with the channels of a recording, every setting with what it means; if what follows fails, none.
+def new_site(path: Path, structure: Path, log: Path, recordings: Sequence[Recording]) -> Iterator[None]:
+    """Write a site with the channels of recordings, every setting with what it means; if what follows fails, none.
 
     Parameters
     ----------
     path : of the site, which must not be there yet
     structure : its structure file
-    log : that will hold the recording
+    log : that will hold the recordings
 
     Raises
     ------
     ArgumentError
         If there is such a file, or it cannot be written.
     """
-    settings = Settings(structure=_from(path, structure), device=tuple(_devices(path, log, recording)))
+    analysis = AnalysisSettings(window_seconds=window_of(recordings))
+    devices = tuple(_devices(path, log, recordings[0]))
+    settings = Settings(structure=_from(path, structure), device=devices, analysis=analysis)
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(annotated(settings))
@@ -66,8 +72,27 @@ def _from(site: Path, file: Path) -> str:
     return Path(os.path.relpath(file.resolve(), site.resolve().parent)).as_posix()
 
 
+def window_of(recordings: Sequence[Recording]) -> float:
+    """Return the length of windows [s]: the usual one, or an equal part of the usual record where a logger pauses."""
+    usual = AnalysisSettings().window_seconds
+    records = [recordings[0].duration]
+    for before, after in pairwise(recordings):
+        if after.start - before.end > 1e9 / before.rate:
+            records.append(0.0)
+        records[-1] += after.duration
+    if len(records) == 1:
+        return usual
+    usable = max(median(records) - _EDGES / recordings[0].rate, 1.0)
+    longest = usable / ceil(usable / usual)
+    digit = 10.0 ** (floor(log10(longest)) - 2)
+    return max(round(floor(longest / digit + 1e-6) * digit, 2), 1.0)
+
+
 def learning_notes(settings: Settings, seconds: float, site: Path) -> Iterator[str]:
-    """Say if a record [s] is too short to learn from."""
+    """Say what windows suit a logger that pauses, and if a record [s] is too short to learn from."""
+    window = settings.analysis.window_seconds
+    if window != AnalysisSettings().window_seconds:
+        yield f"the logger pauses: window_seconds = {window:g} in {site}, so that its records hold whole windows"
     if seconds >= settings.learning_seconds:
         return
     analysis = settings.analysis

@@ -20,8 +20,8 @@ from monitor.memory import recall
 from monitor.mending import mend_logs
 from monitor.only_one import only_one
 from monitor.processes import give_back_memory, spare_what_is_loaded
-from monitor.replay import replay
-from monitor.results import AlarmResult, Result, WindowResult
+from monitor.replay import ReplayReport, replay
+from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.site import Site, load_site
 from monitor.words import utc
 from updater import parse_structure
@@ -132,14 +132,27 @@ def replay_command(logs: Sequence[Path], site: Path | None, json_path: Path | No
     if json_path:
         found = {"same_as_live": report.same, "results": [result.payload() for result in report.found]}
         json_path.write_text(json.dumps(found), encoding="utf-8")
-    if not any(isinstance(result, WindowResult) for result in report.found):
-        console.print(
-            f"note: the log holds no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing "
-            "was looked at",
-            style="yellow",
-            soft_wrap=True,
-        )
+    note = _nothing_watched(report)
+    if note:
+        console.print(f"note: {note}", style="yellow", soft_wrap=True, markup=False)
     if report.logged and site is None:
         console.print("the same as live, to the last digit" if report.same else "NOT the same as live")
     alarms = [result for result in report.found if isinstance(result, AlarmResult)]
     return int(bool(alarms) and alarms[-1].state == "alarm")
+
+
+def _nothing_watched(report: ReplayReport) -> str:
+    """Say why no window was judged; nothing if one was."""
+    windows = [result for result in report.found if isinstance(result, WindowResult)]
+    if not windows:
+        return (
+            f"the log holds no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing was "
+            "looked at"
+        )
+    if any(isinstance(result, ReferenceResult) for result in report.found) or windows[-1].phase != "learning":
+        return ""
+    learnt = sum(bool(window.modes) for window in windows)
+    short = ""
+    if learnt < len(windows) / 2:
+        short = f"; are records shorter than a window of {report.window_seconds:g} s (analysis.window_seconds)?"
+    return f"the log ended while the watch was still learning: {learnt} of {len(windows)} windows gave modes{short}"

@@ -5,11 +5,12 @@ from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overrides
 from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
-from monitor.settings.site import RecorderSettings, Settings, TemperatureSettings
+from monitor.settings.site import AnalysisSettings, RecorderSettings, Settings, TemperatureSettings
 
 __all__ = [
     "AXES",
     "EXAMPLE",
+    "AnalysisSettings",
     "DeviceSettings",
     "NotifySettings",
     "Override",

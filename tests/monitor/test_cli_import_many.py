@@ -21,6 +21,7 @@ from daq import (
     read_measured,
 )
 from monitor.cli.importing import level
+from monitor.settings import load_settings
 from updater import t_structure_toml
 
 RATE, ROWS = 100, 500
@@ -81,6 +82,21 @@ def test_windows_go_across_the_files_and_a_site_takes_them(
         [20 + 5 / 3, 30 - 5 / 3], abs=0.3
     )  # a block goes to both windows
     assert modalwatch("import", *tables[:3], "-o", tmp_path / "again.mcap", "--site", site).code == 0
+
+
+def test_windows_of_a_new_site_fit_into_the_records_of_a_logger_that_pauses(
+    modalwatch: Commands, tables: list[Path], tmp_path: Path
+) -> None:
+    log, site = tmp_path / "log.mcap", tmp_path / "site.toml"
+    asked = ("import", tables[0], tables[3], "-o", log, "--structure", tmp_path / "structure.toml", "--new-site", site)
+    done = modalwatch(*asked)
+    assert done.code == 0, done.err
+    assert f"the logger pauses: window_seconds = 4.6 in {site}" in done.out
+    assert load_settings(site).analysis.window_seconds == 4.6
+    replayed = modalwatch("replay", log, "--site", site).out
+    assert "window   2 learning" in replayed
+    assert "window   3" not in replayed
+    assert "still learning: 0 of 2 windows gave modes; are records shorter than a window of 4.6 s" in replayed
 
 
 def test_a_channel_that_fails_in_one_file_is_a_device_of_its_own_in_all(tables: list[Path], tmp_path: Path) -> None:
