@@ -1,5 +1,6 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -64,7 +65,7 @@ class Observation:
         return stack_tracks(self.estimates, self.tracks)
 
 
-def window_seconds(structure: Structure, shortest: float, n_logs: int = 1) -> float:
+def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, record: float = math.inf) -> float:
     """Return the length [s] of the windows that logs are cut into.
 
     Parameters
@@ -72,6 +73,7 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1) -> fl
     structure : its first mode says how much identification needs
     shortest : duration of the shortest log [s]
     n_logs : how many there are
+    record : length of a record of a logger that pauses, in which a window lies if it can [s]
 
     Raises
     ------
@@ -88,7 +90,9 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1) -> fl
             f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
             f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
         )
-    return shortest / n
+    seconds = shortest / n
+    parts = min(math.ceil(record / seconds), int(record / need)) if math.isfinite(record) else 0
+    return record / parts if parts else seconds
 
 
 def observe(

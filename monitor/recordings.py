@@ -1,6 +1,8 @@
 """Logs of this program, whoever wrote them, as recordings."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from statistics import median
 
 from daq import (
     AnyLog,
@@ -14,6 +16,9 @@ from daq import (
     read_log,
 )
 from monitor.settings import parse_settings
+
+_PAUSE = 5.0  # s of silence between two records
+_PAUSING = 0.1  # of what is held: a logger that is silent for longer in all records now and then
 
 
 def log_channels(log: AnyLog) -> tuple[Channel, ...]:
@@ -54,11 +59,28 @@ def log_rate(log: AnyLog) -> float:
     return rate
 
 
-def log_duration(log: AnyLog) -> float:
-    """Return how much a log holds of the device that it holds least of [s]; errors as for `read_log`."""
-    devices = {channel.device for channel in log_channels(log)}
-    seconds = dict.fromkeys(devices, 0.0)
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """How much a log holds of a device."""
+
+    seconds: float  #: in all
+    record: float  #: in the usual one of its records, between pauses; all of it where it does not pause
+
+
+def log_held(log: AnyLog) -> Held:
+    """Return how much a log holds of the device that it holds least of; errors as for `read_log`."""
+    pieces: dict[str, list[float]] = {channel.device: [0.0] for channel in log_channels(log)}
+    silent = dict.fromkeys(pieces, 0.0)
+    ends: dict[str, int] = {}
     for item in read_log(log):
-        if isinstance(item, Block) and item.device in devices:
-            seconds[item.device] += item.n_scans / item.rate
-    return min(seconds.values())
+        if isinstance(item, Block) and item.device in pieces:
+            gap = max(item.first_index - ends.get(item.device, item.first_index), 0) / item.rate
+            ends[item.device] = item.end_index
+            if gap > _PAUSE:
+                silent[item.device] += gap
+                pieces[item.device].append(0.0)
+            pieces[item.device][-1] += item.n_scans / item.rate
+    least = min(pieces, key=lambda device: sum(pieces[device]))
+    seconds = sum(pieces[least])
+    pauses = silent[least] > _PAUSING * seconds
+    return Held(seconds=seconds, record=median(pieces[least]) if pauses else seconds)

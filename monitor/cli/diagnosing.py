@@ -1,5 +1,6 @@
 """`diagnose`: what has changed since the reference logs, or what the structure file gets wrong about logs."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from monitor.diagnosing import Observation, explain, given_up, observe, window_s
 from monitor.errors import ArgumentError, StateError
 from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
-from monitor.recordings import log_channels, log_duration
+from monitor.recordings import Held, log_channels, log_held
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
 from monitor.words import cause_text, gain_text, plain, share_text
@@ -137,10 +138,16 @@ def _observe(
         return read_tables(structure, paths)
     try:
         logs = as_logs(paths)
-        seconds = window or window_seconds(structure, min(log_duration(log) for log in logs), len(logs))
+        seconds = window or _window(structure, [log_held(log) for log in logs])
         return observe(_recordings(structure, logs, seconds), lambda _: on_window(next(number)), structure.delays)
     except (IdentificationError, ValueError) as error:
         raise LogError(_named(paths), str(error)) from error
+
+
+def _window(structure: Structure, held: Sequence[Held]) -> float:
+    """Return how long windows are [s]: as logs are, or within the records of loggers that pause."""
+    record = min((one.record for one in held if one.record < one.seconds), default=math.inf)
+    return window_seconds(structure, min(one.seconds for one in held), len(held), record)
 
 
 def _recordings(structure: Structure, logs: Sequence[AnyLog], seconds: float) -> Iterator[Recording]:
