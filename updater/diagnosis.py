@@ -110,9 +110,9 @@ def diagnose(
         If fewer than three modes can be compared.
     """
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
-    search = Weighing(reference, compare(reference, event, circumstances=circumstances, model_error=less), on_cause)
-    singles = search.singles(() if reference.filed is None else (OF_THE_FILE,))
-    search, singles = _one_sided(search, singles)
+    plain = Weighing(reference, compare(reference, event, circumstances=circumstances, model_error=less), on_cause)
+    singles = plain.singles(() if reference.filed is None else (OF_THE_FILE,))
+    search, singles = _one_sided(plain, singles)
     case = _Case(reference, event, search.data, singles, search)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
@@ -120,7 +120,7 @@ def diagnose(
         return _refused("nothing_to_explain", case, search.log_nothing, "None: the data are what the reference says.")
     alone = [c for c in singles if c.effective]
     found = _stepwise(search, ranked([*alone, *_beside_the_file(search, alone)]), rough=True)
-    search, found = _one_sided_beside(search, found)
+    search, found = _one_sided_beside(search, found) if search is plain else _one_factor_beside(plain, search, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and _fits(found[0]):
@@ -151,7 +151,7 @@ def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, li
 def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
     """Let it go apart in the best of several causes together that has one, if that is likelier."""
     common = next((c for c in found if len(c.chosen) > 1 and c.names.count(_STRETCH) == 1), None)
-    if common is None or search.instead or common.log_evidence < found[0].log_evidence - _RIVAL:
+    if common is None or common.log_evidence < found[0].log_evidence - _RIVAL:
         return search, found
     apart = _let_apart(search)
     beside = sorted(common.chosen, key=lambda c: c.cause.name == _STRETCH)  # what is last is fitted first
@@ -159,6 +159,18 @@ def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighin
     if other.log_evidence < common.log_evidence + _MUCH:
         return search, found
     return apart, ranked([other, *(c for c in found if c is not common)])
+
+
+def _one_factor_beside(plain: Weighing, search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
+    """Go back to one factor where what the stretch had to explain alone is explained by another cause."""
+    apart = found[0] if found else None
+    if apart is None or len(apart.chosen) == 1 or apart.names.count(_STRETCH) != 1:
+        return search, found
+    beside = sorted(apart.chosen, key=lambda c: c.cause.name == _STRETCH)
+    other = Compositions(plain).settled(tuple(beside))
+    if apart.log_evidence >= other.log_evidence + _MUCH:
+        return search, found
+    return plain, ranked([other, *(c for c in found if c is not apart)])
 
 
 def _let_apart(search: Weighing) -> Weighing:

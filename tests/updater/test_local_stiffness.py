@@ -5,7 +5,18 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
-from updater import Member, ModalMean, Model, Reference, build_model, diagnose, learn_reference, matched, stack_tracks
+from updater import (
+    Body,
+    Member,
+    ModalMean,
+    Model,
+    Reference,
+    build_model,
+    diagnose,
+    learn_reference,
+    matched,
+    stack_tracks,
+)
 from updater.causes.local_stiffness import LocalStiffness, propose_local_stiffness
 from updater.comparing import compare
 
@@ -50,13 +61,15 @@ def softened(bare: Model, name: str, start: float, end: float, left: Left) -> Mo
     return build_model(structure.model_copy(update=update), shear_flexible=True, mass="consistent")
 
 
-def event(seed: int, name: str, start: float, end: float, left: Left) -> tuple[Reference, ModalMean]:
+def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: Body) -> tuple[Reference, ModalMean]:
     print(f"seed {seed}")
     random = np.random.default_rng(seed)
     gain = 1 + 0.005 * random.standard_normal(12)
     bare = true_model(np.random.default_rng((seed, 1)))
     reference = learn_reference(t_frame(), [measure(bare, random, gain) for _ in range(8)], [TRACK] * 8)
-    windows = [measure(softened(bare, name, start, end, left), random, gain) for _ in range(5)]
+    structure = softened(bare, name, start, end, left).structure.model_copy(update={"body": bodies})
+    changed = build_model(structure, shear_flexible=True, mass="consistent")
+    windows = [measure(changed, random, gain) for _ in range(5)]
     return reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
 
 
@@ -110,6 +123,17 @@ def test_a_cut_from_one_side_is_found(
     assert segment.stiffness == 1
     said = [1 - cause.parameters[key].value for key in names]
     assert [*segment.bending, segment.torsion] == pytest.approx(said, abs=0.1)
+
+
+def test_one_factor_beside_a_body_is_told_as_one() -> None:
+    """Alone, losses of their own about the axes take up what the body does: beside it nothing speaks for them."""
+    body = Body(at=(0.25, 0.0, 1.48), mass=0.1)
+    found = diagnose(*event(402, "column", 0.55, 0.60, 0.32, body)).diagnosis
+    by_name = {cause.cause: cause for cause in found.causes}
+    assert by_name.keys() == {"added_mass", "local_stiffness"}
+    parameters = by_name["local_stiffness"].parameters
+    assert parameters.keys() == {"loss", "extent"}
+    assert abs(parameters["loss"].value - 0.68) < 3 * parameters["loss"].std
 
 
 def test_places_that_data_do_not_tell_apart_stay_open() -> None:
