@@ -13,7 +13,7 @@ from monitor.acting import with_acting
 from monitor.errors import State, StateError
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
-from monitor.left_out import told_apart
+from monitor.left_out import fallen_silent
 from oma import IdentificationError, ModalEstimate, aligned
 from updater import (
     Circumstances,
@@ -285,15 +285,9 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
         trend=trend_of(now.modes.tracks(found), now.rms, earlier),
         devices=now.lateness.devices,
         wander=now.lateness.delays.wander,
-        faults=_silent(before, now),
+        faults=fallen_silent(given_up(now), given_up(before) if before else ()),
         steady=is_steady(now.modes, reference.scatter, now.rms, now.temperature),
     )
-
-
-def _silent(before: Observation | None, now: Observation) -> dict[str, str]:
-    """Return the channels that have fallen silent; those that carry the same samples speak, if only for another."""
-    _, found = told_apart(given_up(now))
-    return {channel: fault for channel, fault in found.items() if not before or channel not in given_up(before)}
 
 
 def given_up(observation: Observation) -> dict[str, str]:

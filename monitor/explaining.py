@@ -1,6 +1,6 @@
 """What the monitor asks on every change, before it claims a mass: the diagnosis, with all that its windows know."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from monitor.diagnosing import THERMOMETER_STD
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from monitor.fusion import choose_tracks, common_tones
 from monitor.lateness import InTime
-from monitor.left_out import told_apart
+from monitor.left_out import fallen_silent
 from monitor.sensors_said import health_result
 from monitor.window import Window
 from oma import ModalEstimate
@@ -39,16 +39,19 @@ class Seen:
     temperature: FloatArray  #: (n_windows,) [degC], NaN where no device has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
     tones: FloatArray  #: (n_tones,) steady in most of the windows [Hz]
-    faults: Mapping[str, str]  #: of channels in any of them
+    faults: Mapping[str, str]  #: of channels that none of them gave shapes of
 
 
 def seen_in(windows: Sequence[Window]) -> Seen:
     """Return what goes with the modes of windows."""
+    there = {c for window in windows for c in window.estimate.channels}  # mended at worst
     return Seen(
         temperature=np.array([window.temperature for window in windows]),
         rms=np.array([window.rms for window in windows]),
         tones=common_tones([window.harmonics for window in windows]),
-        faults={c: fault for window in windows for c, fault in window.channels.items() if fault != "ok"},
+        faults={
+            c: fault for window in windows for c, fault in window.channels.items() if fault != "ok" and c not in there
+        },
     )
 
 
@@ -81,7 +84,7 @@ def explain_windows(
         trend=trend_of(modes, now.rms, (reference.windows, before.rms)),
         devices=windows.devices,
         wander=windows.delays.wander,
-        faults=_silent(before, now, there),
+        faults=fallen_silent({c: fault for c, fault in now.faults.items() if c not in there}, before.faults),
     )
     event = reference.mean_of(stack_tracks(heard, tracks))
     found = diagnose(reference, event, circumstances=circumstances)
@@ -90,12 +93,6 @@ def explain_windows(
     except (PairingError, ValueError):
         beside = None  # what can be compared is enough to diagnose, not to draw
     return found, beside
-
-
-def _silent(before: Seen, now: Seen, there: Collection[str]) -> dict[str, str]:
-    """Return channels that have fallen silent; those that carry the same samples speak, if only for another."""
-    _, found = told_apart({c: fault for c, fault in now.faults.items() if c not in there})
-    return {c: fault for c, fault in found.items() if c not in before.faults}
 
 
 def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexArray]) -> dict[str, ChannelHealth]:

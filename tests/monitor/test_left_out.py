@@ -1,8 +1,13 @@
 """Channels that are left out are said once, those that carry the same samples together."""
 
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 import pytest
 
-from monitor.left_out import left_out_texts, told_apart
+from monitor.explaining import seen_in
+from monitor.left_out import fallen_silent, left_out_texts, told_apart
 
 
 @pytest.mark.parametrize(
@@ -33,3 +38,17 @@ def test_what_is_said_of_them() -> None:
     together, alone = left_out_texts(three)
     assert together.startswith("a, b and c carry the same samples, as after an error of cabling or export: left out")
     assert alone == "d is left out: constant"
+
+
+def window(faults: dict[str, str], heard: str) -> Any:
+    channels = dict.fromkeys("abc", "ok") | faults
+    estimate = SimpleNamespace(channels=tuple(heard))
+    return SimpleNamespace(temperature=20.0, rms=1.0, harmonics=np.empty(0), channels=channels, estimate=estimate)
+
+
+def test_a_channel_that_had_a_spike_in_the_baseline_falls_silent_as_any_other() -> None:
+    """What was mended, or left out of a window for a blow, was there; what was never there has not fallen silent."""
+    spike, blow = {"a": "spikes: 0.01% of the samples are taken out"}, {"b": "clipped: 0.2% of the samples"}
+    before = seen_in([window({"c": "constant"}, "ab"), window(spike | blow | {"c": "constant"}, "a")])
+    now = seen_in([window(dict.fromkeys("abc", "constant"), "")] * 3)
+    assert fallen_silent(now.faults, before.faults) == {"a": "constant", "b": "constant"}
