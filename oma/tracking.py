@@ -85,13 +85,17 @@ class Tracker:
     def _mixed(self, estimate: ModalEstimate, chance: FloatArray) -> BoolArray:
         """Tell which modes of an estimate lie among those that it cannot part from each of the reference's.
 
-        Noise turns modes into each other by about their frequencies' deviation over the distance between them.
+        Noise turns modes into each other by about their frequencies' deviation over the distance between them. As many
+        modes as there are channels hold every shape: that one lies among them says nothing.
         """
         own, found = self._at_common_channels(estimate)
         apart = np.abs(np.log(self.reference.frequency / self.reference.frequency[:, None]))
         mixed = np.zeros(chance.shape, np.bool_)
         nearest = np.where(np.eye(len(apart), dtype=np.bool_), np.inf, apart).min(1, initial=np.inf)[:, None]
         for i, e in zip(*np.nonzero(nearest * self.most_turned < chance), strict=True):
-            span = np.linalg.qr(own[apart[i] * self.most_turned < chance[i, e]].T)[0]
+            close = own[apart[i] * self.most_turned < chance[i, e]]
+            if len(close) >= own.shape[1]:
+                continue
+            span = np.linalg.qr(close.T)[0]
             mixed[i, e] = np.linalg.norm(span.conj().T @ found[e]) ** 2 >= self.min_mac * np.linalg.norm(found[e]) ** 2
         return mixed
