@@ -106,8 +106,13 @@ def test_identified_windows_keep_their_identities(seed: int) -> None:
 
 def test_of_two_channels_two_close_modes_are_not_followed_by_any_shape() -> None:
     """Two modes that look alike at both: every shape lies among them, and this one looks like neither."""
-    both = replace(some(REFERENCE, [0, 1]), channels=tuple(frame().channels)[:2], frequency_std=np.full(2, 0.02))
-    both = replace(both, shape=normalise(np.array([[1.0, 0.0], [0.94, 0.34]])), shape_std=np.full((2, 2), 0.01))
+    both = replace(
+        some(REFERENCE, [0, 1]),
+        channels=tuple(frame().channels)[:2],
+        frequency_std=np.full(2, 0.02),
+        shape=normalise(np.array([[1.0, 0.0], [0.94, 0.34]])),
+        shape_std=np.full((2, 2), 0.01),
+    )
     across = normalise(np.array([[-0.2, 1.0], [-0.1, 1.0]]))
     assert Tracker(reference=both).assign(both).tolist() == [0, 1]
     assert Tracker(reference=both).assign(replace(both, shape=across)).tolist() == [-1, -1]
