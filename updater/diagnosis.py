@@ -19,6 +19,7 @@ from scipy.special import logsumexp
 from updater.agreement import agreeing, drift_beside
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
+from updater.causes.attached_oscillator import hides
 from updater.causes.base import Cause
 from updater.causes.composite import Chosen
 from updater.causes.one_sided_stiffness import propose_one_sided_stiffness
@@ -37,9 +38,10 @@ from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest,
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
-_WELL = 0.5  # p value of the likeliest, as searched for, from which on a stretch about one axis is not missed ...
+_WELL = 0.5  # p value from which on no other pair is sought, and, as searched for, no stretch about one axis is missed ...
 _RIVAL = 60.0  # ... if its log evidence is so far above that of one factor on a stretch
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
+_SAME = 0.5  # of log evidence: by how much fits that have come to rest at one place may differ
 _MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by that much
@@ -214,8 +216,10 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     """
     weighing = replace(case.weighing, data=data)
     several = Compositions(weighing)
-    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING]
-    again = [several.settled(c.chosen) for c in near[:_MOST_JUDGED]]
+    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
+    if _hidden(near[0]):
+        near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
+    again = [several.settled(c.chosen) for c in near]
     judged = _stepwise(weighing, ranked(again), rough=False)
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
@@ -240,17 +244,26 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         if not seeds or found[0] is not seeds[0] or (rough and found[0].p_value >= _DOUBTFUL):
             break
-        promises = several.promising(seeds if found[0].p_value < _DOUBTFUL else seeds[:1])
-        if not promises:
-            break
-        if found[0].p_value >= _DOUBTFUL and promises[0].log_evidence < found[0].log_evidence + _MUCH:
+        doubted = found[0].p_value < _DOUBTFUL or _hidden(found[0])
+        promises = several.promising(seeds if doubted else seeds[:1])
+        if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + _MUCH):
             break
         more = several.together(promises)
-        if size == 1 and not any(_fits(c) for c in more) and not _of_the_file(weighing):
-            more += several.at_once()
+        if size == 1 and not any(c.p_value >= _WELL for c in more) and not _of_the_file(weighing):
+            more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
     return found
+
+
+def _as_good(one: Candidate, other: Candidate) -> bool:
+    """Tell whether one holds the causes of another and is no worse: most often it is the same."""
+    return sorted(one.names) == sorted(other.names) and one.log_evidence > other.log_evidence - _SAME
+
+
+def _hidden(found: Candidate) -> bool:
+    """Tell whether it has an oscillator whose mode nobody sees: that takes up what is another's beside a mere body."""
+    return any(hides(c.cause) for c in found.chosen)
 
 
 def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explained:
