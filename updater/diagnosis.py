@@ -38,7 +38,7 @@ from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest,
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
-_WELL = 0.5  # p value from which on no other pair is sought, and, as searched for, no stretch about one axis is missed ...
+_WELL = 0.5  # p value from which on no other pair is sought, and no stretch about one axis is missed ...
 _RIVAL = 60.0  # ... if its log evidence is so far above that of one factor on a stretch
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one place may differ

@@ -136,6 +136,14 @@ def test_one_factor_beside_a_body_is_told_as_one() -> None:
     assert abs(parameters["loss"].value - 0.68) < 3 * parameters["loss"].std
 
 
+@pytest.mark.parametrize("seed", [411, 412])
+def test_a_body_beside_a_stretch_is_no_oscillator(seed: int) -> None:
+    """One whose mode nobody sees fits too: its own frequency takes up what the crossbeam has lost."""
+    body = Body(at=(0.0, 0.0, 0.945), mass=0.39)
+    found = diagnose(*event(seed, "crossbeam", 0.11, 0.20, 0.65, body)).diagnosis
+    assert {cause.cause for cause in found.causes} == {"added_mass", "local_stiffness"}
+
+
 def test_places_that_data_do_not_tell_apart_stay_open() -> None:
     """Refined is the neighbourhood of the likeliest; where all are alike the others stay."""
     reference, event_mean = event(187, "column", 0.6, 0.7, 0.9)
