@@ -18,6 +18,7 @@ from sealed_signals import N_MODES, modal_std
 from updater.causes.catalogue import CATALOGUE
 
 Task = tuple[str, int, str]  #: cell, seed, noise
+_MOST_DRAWS = 1000  # of a cell in one run
 
 
 def known_cells() -> list[str]:
@@ -30,8 +31,8 @@ def known_cells() -> list[str]:
 
 
 def seed_of(cell: str, seed: int) -> int:
-    """Return the first seed of a cell: its own, whatever other cells there are."""
-    return seed + 100_000 * (zlib.crc32(cell.encode()) % 10_000)
+    """Return the first seed of a cell's draws: its own, whatever other cells there are, and no other run's."""
+    return _MOST_DRAWS * zlib.crc32(f"{cell} {seed}".encode())
 
 
 def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: float) -> Result:
