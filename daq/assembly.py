@@ -175,6 +175,8 @@ class Assembler:
     rates : device -> nominal scans a second [Hz]; the grid has the slowest one
     window_seconds, step_seconds : length of a window and distance of their starts [s]
     on_grid : scans of all devices lie on one grid already, as those of an imported file: nothing is interpolated
+    by_record : after a pause of all devices the next window begins with what comes then, and what little a record has
+        over makes none; else windows stay on their grid, and hold all that came
     """
 
     def __init__(
@@ -185,8 +187,9 @@ class Assembler:
         window_seconds: float,
         step_seconds: float,
         on_grid: bool = False,
+        by_record: bool = True,
     ) -> None:
-        self._channels = channels
+        self._channels, self._by_record = channels, by_record
         self._rate = min(rates.values())
         n_axes = 1 + max(channel.axis for channel in channels)
         self._on_grid = on_grid
@@ -248,7 +251,7 @@ class Assembler:
         """Yield a window of `n` samples, if there is one, and go on to the next."""
         signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
         there = np.any([np.isfinite(signal).any(1) for signal in signals.values()], axis=0)
-        unused = _unused(there)
+        unused = _unused(there) if self._by_record else n * (not there.any())
         if not unused:
             yield self._recording(start, signals)
         self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)

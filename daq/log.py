@@ -18,8 +18,8 @@ from typing import IO, Any, cast
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Header, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Attachment, Channel, DataEnd, Header, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap_protobuf.schema import build_file_descriptor_set
 from zstandard import ZstdError
 
@@ -253,6 +253,12 @@ def _records(path: Path) -> Iterator[object]:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
+def _damaged(path: Path, file: IO[bytes], error: Exception) -> LogError:
+    return LogError(
+        path, f"is damaged before byte {file.tell()} (`modalwatch repair` keeps every whole chunk): {error}"
+    )
+
+
 def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
     """Yield records until the file's end, planned or not."""
     records = StreamReader(cast(IO[bytes], WholeReads(file)), validate_crcs=True).records
@@ -261,10 +267,12 @@ def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
             record = next(records)
         except (StopIteration, EndOfFile):
             return
+        except CRCValidationError as error:
+            if isinstance(error.record, DataEnd):  # of all that was: each chunk has proven itself by its own
+                return
+            raise _damaged(path, file, error) from error
         except (McapError, ZstdError, struct.error, ValueError) as error:
-            raise LogError(
-                path, f"is damaged before byte {file.tell()} (`modalwatch repair` keeps every whole chunk): {error}"
-            ) from error
+            raise _damaged(path, file, error) from error
         if isinstance(record, Header) and record.profile != PROFILE:
             raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r}")
         yield record

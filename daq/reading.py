@@ -55,7 +55,7 @@ def load_recordings(
     rates = _rates(log, known.channels)
     rate = min(rates.values())
     length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
-    pieces = _cut(log, known, rates, length / rate)
+    pieces = _cut(log, known, rates, length / rate, by_record=window_seconds is not None)
     if window_seconds is None:
         yield from _joined(log, pieces)
     else:
@@ -82,12 +82,19 @@ def _rates(log: AnyLog, channels: tuple[Channel, ...]) -> dict[str, float]:
     return rates
 
 
-def _cut(log: AnyLog, known: ChannelMap, rates: dict[str, float], seconds: float) -> Iterator[Recording]:
+def _cut(
+    log: AnyLog, known: ChannelMap, rates: dict[str, float], seconds: float, *, by_record: bool
+) -> Iterator[Recording]:
     """Yield windows one after the other, the last one shorter."""
     missing = {c.device for c in known.channels} - rates.keys()
     all_rates = rates | dict.fromkeys(missing, min(rates.values()))
     assembler = Assembler(
-        known.channels, all_rates, window_seconds=seconds, step_seconds=seconds, on_grid=known.on_grid
+        known.channels,
+        all_rates,
+        window_seconds=seconds,
+        step_seconds=seconds,
+        on_grid=known.on_grid,
+        by_record=by_record,
     )
     for device in missing:
         yield from assembler.push_event(Event(topic="/event/device_lost", time=0, payload={"device": device}))

@@ -201,7 +201,7 @@ def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, flo
     if not channels:
         return None
     rates = {d.name: d.rate for d in settings.device if d.name in {c.device for c in channels}}
-    assembler = Assembler(channels, rates, window_seconds=_SIGNAL_SECONDS, step_seconds=1.0)
+    assembler = Assembler(channels, rates, window_seconds=_SIGNAL_SECONDS, step_seconds=1.0, by_record=False)
     recordings = [r for b in blocks if b.device in rates for r in assembler.push(b)]
     if not recordings:
         return None

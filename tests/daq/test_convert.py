@@ -68,6 +68,13 @@ def test_table_comes_back_from_the_log(
     assert (found.rate, found.start, found.channels, found.gaps) == (rate, START, read.channels, ())
 
 
+def test_a_long_gap_stays_in_the_recording_of_a_whole_log(tmp_path: Path) -> None:
+    values = np.full((300, 1), np.nan)
+    values[[0, 200, 299]] = 1.0
+    found = through_a_log(read_data(write_csv(tmp_path / "data.csv", values, 100.0)), tmp_path / "log.mcap")
+    np.testing.assert_array_equal(np.isnan(found.data), np.isnan(values))
+
+
 @given(st.data())
 def test_what_is_missing_in_the_table_is_missing_in_the_recording(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

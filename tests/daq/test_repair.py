@@ -73,6 +73,15 @@ def test_a_cut_log_keeps_what_could_be_read_of_it(whole: Path, data: st.DataObje
     assert list(path.parent.glob(".*")) == []
 
 
+def test_a_wrong_checksum_of_all_data_costs_none(whole: Path) -> None:
+    content = bytearray(whole.read_bytes())
+    at = content.rindex(b"\x0f\x04" + 7 * b"\0") + 9  # DataEnd: opcode, length, checksum; none is given
+    content[at] ^= 1
+    path = whole.with_name("damaged.mcap")
+    path.write_bytes(content)
+    assert contents(read_log(path)) == contents(some_items())
+
+
 @given(st.data())
 def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataObject) -> None:
     content = bytearray(whole.read_bytes())

@@ -217,7 +217,7 @@ def test_one_channel_is_too_few() -> None:
     recording = noise(6000, 3)
     recording.data[:, 0] = np.nan
     recording.data[:, 1] = 1.0
-    with pytest.raises(TooFewChannels, match="c0: 0% of the samples are there, c1: constant") as caught:
+    with pytest.raises(TooFewChannels, match="c0: 0% of the samples are there; c1: constant") as caught:
         identify(recording)
     assert caught.value.usable == ("c2",)
 
