@@ -60,6 +60,8 @@ class Weather:
         self.moisture = 1.5e-4 * draw.standard_normal((n, P))
         self.absent = draw.uniform(0, 0.15, (n, P))
         self.inertia = draw.uniform(1, 10, n)  # h
+        held = draw.random(n) < 1 / 3  # on bearings that stick, or between abutments
+        self.slope[held] -= np.abs(draw.normal(0, 1e-3, (n, 1)) + draw.normal(0, 4e-4, (n, P)))[held]
         self.state = {name: np.zeros(n) for name in ("front", "cloud", "wet", "heat")} | {"core": self._air(0.0)}
 
     def _air(self, front: FloatArray | float) -> FloatArray:

@@ -16,7 +16,8 @@ KNOTS = np.arange(-20.0, 36.0, 5.0)  #: temperatures at which the slope may chan
 _MIDDLE = 15.0  # degC, where the law is centred
 _FREEZING = np.array([-5.0, 0.0, 5.0])  # degC, knots at which the slope may change much
 _CONSTANT = 100.0  # standard deviations of a window: nothing is known of the constant before the baseline
-_SLOPE, _OWN_SLOPE = 3e-4, 1e-4  # 1/K, of all modes together and of each: steel has -2e-4, concrete -2e-4 to -4e-4
+_SLOPE, _OWN_SLOPE = 1e-3, 3e-4  # 1/K, of all modes together and of each: steel has -2e-4, concrete -2e-4 to -4e-4,
+# bridges on bearings, arches and whatever is held at both ends up to -2e-3, each mode another
 _KINK, _OWN_KINK = 5e-5, 2e-5  # 1/K, changes of slope at a knot ...
 _ICE, _OWN_ICE = 3e-3, 1e-3  # 1/K, ... and where it freezes: the Z24 bridge's modes had up to -1e-2
 _N_LATE = (len(MEMORY) - 1) * len(_FREEZING)

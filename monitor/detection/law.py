@@ -36,6 +36,7 @@ _FEARED_SECONDS = 6 * 3600.0  # in which that comes
 _LASTING = 0.5  # of the fast variance: a direction that varies more for long makes successive windows alike
 COMMON_STD = 3e-3  # of what an unmeasured temperature does to all log frequencies alike (steel 0.018 %/K)
 _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
+_EVEN_WORTH = 24.0  # ... and that modes scatter by the same times these
 _MOST_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
 _SLOW_SECONDS = 86400.0  # that a slow movement lasts
@@ -158,12 +159,18 @@ def first_law(
     step : from one window to the next [s]
     """
     centre = np.nanmedian(log_frequency, axis=-2)
-    scale = np.sqrt(np.nanmedian(std**2, axis=-2))
-    whitened = (log_frequency - centre[..., None, :]) / scale[..., None, :]
+    stated = np.sqrt(np.nanmedian(std**2, axis=-2))
+    blank = _blank(centre, stated, measured, step)
+    even = _first_law(blank, log_frequency, terms, lag)
+    uneven = _uneven(even, log_frequency, terms, lag)
+    return _first_law(_blank(centre, stated * uneven, measured, step), log_frequency, terms, lag)
+
+
+def _first_law(blank: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) -> Law:
+    whitened = blank.whiten(log_frequency)
     usual = 1.4826 * np.nanmedian(np.abs(whitened), axis=(-2, -1))
     cleaned = np.where(np.abs(whitened) > _WILD * usual[..., None, None], np.nan, whitened)
-    blank = _blank(centre, scale, measured, step)
-    age = log_frequency.shape[-2] * step
+    age = log_frequency.shape[-2] * blank.step
     law = learn(blank, terms, cleaned, lag=lag, age=age)
     for _ in range(2):  # what was rejected about the median is judged again about the law
         cleaned = np.where(_wild(law, terms, whitened, age), np.nan, whitened)
@@ -189,6 +196,22 @@ def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: f
     solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
     scattered = _scattered(solved, solved.residual(terms, kept), lag)
     return _tail(scattered, terms, scattered.residual(terms, whitened), age)
+
+
+def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) -> FloatArray:
+    """Return how many times as much as the stated deviations each mode scatters (..., n_tracks), beside all modes' alike.
+
+    A mode that is now and then taken for its neighbour would else make the others' scatter look large, too.
+    """
+    whitened = law.whiten(log_frequency)
+    age = log_frequency.shape[-2] * law.step
+    residual = law.residual(terms, np.where(_wild(law, terms, whitened, age), np.nan, whitened))
+    half = 0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2
+    n = np.isfinite(half).sum(-2)
+    variance = np.nansum(half, axis=-2) / np.maximum(n, 1)
+    alike = np.nanmedian(np.where(n, variance, np.nan), axis=-1, keepdims=True)
+    worth = _EFFICIENCY * n
+    return np.sqrt((_EVEN_WORTH + worth * variance / np.maximum(alike, 1e-12)) / (_EVEN_WORTH + worth))
 
 
 def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: float) -> Law:

@@ -40,7 +40,7 @@ def test_change_that_could_be_told_is_the_one_that_brings_a_window_to_the_limit(
     assert least is not None
     print(f"seed 11, {100 * least:.2f} % at 21.5 degC")
     assert at(watched, 21.5, least)[0] == pytest.approx(1.0, rel=0.01)  # between points of a table
-    assert least > 3e-4 * 10 * 2  # the slope is feared 3e-4 per kelvin, and a limit lies beyond two deviations
+    assert least > 1e-3 * 10 * 2  # the slope is feared 1e-3 per kelvin, and a limit lies beyond two deviations
 
 
 def test_nothing_is_said_where_the_law_knows() -> None:
@@ -49,7 +49,8 @@ def test_nothing_is_said_where_the_law_knows() -> None:
     assert at(narrow, 10.6, 0.0)[1] is None
     assert at(wide, 15.0, 0.0)[1] is None
     warm = np.full((DAY, 1), 21.5)[:, 0]
-    seen, after = judge(narrow, np.zeros((DAY, P)), warm, np.full(DAY, 600.0))
+    windows = STD * np.random.default_rng(12).standard_normal((DAY, P))
+    seen, after = judge(narrow, windows, warm, np.full(DAY, 600.0))
     assert at(accept(after, seen.terms, seen.whitened), 21.5, 0.0)[1] is None
     assert at(learnt(np.full(DAY, np.nan)), np.nan, 0.0)[1] is None
 

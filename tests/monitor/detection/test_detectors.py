@@ -106,6 +106,39 @@ def test_temperature_is_taken_out_where_seen_and_allowed_for_where_not() -> None
     assert after[-1] < 0.01 * size[-1]
 
 
+def test_a_bridge_on_bearings_raises_no_alarm_on_its_second_morning() -> None:
+    """Each mode by another slope, up to 2e-3 per kelvin, learnt in twelve hours; Poisson's bound at 1e-4."""
+    random, n_sites, n_baseline = np.random.default_rng(10), 200, 24
+    hours = np.arange(n_baseline + 72) / 2
+    air = 12 + 8 * np.sin(2 * np.pi * (hours / 24 + random.random((n_sites, 1))))
+    slope = -np.abs(8e-4 + 4e-4 * random.standard_normal((n_sites, 1, P)))
+    y = slope * air[..., None] + STD * random.standard_normal((n_sites, len(hours), P))
+    half_hours = np.full(len(hours), 1800.0)
+    rate = 1e-4
+    known, later = np.split(y, [n_baseline], axis=1)
+    watching = Watching(rate=rate, overlap=0.0, hold=2)
+    watched = start(known, np.full(known.shape, STD), air[:, :n_baseline], half_hours[:n_baseline], watching)
+    judged, _ = judge(watched, later, air[:, n_baseline:], half_hours[n_baseline:])
+    expected = rate * n_sites * (len(hours) - n_baseline)
+    alarmed = int((judged.over[:, 1:] & judged.over[:, :-1]).any(-1).sum())  # one wrong slope alarms many windows
+    print(f"seed 10, {alarmed} of {n_sites} sites alarmed, {expected:.1f} false alarms are stated")
+    assert alarmed <= poisson.ppf(1 - 1e-4, expected)
+
+
+def test_a_mode_taken_for_its_neighbour_now_and_then_does_not_blur_the_others() -> None:
+    """One of eight scatters by six times what is stated: by one factor for all, the others' would grow by 62 %."""
+    random = np.random.default_rng(11)
+    even = STD * random.standard_normal((200, 48, P))
+    wild = even.copy()
+    wild[..., 1] *= 6
+    warm = np.full(even.shape[:2], 20.0)
+    size = [np.sqrt(watched.law.fast[:, None]) * watched.law.scale for watched in (started(even, warm), started(wild, warm))]
+    ratio = np.median(size[1] / size[0], axis=0)
+    print(f"seed 11, deviations {ratio.round(2)} times as large")
+    assert ratio[1] > 3
+    assert np.delete(ratio, 1) == pytest.approx(1.0, abs=0.2)
+
+
 def test_without_thermometers_what_all_modes_do_alike_is_no_alarm_but_what_one_does_is() -> None:
     random = np.random.default_rng(7)
     unknown = np.full(DAY, np.nan)
