@@ -199,7 +199,7 @@ def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: f
 
 
 def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) -> FloatArray:
-    """Return how many times as much as the stated deviations each mode scatters (..., n_tracks), beside all modes' alike.
+    """Return how many times the stated deviations each mode scatters by (..., n_tracks), beside what all do alike.
 
     A mode that is now and then taken for its neighbour would else make the others' scatter look large, too.
     """

@@ -132,7 +132,8 @@ def test_a_mode_taken_for_its_neighbour_now_and_then_does_not_blur_the_others() 
     wild = even.copy()
     wild[..., 1] *= 6
     warm = np.full(even.shape[:2], 20.0)
-    size = [np.sqrt(watched.law.fast[:, None]) * watched.law.scale for watched in (started(even, warm), started(wild, warm))]
+    laws = [started(y, warm).law for y in (even, wild)]
+    size = [np.sqrt(law.fast[:, None]) * law.scale for law in laws]
     ratio = np.median(size[1] / size[0], axis=0)
     print(f"seed 11, deviations {ratio.round(2)} times as large")
     assert ratio[1] > 3
