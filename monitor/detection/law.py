@@ -211,7 +211,7 @@ def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) ->
     variance = np.nansum(half, axis=-2) / np.maximum(n, 1)
     alike = np.nanmedian(np.where(n, variance, np.nan), axis=-1, keepdims=True)
     worth = _EFFICIENCY * n
-    return np.sqrt((_EVEN_WORTH + worth * variance / np.maximum(alike, 1e-12)) / (_EVEN_WORTH + worth))
+    return np.asarray(np.sqrt((_EVEN_WORTH + worth * variance / np.maximum(alike, 1e-12)) / (_EVEN_WORTH + worth)))
 
 
 def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: float) -> Law:
