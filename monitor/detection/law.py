@@ -208,8 +208,10 @@ def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) ->
     residual = law.residual(terms, np.where(_wild(law, terms, whitened, age), np.nan, whitened))
     half = 0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2
     n = np.isfinite(half).sum(-2)
-    variance = np.nansum(half, axis=-2) / np.maximum(n, 1)
-    alike = np.nanmedian(np.where(n, variance, np.nan), axis=-1, keepdims=True)
+    total = np.nansum(half, axis=-2)
+    mean = total.sum(-1, keepdims=True) / np.maximum(n.sum(-1, keepdims=True), 1)
+    variance = np.where(n, total / np.maximum(n, 1), mean)
+    alike = np.median(variance, axis=-1, keepdims=True)
     worth = _EFFICIENCY * n
     return np.asarray(np.sqrt((_EVEN_WORTH + worth * variance / np.maximum(alike, 1e-12)) / (_EVEN_WORTH + worth)))
 
