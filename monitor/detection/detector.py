@@ -17,7 +17,7 @@ from daq import FloatArray
 from monitor.detection.environment import MEMORY, remember, terms
 from monitor.detection.law import Law, first_law, learn
 from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
-from monitor.detection.scores import distance, normal_score
+from monitor.detection.scores import distance, tamed
 
 WEIGHTS = (0.2, 0.02)  #: of the newest window, in the quick and the slow average
 DetectorName = Literal["jump", "quick drift", "slow drift"]
@@ -94,8 +94,7 @@ def judge(
     age = watched.age + np.cumsum(seconds)
     lasting = law.lasting(known, age)
     new = law.fast[..., None, None, None] * np.eye(p)
-    size = np.sqrt(law.fast[..., None, None] + np.diagonal(lasting, axis1=-2, axis2=-1))
-    deviation = size * normal_score(law.residual(known, whitened) / size, law.tail[..., None, None])
+    deviation = tamed(law.residual(known, whitened), lasting + new, law.tail[..., None, None])
     squared, n = distance(deviation, lasting + new)
     jump, drift = _limits(law, watched.watching)
     at = (law.lasting_directions(known, age) * p + np.maximum(n - 1, 0))[..., None]

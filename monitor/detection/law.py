@@ -25,6 +25,7 @@ from scipy.special import gammaln
 
 from daq import FloatArray
 from monitor.detection.environment import N_TERMS, THERMOMETER_STD, prior_std
+from monitor.detection.scores import alone
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -381,10 +382,13 @@ def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float) -> Law:
     What is wild counts as if it were just that: one wrong mode in a short baseline tells of no tail. Nor does what is
     feared and has not come: windows nearer to the law than that allows are not the narrow middle of a heavy tail.
     """
-    seen = np.diagonal(law.sums.product / np.maximum(law.sums.n_product, 1), axis1=-2, axis2=-1)
-    least = np.maximum(seen, law.fast[..., None])[..., None, :]
-    variance = np.minimum(_variance(law, terms, age), least)
-    squared = np.minimum(residual**2 / variance, _WILD**2)[..., None]
+    new = law.fast[..., None, None, None] * np.eye(residual.shape[-1])
+    value, vector = np.linalg.eigh(law.lasting(terms, np.array([age])) + new)
+    product = (law.sums.product / np.maximum(law.sums.n_product, 1))[..., None, :, :]
+    seen = (vector * (product @ vector)).sum(-2)
+    come = np.minimum(value, np.maximum(seen, law.fast[..., None, None]))
+    covariance = (vector * come[..., None, :]) @ np.swapaxes(vector, -1, -2)
+    squared = np.minimum(alone(residual, covariance)[0] ** 2, _WILD**2)[..., None]
     half = (_TAILS + 1) / 2
     constant = gammaln(half) - gammaln(_TAILS / 2) - 0.5 * np.log(np.pi * (_TAILS - 2))
     gained = np.nansum(constant - half * np.log1p(squared / (_TAILS - 2)), axis=(-3, -2))

@@ -7,7 +7,7 @@ import numpy as np
 from daq import FloatArray
 from monitor.detection.detector import Judged, Watched
 from monitor.detection.law import BoolArray, Law
-from monitor.detection.scores import distance, normal_score
+from monitor.detection.scores import distance, tamed
 
 _SIZES = np.geomspace(1e-6, 1.0, 241)  # of log frequencies, between which is interpolated
 _MUCH = 3.0  # times as large as where the law is sure
@@ -39,7 +39,6 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
 
 def _least(law: Law, age: FloatArray | None, judged: Judged, seen: BoolArray) -> float:
     covariance = law.lasting(judged.terms, age)[-1] + law.fast * np.eye(len(law.scale))
-    size = np.sqrt(np.diagonal(covariance))
     moved: FloatArray = np.where(seen, _SIZES[:, None] / law.scale, np.nan)
-    squared, n = distance(size * normal_score(moved / size, law.tail), covariance)
+    squared, n = distance(tamed(moved, np.broadcast_to(covariance, (len(moved), *covariance.shape)), law.tail), covariance)
     return float(np.exp(np.interp(np.log(judged.limit[0, -1]), np.log(squared / n), np.log(_SIZES))))

@@ -27,6 +27,52 @@ def normal_score(t: FloatArray, freedom: FloatArray) -> FloatArray:
     return np.asarray(np.copysign(size, t))
 
 
+def alone(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what each mode deviates by beside what the others make likely, over that's standard deviation, and that.
+
+    Where all modes move by much together a wrong value of one is small for that mode, and large for how it lies to the
+    others. Arguments are those of `distance`; both returned are (..., n_tracks), the first NaN where a mode is missing.
+    """
+    precision = np.linalg.inv(_known(deviation, covariance))
+    return _alone(deviation, precision)
+
+
+def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) -> FloatArray:
+    """Return deviations of which each, beside what the others make likely, is made normal by `normal_score`.
+
+    The most improbable first, so that it does not pass for the others'.
+
+    Parameters
+    ----------
+    deviation, covariance : as of `distance`
+    freedom : degrees of freedom of the tails, > 2, broadcast against `deviation`
+    """
+    precision = np.linalg.inv(_known(deviation, covariance))
+    left = np.isfinite(deviation)
+    out = deviation
+    for _ in range(deviation.shape[-1]):
+        score, std = _alone(out, precision)
+        size = np.where(left, np.abs(score), -1.0)
+        most = (np.arange(size.shape[-1]) == size.argmax(-1)[..., None]) & left
+        out = np.where(most, out - (score - normal_score(score, freedom)) * std, out)
+        left &= ~most
+    return out
+
+
+def _alone(deviation: FloatArray, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
+    there = np.where(np.isfinite(deviation), deviation, 0.0)
+    std = 1 / np.sqrt(np.diagonal(precision, axis1=-2, axis2=-1))
+    score = (precision @ there[..., None])[..., 0] * std
+    return np.where(np.isfinite(deviation), score, np.nan), std
+
+
+def _known(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the covariance of the modes that are there, one of one for each of the others."""
+    seen = np.isfinite(deviation)
+    both = seen[..., :, None] & seen[..., None, :]
+    return np.where(both, covariance, np.eye(deviation.shape[-1]))
+
+
 def distance(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, npt.NDArray[np.intp]]:
     """Return the squared Mahalanobis distance of the modes that are there, and their number.
 
@@ -36,8 +82,6 @@ def distance(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray,
     covariance : (..., n_tracks, n_tracks)
     """
     seen = np.isfinite(deviation)
-    both = seen[..., :, None] & seen[..., None, :]
-    known = np.where(both, covariance, np.eye(deviation.shape[-1]))
     there = np.where(seen, deviation, 0.0)
-    squared = (there * np.linalg.solve(known, there[..., None])[..., 0]).sum(-1)
+    squared = (there * np.linalg.solve(_known(deviation, covariance), there[..., None])[..., 0]).sum(-1)
     return squared, seen.sum(-1)
