@@ -40,5 +40,5 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
 def _least(law: Law, age: FloatArray | None, judged: Judged, seen: BoolArray) -> float:
     covariance = law.lasting(judged.terms, age)[-1] + law.fast * np.eye(len(law.scale))
     moved: FloatArray = np.where(seen, _SIZES[:, None] / law.scale, np.nan)
-    squared, n = distance(tamed(moved, np.broadcast_to(covariance, (len(moved), *covariance.shape)), law.tail), covariance)
+    squared, n = distance(tamed(moved, covariance, law.tail), covariance)
     return float(np.exp(np.interp(np.log(judged.limit[0, -1]), np.log(squared / n), np.log(_SIZES))))

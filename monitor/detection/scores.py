@@ -6,6 +6,9 @@ import numpy.typing as npt
 from daq import FloatArray
 
 
+_MUCH = 4.0  # times the other directions' variance has one in which modes move together
+
+
 def normal_score(t: FloatArray, freedom: FloatArray) -> FloatArray:
     """Return the normal deviates that are as improbable as Student deviates of unit variance.
 
@@ -38,18 +41,23 @@ def alone(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Fl
 
 
 def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) -> FloatArray:
-    """Return deviations of which each, beside what the others make likely, is made normal by `normal_score`.
+    """Return deviations made normal by `normal_score`: first what modes do together, then each beside the others.
 
-    The most improbable first, so that it does not pass for the others'.
+    Of these the most improbable first, so that it does not pass for the others'.
 
     Parameters
     ----------
     deviation, covariance : as of `distance`
     freedom : degrees of freedom of the tails, > 2, broadcast against `deviation`
     """
-    precision = np.linalg.inv(_known(deviation, covariance))
+    value, vector = np.linalg.eigh(_known(deviation, covariance))
     left = np.isfinite(deviation)
-    out = deviation
+    along = np.where(left, deviation, 0.0)[..., None, :] @ vector
+    std = np.sqrt(value)[..., None, :]
+    together = value > _MUCH * np.median(value, axis=-1, keepdims=True)
+    less = np.where(together[..., None, :], along - std * normal_score(along / std, freedom[..., None]), 0.0)
+    out = deviation - (less * vector).sum(-1)
+    precision = (vector / value[..., None, :]) @ np.swapaxes(vector, -1, -2)
     for _ in range(deviation.shape[-1]):
         score, std = _alone(out, precision)
         size = np.where(left, np.abs(score), -1.0)

@@ -167,6 +167,23 @@ def test_wild_values_and_missing_modes_neither_spoil_the_baseline_nor_alarm() ->
     assert np.array_equal(judged.value[0, 20:24], np.zeros(4))
 
 
+def test_wrong_values_do_not_alarm_where_all_modes_move_by_much_together() -> None:
+    """What no thermometer sees moves all modes by six deviations; one value in a hundred is eight off. Bound at 1e-4."""
+    random, n_sites, n, rate = np.random.default_rng(12), 60, 5 * DAY, 1e-3
+    together = np.zeros((n_sites, n))
+    for k in range(1, n):
+        together[:, k] = 0.6 * together[:, k - 1] + 6 * 0.8 * random.standard_normal(n_sites)
+    wrong = np.where(random.random((n_sites, n, P)) < 0.01, 8.0, 1.0)
+    y = STD * (together[..., None] * np.linspace(0.5, 1.5, P) + wrong * random.standard_normal((n_sites, n, P)))
+    warm = np.full((n_sites, n), 20.0)
+    known, later = np.split(y, [2 * DAY], axis=1)
+    watched = started(known, warm[:, : 2 * DAY], Watching(rate=rate, overlap=0.0, hold=2))
+    judged, _ = judge(watched, later, warm[:, 2 * DAY :], seconds(3 * DAY))
+    expected = rate * n_sites * 3 * DAY
+    print(f"seed 12, {count([judged])} false alarms where {expected:.0f} are stated")
+    assert np.all(count([judged]) <= poisson.ppf(1 - 1e-4, expected))
+
+
 def test_windows_one_by_one_are_judged_as_many_at_once() -> None:
     random = np.random.default_rng(9)
     temperature = 15 + random.standard_normal(DAY).cumsum() / 10

@@ -6,7 +6,7 @@ from scipy.stats import chi2, norm, t
 from scipy.stats import f as f_distribution
 
 from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit, overlapping
-from monitor.detection.scores import normal_score
+from monitor.detection.scores import distance, normal_score, tamed
 
 
 @pytest.mark.parametrize("freedom", [20.0, 200.0])
@@ -49,6 +49,29 @@ def test_averages_of_overlapping_windows_vary_and_cross_as_simulated(overlap: fl
     crossings = np.mean((settled[1:] > limit) & (settled[:-1] <= limit))
     print(f"seed 4, {crossings:.2e} crossings a window where {rate:.2e} are stated")
     assert crossings == pytest.approx(rate, rel=0.1)
+
+
+def test_modes_that_vary_by_themselves_are_tamed_each_by_itself() -> None:
+    random = np.random.default_rng(5)
+    std, freedom = random.uniform(0.5, 2.0, 6), np.array(4.0)
+    deviation = std * random.standard_t(4, (50, 6))
+    deviation[random.random(deviation.shape) < 0.1] = np.nan
+    covariance = np.broadcast_to(np.diag(std**2), (50, 6, 6))
+    expected = std * normal_score(deviation / std, freedom)
+    np.testing.assert_allclose(tamed(deviation, covariance, freedom), expected, rtol=1e-9)
+
+
+def test_a_wrong_value_is_told_by_how_it_lies_to_the_others() -> None:
+    """All modes move by thirty deviations together; one is eight off, and costs what one such value does."""
+    common = np.linspace(0.5, 1.5, 6)
+    covariance = np.eye(6) + 900 * np.outer(common, common)
+    deviation = 20 * common
+    before = distance(deviation, covariance)[0]
+    deviation[2] += 8
+    freedom = np.array(4.0)
+    after = distance(tamed(deviation, covariance, freedom), covariance)[0]
+    assert distance(deviation, covariance)[0] > before + 40
+    assert after < before + 1.1 * normal_score(np.array(8.0), freedom) ** 2
 
 
 def test_scores_are_as_improbable_as_the_deviations() -> None:
