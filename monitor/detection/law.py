@@ -388,7 +388,7 @@ def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float) -> Law:
     seen = (vector * (product @ vector)).sum(-2)
     come = np.minimum(value, np.maximum(seen, law.fast[..., None, None]))
     covariance = (vector * come[..., None, :]) @ np.swapaxes(vector, -1, -2)
-    squared = np.minimum(alone(residual, covariance)[0] ** 2, _WILD**2)[..., None]
+    squared = np.minimum(alone(residual, covariance) ** 2, _WILD**2)[..., None]
     half = (_TAILS + 1) / 2
     constant = gammaln(half) - gammaln(_TAILS / 2) - 0.5 * np.log(np.pi * (_TAILS - 2))
     gained = np.nansum(constant - half * np.log1p(squared / (_TAILS - 2)), axis=(-3, -2))

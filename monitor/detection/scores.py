@@ -5,7 +5,6 @@ import numpy.typing as npt
 
 from daq import FloatArray
 
-
 _MUCH = 4.0  # times the other directions' variance has one in which modes move together
 
 
@@ -30,14 +29,14 @@ def normal_score(t: FloatArray, freedom: FloatArray) -> FloatArray:
     return np.asarray(np.copysign(size, t))
 
 
-def alone(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what each mode deviates by beside what the others make likely, over that's standard deviation, and that.
+def alone(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return what each mode deviates by beside what the others make likely, over that's standard deviation.
 
     Where all modes move by much together a wrong value of one is small for that mode, and large for how it lies to the
-    others. Arguments are those of `distance`; both returned are (..., n_tracks), the first NaN where a mode is missing.
+    others. Arguments are those of `distance`; returned are (..., n_tracks), NaN where a mode is missing.
     """
-    precision = np.linalg.inv(_known(deviation, covariance))
-    return _alone(deviation, precision)
+    precision = np.asarray(np.linalg.inv(_known(deviation, covariance)), dtype=np.float64)
+    return _alone(deviation, precision)[0]
 
 
 def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) -> FloatArray:
@@ -78,7 +77,7 @@ def _known(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the covariance of the modes that are there, one of one for each of the others."""
     seen = np.isfinite(deviation)
     both = seen[..., :, None] & seen[..., None, :]
-    return np.where(both, covariance, np.eye(deviation.shape[-1]))
+    return np.asarray(np.where(both, covariance, np.eye(deviation.shape[-1])))
 
 
 def distance(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray, npt.NDArray[np.intp]]:

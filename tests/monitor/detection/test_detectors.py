@@ -168,7 +168,7 @@ def test_wild_values_and_missing_modes_neither_spoil_the_baseline_nor_alarm() ->
 
 
 def test_wrong_values_do_not_alarm_where_all_modes_move_by_much_together() -> None:
-    """What no thermometer sees moves all modes by six deviations; one value in a hundred is eight off. Bound at 1e-4."""
+    """An unseen cause moves all modes by six deviations; one value in a hundred is eight off. Poisson bound at 1e-4."""
     random, n_sites, n, rate = np.random.default_rng(12), 60, 5 * DAY, 1e-3
     together = np.zeros((n_sites, n))
     for k in range(1, n):
