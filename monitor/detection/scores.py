@@ -63,7 +63,7 @@ def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) ->
         most = (np.arange(size.shape[-1]) == size.argmax(-1)[..., None]) & left
         out = np.where(most, out - (score - normal_score(score, freedom)) * std, out)
         left &= ~most
-    return out
+    return np.asarray(out)
 
 
 def _alone(deviation: FloatArray, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
