@@ -8,13 +8,13 @@ from daq import FloatArray
 from updater.internal_actions import weighted_actions
 from updater.reference import Reference
 from updater.self_stress import self_stress
+from updater.structure import Axis, Joint, Support
 
 
 def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
     """Return the actions at stations along members, each over the root of the stiffness that bears it.
 
-    Products of these, summed along a stretch, are the compliance that it has; those of modes are the calibrated
-    model's, turned to the updated ones, over omega^2.
+    Products of these, summed along a stretch, are the compliance that it has.
 
     Parameters
     ----------
@@ -27,9 +27,32 @@ def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int,
         Number of the member -> (n, 6, n_modes + n_stress).
     """
     model, modes = reference.calibration.model, reference.calibration.modes
-    turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    turned = _turned(reference)
     stress, members = self_stress(model), model.structure.member
     return {
         m: np.concatenate([of_modes @ turned, stress.actions(members[m], stations[m])], axis=2)
         for m, of_modes in weighted_actions(model, modes, dict(stations)).items()
     }
+
+
+def borne_by_spring(reference: Reference, connection: Support | Joint, axis: Axis, row: FloatArray) -> FloatArray:
+    """Return the force or moment (n_modes + n_stress,) in a connection's spring, of modes over omega^2.
+
+    Parameters
+    ----------
+    row : (n_dofs,) that reads how far the spring is strained [m] or [rad]
+    """
+    calibration = reference.calibration
+    stiffness: dict[Axis, float] = dict(connection.stiffness.items())
+    of_modes = stiffness[axis] * (row @ calibration.modes.shape) @ _turned(reference)
+    return np.append(of_modes, self_stress(calibration.model).in_spring(connection, axis))
+
+
+def _turned(reference: Reference) -> FloatArray:
+    """Return how much of each calibrated mode (rows) is in the static answer to each updated mode's load over omega^2.
+
+    Statics says what members bear: the load is of masses and the shape. What noise mixes into a shape of a mode far
+    above counts there by 1/omega^2 of that mode; by the shape's curvature it would bend the structure most.
+    """
+    model, modes = reference.calibration.model, reference.calibration.modes
+    return np.asarray(modes.shape.T @ (model.mass @ reference.shape) / modes.omega[:, None] ** 2)

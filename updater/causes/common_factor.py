@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.borne import borne_by_spring
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.reanalysis import Effect, no_effect
@@ -77,16 +78,14 @@ class OwnFactor(CommonFactor):
 def ground_compliance(reference: Reference) -> FloatArray:
     """Return the compliance (n_modes + n_stress, same) of the springs to the ground.
 
-    Of a spring k that modes move by u, k u_r u_s / (omega_r^2 omega_s^2).
+    Of a spring k that bears f_r in a mode over omega_r^2, f_r f_s / k.
     """
     model = reference.calibration.model
     stress = self_stress(model)
     found = np.zeros(2 * (len(reference.frequency) + stress.n,))
     for support in reference.calibration.structure.support:
         for axis, stiffness in support.stiffness.items():
-            moved = model.node_rows(support.at, AXES.index(axis)) @ reference.shape
-            under = moved / (2 * np.pi * reference.frequency) ** 2
-            force = np.concatenate([stiffness * under, stress.in_spring(support, axis)])
+            force = borne_by_spring(reference, support, axis, model.node_rows(support.at, AXES.index(axis)))
             found += np.outer(force, force) / stiffness
     return found
 

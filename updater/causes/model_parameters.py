@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from daq import FloatArray, IndexArray
-from updater.borne import borne
+from updater.borne import borne, borne_by_spring
 from updater.calibration import spring_of
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
@@ -20,7 +20,6 @@ from updater.fe.model import Model
 from updater.knobs import TURNS, Knob, apply_knobs, connection_of, flexibility_unit, welded
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.self_stress import self_stress
 from updater.structure import Structure
 from updater.verdict import Quantity
 
@@ -175,9 +174,8 @@ def _compliance(reference: Reference, knob: Knob, value: float, file: Structure)
         zones = welded(model.structure, knob.at)
         parts = [_between(reference, members.index(m), np.array([start, end]), _TURNED) for m, start, end in zones]
         return np.asarray(-np.sum(parts, axis=0)) / (1 - value)
-    row, spring = spring_of(model, knob)
-    of_modes = spring * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
-    force = np.concatenate([of_modes, self_stress(model).in_spring(connection_of(model.structure, knob), knob.axis)])
+    row, _ = spring_of(model, knob)
+    force = borne_by_spring(reference, connection_of(model.structure, knob), knob.axis, row)
     return np.outer(force, force) / flexibility_unit(file, knob.axis)
 
 

@@ -1,7 +1,8 @@
 """A foot or a joint that gives more, or less, than it did: modal flexibility Lambda^-1 + sum_a c_a mu_a mu_a^T.
 
-mu_a = (moment of each mode in the spring about axis a) / omega^2 is the modal displacement under a unit couple at the
-spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact in all modes and nearly so in thirty.
+mu_a, the moment of each mode's load in the spring about axis a, over omega^2, is the modal displacement under a unit
+couple at the spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact in all modes and nearly so
+in thirty.
 """
 
 import itertools
@@ -13,12 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
+from updater.borne import borne_by_spring
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.knobs import flexibility_unit
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.self_stress import self_stress
 from updater.structure import AXES, Axis, Joint, Structure, Support
 from updater.verdict import Quantity, Where
 
@@ -145,12 +146,11 @@ def _springs(
         return None  # of matrices from elsewhere nobody knows E I / L
     stiffness, unit = _stiffness_and_unit(structure, sprung)
     own = unit / stiffness
-    stress = self_stress(reference.calibration.model)
-    moment = np.where(np.isfinite(stiffness), stiffness, 0.0)[:, :, None] * (
-        np.array([rows for *_, rows in sprung]) @ reference.shape
-    )
-    shifted = np.array([[stress.in_spring(c, a) for a in axes] for c, axes, _ in sprung])
-    both = np.concatenate([moment / (2 * np.pi * reference.frequency) ** 2, shifted], axis=2)
+    both = np.zeros((*stiffness.shape, len(comparison.frequency) + comparison.n_stress))
+    for i, (connection, axes, rows) in enumerate(sprung):
+        for a, axis in enumerate(axes):
+            if np.isfinite(stiffness[i, a]):
+                both[i, a] = borne_by_spring(reference, connection, axis, rows[a])
     before_std = np.array([[reference.calibration.flexibility_std(c, a) for a in axes] for c, axes, _ in sprung])
     which, active = _together(stiffness)
     couple = np.where(active[:, :, None], both[which], 0.0)
@@ -177,11 +177,12 @@ def _stiffness_and_unit(structure: Structure, sprung: Sequence[Connection]) -> t
     """Return stiffness about or along three axes, infinite where held, and 1 / c of a parameter of one; both (n, 3).
 
     One that is loose gives so much more (`_STD`): where it turns by E I / L, where it slides by its own spring.
+    What turns freely may lock.
     """
     stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
     bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
     turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
-    usual = np.where(turning, _STD, np.maximum(_SOFTER * bending / stiffness, _GIVES))
+    usual = np.where(turning, np.maximum(_STD, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
     return stiffness, bending * _STD / usual
 
 
