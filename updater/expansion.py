@@ -14,7 +14,7 @@ def expand(shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired
     """Return t (n_modes,) so that the measured shape is `model_shape.T @ t`, eqs 9 to 11.
 
     The cluster grows from the paired mode outwards by |omega_k^2 - omega_i^2|; its size is the one with the least
-    leave-one-sensor-out error (Brincker et al., MSSP 45 (2014) 91-104).
+    leave-one-sensor-out error (Brincker et al., MSSP 45 (2014) 91-104), of those whose modes the sensors tell apart.
 
     Parameters
     ----------
@@ -24,9 +24,8 @@ def expand(shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired
     paired : the model mode that the measured one answers to
     largest : most modes in a cluster
     """
-    near = _outwards(omega, paired)
-    sizes = range(1, min(largest, len(shape) - 1, len(near)) + 1)
-    best = min(sizes, key=lambda n: _left_out_error(shape, model_shape[near[:n]].T))
+    near = _outwards(omega, paired)[: min(largest, len(shape) - 1)]
+    best = min(_told_apart(model_shape, near), key=lambda n: _left_out_error(shape, model_shape[near[:n]].T))
     t = np.zeros(len(omega))
     t[near[:best]] = np.linalg.lstsq(model_shape[near[:best]].T, shape, rcond=None)[0]
     return t
@@ -50,15 +49,24 @@ def well_posed_cluster(model_shape: FloatArray, omega: FloatArray, paired: int, 
     largest : most modes in a cluster
     """
     near = _outwards(omega, paired)[: min(largest, model_shape.shape[1] - 1)]
-    sizes = range(len(near), 1, -1)
-    return next((near[:n] for n in sizes if np.linalg.cond(model_shape[near[:n]]) < _WORST_CONDITION), near[:1])
+    return near[: _told_apart(model_shape, near)[-1]]
+
+
+def _told_apart(model_shape: FloatArray, near: IndexArray) -> list[int]:
+    """Return in how many of the modes near one, counted outwards, the sensors tell them all apart; one alone always."""
+    sizes = range(2, len(near) + 1)
+    return [1, *(n for n in sizes if np.linalg.cond(model_shape[near[:n]]) < _WORST_CONDITION)]
 
 
 def _left_out_error(shape: FloatArray, cluster: FloatArray) -> float:
-    """Sum of squares of leave-one-out residuals, from the hat matrix."""
-    hat = cluster @ np.linalg.pinv(cluster)
-    leverage = np.clip(np.diag(hat), 0, 1 - 1e-9)
-    return float((((shape - hat @ shape) / (1 - leverage)) ** 2).sum())
+    """Sum of squares of what each sensor says beside what the others say of it, by the least modes where they leave room.
+
+    Not from the hat matrix: of a mode that one sensor alone tells it says nothing over nothing.
+    """
+    every = np.arange(len(shape))
+    others = np.array([np.delete(every, i) for i in every])
+    t = np.linalg.pinv(cluster[others]) @ shape[others][:, :, None]
+    return float(((shape - np.einsum("ik,ik->i", cluster, t[:, :, 0])) ** 2).sum())
 
 
 def orthonormal(t: FloatArray) -> FloatArray:
