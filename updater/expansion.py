@@ -59,7 +59,7 @@ def _told_apart(model_shape: FloatArray, near: IndexArray) -> list[int]:
 
 
 def _left_out_error(shape: FloatArray, cluster: FloatArray) -> float:
-    """Sum of squares of what each sensor says beside what the others say of it, by the least modes where they leave room.
+    """Sum of squares of each sensor beside what the others say of it, by the least modes where they leave that open.
 
     Not from the hat matrix: of a mode that one sensor alone tells it says nothing over nothing.
     """

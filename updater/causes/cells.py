@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from daq import FloatArray, IndexArray
 from updater.structure import Member
 
 _CELLS = 300  # along the longest member
 _MOST_CELLS = 6000  # of all members together, as far as each has two
-_FEWER = 4  # times fewer edges than values between them: then one product is quicker
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,24 +27,19 @@ class Cells:
     def between(self, table: FloatArray, member: IndexArray, number: FloatArray) -> FloatArray:
         """Return a table's values (n, ...) between the edges of cells, linearly.
 
-        Where many fall between the same few edges, as what is fixed beside all places of another cause, by one product.
-
         Parameters
         ----------
         table : (n_edges, ...)
         member : (n,)
         number : (n,) cells from the member's start
         """
+        return weighed(table, *self.about(member, number))
+
+    def about(self, member: IndexArray, number: FloatArray) -> tuple[IndexArray, FloatArray]:
+        """Return the two edges (n, 2) about points as rows of a table, and the share (n, 2) that each has."""
         low = np.clip(np.floor(number), 0, self.count[member] - 1).astype(np.intp)
-        share = number - low
-        edge = self.edge(member, low)
-        edges, which = np.unique(np.stack([edge, edge + 1]), return_inverse=True)
-        if _FEWER * len(edges) < len(edge):
-            weight = np.zeros((len(edge), len(edges)))
-            weight[np.arange(len(edge)), which.reshape(2, -1)] = 1 - share, share
-            return np.asarray(np.tensordot(weight, table[edges], axes=1))
-        share = share.reshape(-1, *[1] * (table.ndim - 1))
-        return np.asarray((1 - share) * table[edge] + share * table[edge + 1])
+        edge, share = self.edge(member, low), number - low
+        return np.stack([edge, edge + 1], axis=1), np.stack([1 - share, share], axis=1)
 
     def middles(self, member: int) -> FloatArray:
         """Return the middles of a member's cells (n_cells,), as distances from its start [m]."""
@@ -79,3 +74,10 @@ def cut(members: tuple[Member, ...]) -> Cells:
     cell = max(length.max() / _CELLS, length.sum() / _MOST_CELLS)
     count = np.maximum(2 * np.round(length / cell / 2).astype(np.intp), 2)
     return Cells(members=members, count=count, length=length / count)
+
+
+def weighed(table: FloatArray, rows: IndexArray, share: FloatArray) -> FloatArray:
+    """Return sums (n, ...) of a table's rows (n, k), each by its share (n, k)."""
+    n, k = rows.shape
+    summed = sparse.csr_array((share.ravel(), rows.ravel(), np.arange(0, n * k + 1, k)), shape=(n, len(table)))
+    return np.asarray(summed @ table.reshape(len(table), -1)).reshape(n, *table.shape[1:])

@@ -42,8 +42,9 @@ _LENGTHS = Kinds(
 class DistributedMass(Spread):
     """Stretches of all members; parameters are the mass [kg], the shift, the length and g - 1."""
 
-    moved: FloatArray  #: (n_edges, n_modes, n_modes) modal mass of 1 kg/m from each member's start, as it moves
-    turned: FloatArray  #: likewise as it turns, about axes as far as the material's
+    #: (2, n_edges, n_modes, n_modes) modal mass of 1 kg/m from each member's start, as it moves, and as it turns about
+    #: axes as far as the material's
+    mass: FloatArray
     own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
     name: str = "distributed_mass"
     advice: str = "Look along the stretch that is named for what lies or hangs on it."
@@ -73,8 +74,8 @@ class DistributedMass(Spread):
 
     def per_metre(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the modal mass (len(rows), n_modes, n_modes) of 1 kg/m over the stretches."""
-        turned = (1 + theta[:, 3])[:, None, None] * self.matrix(self.turned, theta, rows)
-        return self.matrix(self.moved, theta, rows) + turned
+        turned = np.stack([np.ones(len(theta)), 1 + theta[:, 3]], axis=1)
+        return self.matrix(self.mass, turned, theta, rows)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a mass of any order makes of the evidence."""
@@ -102,15 +103,14 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
     structure = reference.calibration.structure
     if not may_be_cut(structure):
         return None
-    cells, moved, turned = _mass(reference)
+    cells, mass = _mass(reference)
     own = [structure.material[m.material].density * structure.section[m.section].area for m in structure.member]
     found = DistributedMass(
         reference=reference,
         comparison=comparison,
         cells=cells,
         kinds=_LENGTHS,
-        moved=moved,
-        turned=turned,
+        mass=mass,
         own=np.array(own),
         **everywhere(cells, _LENGTHS, 4),
     )
@@ -127,7 +127,7 @@ def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
 
 
 @lru_cache(maxsize=4)
-def _mass(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
+def _mass(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the modal mass of all stretches if they weighed a kilogram a metre: as it moves, and as it turns."""
     structure, model = reference.calibration.structure, reference.calibration.model
     cells, ways, turns = cut(structure.member), [], []
@@ -138,4 +138,4 @@ def _mass(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
         moved = (model.reader(member.point(cells.middles(m))) @ reference.shape).reshape(cells.count[m], 6, -1)
         ways.append(moved[:, :3])
         turns.append(np.sqrt(gyration)[:, None] * (axes @ moved[:, 3:]))
-    return cells, cells.summed(ways), cells.summed(turns)
+    return cells, np.stack([cells.summed(ways), cells.summed(turns)])

@@ -43,8 +43,8 @@ LENGTHS = Kinds(
 class LocalStiffness(Spread):
     """Stretches of all members; the parameter is -ln of the factor on stiffness."""
 
-    #: each (n_edges, n_modes + n_stress, same) from each member's start: in bending and twist, the last one in shear
-    compliance: tuple[FloatArray, ...]
+    #: (n_compliances, n_edges, n_modes + n_stress, same) from each member's start: in bending and twist, last in shear
+    compliance: FloatArray
     name: str = "local_stiffness"
     advice: str = "Look for a crack or a loosened splice along the stretch that is named."
 
@@ -60,19 +60,15 @@ class LocalStiffness(Spread):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
-        more = np.expm1(np.minimum(theta[:, 0], SOFTEST))[:, None, None]
-        softer = sum(self.shared(theta, rows), start=np.zeros(()))
-        return replace(no_effect(len(rows), self.comparison), compliance=more * softer)
+        more = np.expm1(np.minimum(theta[:, :1], SOFTEST)) * self.shares(theta, rows)
+        return replace(
+            no_effect(len(rows), self.comparison), compliance=self.matrix(self.compliance, more, theta, rows)
+        )
 
     def shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return how much of each compliance (len(rows), n_compliances) is added, over the most of them."""
         del rows
         return np.stack([np.ones(len(theta)), np.minimum(SHEAR + theta[:, 3], 1.0)], axis=1)
-
-    def shared(self, theta: FloatArray, rows: IndexArray) -> list[FloatArray]:
-        """Return each compliance (len(rows), n_modes + n_stress, same) of stretches, by its share."""
-        of_each = self.shares(theta, rows).T[:, :, None, None]
-        return [s * self.matrix(each, theta, rows) for s, each in zip(of_each, self.compliance, strict=True)]
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what a loss of any order makes of the evidence."""
@@ -114,13 +110,13 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
     structure = reference.calibration.structure
     if not may_be_cut(structure):
         return None
-    cells, *compliance = _flexibility(reference)
+    cells, compliance = _flexibility(reference)
     found = LocalStiffness(
         reference=reference,
         comparison=comparison,
         cells=cells,
         kinds=LENGTHS,
-        compliance=tuple(compliance),
+        compliance=compliance,
         **everywhere(cells, LENGTHS, 4),
     )
     return begun(found, first_order(found))
@@ -130,22 +126,26 @@ def first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
     comparison = cause.comparison
     paired = comparison.paired
-    *bent, _ = cause.shared(cause.start, np.arange(len(cause.member)))
-    softer = sum(bent, start=np.zeros(()))
+    rows = np.arange(len(cause.member))
+    bent = cause.shares(cause.start, rows)[:, :-1]
+    softer = cause.matrix(cause.compliance[:-1], bent, cause.start, rows)
     gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
     more, explained = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
     return np.log1p(np.clip(more, -0.5, np.e**2)), explained
 
 
 @lru_cache(maxsize=4)
-def _flexibility(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
+def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the compliance of all stretches, summed from each member's start."""
-    cells, actions = actions_of_cells(reference)
-    return cells, cells.summed([a[:, 3:] for a in actions]), cells.summed([a[:, :3] for a in actions])
+    return compliances(reference, (slice(3, 6), slice(0, 3)))
 
 
-def actions_of_cells(reference: Reference) -> tuple[Cells, list[FloatArray]]:
-    """Return cells, and what is borne in the middles of those of each member (n_cells, 6, n_modes + n_stress)."""
+def compliances(reference: Reference, actions: tuple[slice, ...]) -> tuple[Cells, FloatArray]:
+    """Return cells, and what stretches give by each of some actions, summed from each member's start.
+
+    The latter (n_compliances, n_edges, n_modes + n_stress, same).
+    """
     cells = cut(reference.calibration.structure.member)
     found = borne(reference, {m: cells.middles(m) for m in range(len(cells.members))})
-    return cells, [found[m] for m in range(len(cells.members))]
+    own = [found[m] for m in range(len(cells.members))]
+    return cells, np.stack([cells.summed([each[:, which] for each in own]) for which in actions])

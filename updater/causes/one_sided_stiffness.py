@@ -14,7 +14,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells
-from updater.causes.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, actions_of_cells, first_order
+from updater.causes.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, first_order
 from updater.causes.stretches import Kinds, begun, everywhere, may_be_cut
 from updater.comparison import Comparison
 from updater.reference import Reference
@@ -120,8 +120,6 @@ def propose_one_sided_stiffness(reference: Reference, comparison: Comparison) ->
 
 
 @lru_cache(maxsize=2)
-def _flexibility(reference: Reference) -> tuple[Cells, tuple[FloatArray, ...]]:
+def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the compliances of all stretches, summed from each member's start."""
-    cells, actions = actions_of_cells(reference)
-    about = (slice(4, 5), slice(5, 6), slice(3, 4), slice(0, 3))
-    return cells, tuple(cells.summed([a[:, which] for a in actions]) for which in about)
+    return compliances(reference, (slice(4, 5), slice(5, 6), slice(3, 4), slice(0, 3)))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.cells import Cells
+from updater.causes.cells import Cells, weighed
 from updater.comparison import Comparison
 from updater.posterior import credible, places
 from updater.reference import Reference
@@ -222,11 +222,26 @@ class Stretches:
 class Spread(Stretches):
     """What is summed over a stretch."""
 
-    def matrix(self, summed: FloatArray, theta: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return the modal matrices (len(rows), n_modes, n_modes) of stretches, from sums along the members."""
+    def matrix(self, summed: FloatArray, share: FloatArray, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the modal matrices (len(rows), n_modes, n_modes) of stretches.
+
+        Parameters
+        ----------
+        summed : (n_tables, n_edges, n_modes, n_modes) along each member
+        share : (len(rows), n_tables) by which tables count
+        theta, rows : (len(rows), n_parameters) and (len(rows),) of the alternatives
+        """
         middle, half = self.middles(theta, rows), self.sizes(theta, rows) / 2
-        member = self.member[rows]
-        return self.cells.between(summed, member, middle + half) - self.cells.between(summed, member, middle - half)
+        (end, of_end), (begin, of_begin) = (
+            self.cells.about(self.member[rows], at) for at in (middle + half, middle - half)
+        )
+        edges, weight = np.concatenate([end, begin], axis=1), np.concatenate([of_end, -of_begin], axis=1)
+        first = summed.shape[1] * np.arange(len(summed))[:, None]
+        return weighed(
+            summed.reshape(-1, *summed.shape[2:]),
+            (first + edges[:, None]).reshape(len(rows), -1),
+            (share[:, :, None] * weight[:, None]).reshape(len(rows), -1),
+        )
 
 
 def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, FloatArray]:
