@@ -14,7 +14,7 @@ from oma.identification import METHODS, Identification, IdentificationStream, id
 from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
 from oma.merging import match_setups, merge
 from oma.methods import Method
-from oma.pairing import pair_modes
+from oma.pairing import mac_of_moving, pair_modes
 from oma.plscf import PLSCF
 from oma.pyramid import PASS
 from oma.quality import WindowQuality
@@ -65,6 +65,7 @@ __all__ = [
     "identify_all",
     "mac",
     "mac_matrix",
+    "mac_of_moving",
     "match_setups",
     "merge",
     "mpc",

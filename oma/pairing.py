@@ -8,7 +8,7 @@ from oma.conditioning import BoolArray
 from oma.mac import mac_matrix
 
 _IMPOSSIBLE = 1e6  # beside any cost
-_LEAST_LENGTH = 1e-6  # of the longest of the model's shapes: what stands still at the channels has a shape of rounding
+_LEAST_LENGTH = 1e-3  # of the longest of the model's shapes: what stands still there has that of a mode beside it
 _LEAST_MAC, _FARTHEST = 0.5, 0.3  # of a measured mode and the model's that answers to it; the latter of ln f
 
 
@@ -52,6 +52,18 @@ def assign_gains(gain: FloatArray) -> IndexArray:
     return result
 
 
+def mac_of_moving(shape: FloatArray, model_shape: FloatArray) -> FloatArray:
+    """Return the MAC (n, k) of measured shapes (n, n_channels) with a model's (k, n_channels).
+
+    It is 0 with what stands still at the channels: the little that it moves is of a mode beside it.
+    """
+    length = np.linalg.norm(model_shape, axis=1)
+    moving = length > _LEAST_LENGTH * length.max()
+    assurance = np.zeros((len(shape), len(model_shape)))
+    assurance[:, moving] = mac_matrix(shape, model_shape[moving])
+    return assurance
+
+
 def pair_modes(
     frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
 ) -> IndexArray:
@@ -70,9 +82,7 @@ def pair_modes(
     (n,) array of int
     """
     seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
-    assurance = mac_matrix(shape[seen], model_shape)
-    length = np.linalg.norm(model_shape, axis=1)
-    assurance[:, length < _LEAST_LENGTH * length.max()] = 0.0
+    assurance = mac_of_moving(shape[seen], model_shape)
     distance = np.abs(np.log(frequency[seen, None] / model_frequency))
     row, column = linear_sum_assignment(1 - assurance + distance)
     near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)

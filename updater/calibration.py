@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
-from oma import pair_modes
+from oma import mac_of_moving, pair_modes
 from updater.errors import PairingError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
@@ -212,9 +212,8 @@ class _Misfit:
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
         model = best_model(apply_knobs(self._structure, self._knobs, np.array(x)))
         modes = model.modes(self._n_modes)
-        seen = channel_rows(model, self._measured.channels) @ modes.shape
-        seen /= np.maximum(np.linalg.norm(seen, axis=0), 1e-12)
-        unlike = 1 - (self._measured.shape @ seen) ** 2
+        seen = (channel_rows(model, self._measured.channels) @ modes.shape).T
+        unlike = 1 - mac_of_moving(self._measured.shape, seen)
         apart = np.abs(np.log(modes.frequency) - self._measured.log_frequency[:, None])
         _, partner = linear_sum_assignment(unlike + apart)
         return model, Modes(frequency=modes.frequency[partner], shape=modes.shape[:, partner]), partner

@@ -110,17 +110,19 @@ def _frequency_error(data: Comparison, predicted: Prediction) -> tuple[float, fl
 
 
 def _one_minus_mac(data: Comparison, predicted: Prediction) -> tuple[float | None, float | None]:
-    """Return the mean and its standard deviation; None where no shape was measured.
+    """Return the mean and its standard deviation; None where no shape was measured, or is known to within its length.
 
     1 - MAC is the squared length of what a unit shape d has beside the predicted one: its variance is
     4 d^T C d + 2 tr(C^2).
     """
     shaped = np.flatnonzero(data.shaped)
+    root: FloatArray = np.linalg.inv(data.shape_whitener[shaped]).astype(np.float64)
+    covariance = root @ root.transpose(0, 2, 1)
+    known = np.trace(covariance, axis1=1, axis2=2) < 1
+    shaped, covariance = shaped[known], covariance[known]
     if not len(shaped):
         return None, None
     apart = 1 - mac_of(data, predicted.shape[0])[shaped]
-    root: FloatArray = np.linalg.inv(data.shape_whitener[shaped]).astype(np.float64)
-    covariance = root @ root.transpose(0, 2, 1)
     shape = predicted.shape[0, shaped] / np.linalg.norm(predicted.shape[0, shaped], axis=1, keepdims=True)
     beside = data.shape[shaped] - (data.shape[shaped] * shape).sum(1, keepdims=True) * shape
     variance = 4 * np.einsum("ic,icd,id->i", beside, covariance, beside) + 2 * (covariance**2).sum((1, 2))
