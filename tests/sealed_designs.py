@@ -89,6 +89,39 @@ BRIDGE = Design(
     element=0.4,
 )
 
+_DECK = _box(1.4, 0.9, 0.025)
+#: three spans, few sensors across; along its bearings it slides at nearly a frequency that it bends at across them
+FOOTBRIDGE = Design(
+    name="footbridge",
+    bars=(_bar("deck", (0.0, 0.0, 0.0), 0, 66.0, _DECK, 1.0),),
+    grounds=tuple(
+        Ground(bar="deck", s=s, along=(kx, ky, kz), about=(np.inf, 2e6, 1e6))
+        for s, kx, ky, kz in (
+            (0.0, 1e6, 5e7, 5e8),
+            (18.0, 1e8, 1e7, 1e9),
+            (48.0, 1e6, 1e7, 1e9),
+            (66.0, 1e6, 5e7, 5e8),
+        )
+    ),
+    meetings=(),
+    devices=tuple(
+        ("deck", s, f"d_{round(10 * s):03d}", axes)
+        for s, axes in (
+            (9.0, "yz"),
+            (13.5, "z"),
+            (25.5, "z"),
+            (33.0, "yz"),
+            (39.0, "z"),
+            (54.0, "z"),
+            (57.0, "y"),
+            (60.0, "z"),
+        )
+    ),
+    band=22.0,
+    window=600.0,
+    element=1.0,
+)
+
 _LOW, _MID, _TOP = _tube(0.324, 0.008), _tube(0.273, 0.0063), _tube(0.219, 0.005)
 _FOOT = 210e9 * _LOW.second_moment[0] / 15.0 / 0.004
 MAST = Design(

@@ -41,7 +41,8 @@ class Springs(Discrete):
 
     Alternatives are each connection's axes that may have changed, singly and together: an axis that has not, or that
     the data cannot show, must not count for or against a connection. Each is there twice, begun from no change and from
-    what the frequencies say to first order: where modes cross on the way, one of them may not arrive.
+    what the frequencies say to first order: where modes cross on the way, one of them may not arrive. What turned
+    freely begins no stiffer than the member is: only about there its stiffness moves a mode.
     """
 
     name: str
@@ -144,8 +145,8 @@ def _springs(
     sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
     if not sprung or structure.external is not None:
         return None  # of matrices from elsewhere nobody knows E I / L
-    stiffness, unit = _stiffness_and_unit(structure, sprung)
-    own = unit / stiffness
+    stiffness, bending, unit = _stiffness_and_unit(structure, sprung)
+    own, of_member = unit / stiffness, unit / bending
     both = np.zeros((*stiffness.shape, len(comparison.frequency) + comparison.n_stress))
     for i, (connection, axes, rows) in enumerate(sprung):
         for a, axis in enumerate(axes):
@@ -155,7 +156,8 @@ def _springs(
     which, active = _together(stiffness)
     couple = np.where(active[:, :, None], both[which], 0.0)
     lower = -0.999 * own[which]
-    first = np.maximum(_first_order(comparison, couple, unit[which]), lower)
+    least = np.where(own > of_member, of_member - own, -0.999 * own)[which]
+    first = np.maximum(_first_order(comparison, couple, unit[which]), least)
     return Springs(
         name=name,
         advice=advice,
@@ -173,8 +175,10 @@ def _springs(
     )
 
 
-def _stiffness_and_unit(structure: Structure, sprung: Sequence[Connection]) -> tuple[FloatArray, FloatArray]:
-    """Return stiffness about or along three axes, infinite where held, and 1 / c of a parameter of one; both (n, 3).
+def _stiffness_and_unit(
+    structure: Structure, sprung: Sequence[Connection]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n, 3) stiffness about or along three axes, infinite where held, E I / L, and 1 / c of a parameter of one.
 
     One that is loose gives so much more (`_STD`): where it turns by E I / L, where it slides by its own spring.
     What turns freely may lock.
@@ -183,7 +187,7 @@ def _stiffness_and_unit(structure: Structure, sprung: Sequence[Connection]) -> t
     bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
     turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
     usual = np.where(turning, np.maximum(_STD, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
-    return stiffness, bending * _STD / usual
+    return stiffness, bending, bending * _STD / usual
 
 
 def _together(stiffness: FloatArray) -> tuple[IndexArray, BoolArray]:
