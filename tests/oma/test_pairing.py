@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from oma import pair_modes
 
@@ -17,7 +18,9 @@ def test_a_mode_without_partner_is_left_out() -> None:
     assert paired.tolist() == [-1]
 
 
-def test_a_mode_that_no_channel_sees_answers_to_nothing_though_its_rounding_looks_alike() -> None:
+@pytest.mark.parametrize("moves", [0.0, 1e-14, 1e-4])
+def test_a_mode_that_no_channel_sees_answers_to_nothing_though_its_rounding_looks_alike(moves: float) -> None:
+    """Nor though it has a little of the mode beside it, and is nearer to what was measured."""
     measured = np.array([[0.6, 0.8]])
-    model = np.array([[6e-15, 8e-15], [0.5, 0.9]])  # the first moves across the sensors
+    model = np.array([[0.6 * moves, 0.8 * moves], [0.5, 0.9]])  # the first moves across the sensors
     assert pair_modes(np.array([10.0]), measured, np.array([10.0, 10.5]), model).tolist() == [1]

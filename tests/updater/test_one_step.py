@@ -230,6 +230,30 @@ def test_cluster_is_the_one_that_foretells_left_out_sensors_best(frame: Frame, s
     assert np.count_nonzero(found) == 1 + int(np.argmin(errors))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_modes_that_three_sensors_fit_exactly_foretell_none_of_them(seed: int) -> None:
+    """Three modes at three sensors across a bridge, seen with noise of 0.5 %: the hat matrix would say 0 / 0 of each."""
+    across = np.array([[0.14, 0.98, 0.14], [-0.71, 0.0, 0.71], [0.66, -0.37, 0.66]])
+    upwards = np.array([0.5, 0.7, 0.5, -0.1])
+    at_channels = np.zeros((4, 7))
+    at_channels[:3, 4:], at_channels[3, :4] = across, upwards
+    shape = at_channels[2] + 5e-3 * np.random.default_rng(seed).standard_normal(7)
+    found = expand(shape, at_channels, np.array([3.2, 5.3, 6.4, 9.0]), 2, largest=4)
+    assert np.count_nonzero(found) < 3
+
+
+def test_what_stands_still_at_the_sensors_takes_no_part_in_an_expansion(frame: Frame) -> None:
+    """A mode that they see 1e-5 of would be there 1e5 times for what noise has of it."""
+    at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
+    near = np.argsort(np.abs(frame.modes.omega**2 - frame.modes.omega[4] ** 2))[1]
+    random = np.random.default_rng(3)
+    still = at_channels.copy()
+    still[near] = 1e-5 * random.standard_normal(12)
+    found = expand(still[4] + 0.01 * still[near] / 1e-5, still, frame.modes.omega, 4, largest=4)
+    assert found[near] == 0
+    assert found[4] == pytest.approx(1, abs=0.02)
+
+
 def test_orthonormalised_modes_alter_no_mass() -> None:
     random = np.random.default_rng(1)
     t = orthonormal(np.eye(M) + 0.1 * random.standard_normal((M, M)))
