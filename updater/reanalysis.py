@@ -37,6 +37,7 @@ class Effect:
     log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's
     coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
     own: FloatArray  #: (n_alternatives, n_own) their flexibility 1/omega_o^2 [s2]
+    own_log_damping: FloatArray  #: (n_alternatives, n_own) of their damping to that of the structure's modes
 
     @property
     def whole_mass(self) -> FloatArray:
@@ -84,6 +85,7 @@ class Effect:
             log_damping=self.log_damping + other.log_damping,
             coupling=np.concatenate([self.coupling, other.coupling], axis=2),
             own=np.concatenate([self.own, other.own], axis=1),
+            own_log_damping=np.concatenate([self.own_log_damping, other.own_log_damping], axis=1),
         )
 
 
@@ -112,6 +114,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
         log_damping=np.zeros((n_alternatives, n_modes)),
         coupling=np.zeros((n_alternatives, n_modes, 0)),
         own=np.zeros((n_alternatives, 0)),
+        own_log_damping=np.zeros((n_alternatives, 0)),
     )
 
 
@@ -222,8 +225,10 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     """
     n_compared, n_modes = len(comparison.paired), len(comparison.frequency)
     new = np.zeros((len(value), 0, len(comparison.channels)))
+    log_damping = effect.log_damping[:, comparison.paired]
     if effect.own.shape[1]:
         new = (comparison.heard_at_channels @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
+        log_damping = log_damping + _damped_by_own(effect, value[:, :n_compared], vector[:, n_modes:, :n_compared])
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
@@ -243,11 +248,26 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         log_ratio=log_ratio,
         shape=shape,
         lag=lag,
-        log_damping=np.broadcast_to(effect.log_damping[:, comparison.paired], log_ratio.shape),
+        log_damping=np.broadcast_to(log_damping, log_ratio.shape),
         new_frequency=new_frequency,
         new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
         undone=_undone(effect.chain[:, :, :n]),
     )
+
+
+def _damped_by_own(effect: Effect, value: FloatArray, moved: FloatArray) -> FloatArray:
+    """Return log damping (n_alternatives, n) of modes that share their energy with what hangs on the structure.
+
+    Each part damps by its share of the elastic energy, z^2 omega_o^2 / omega^2 of unit modal mass.
+
+    Parameters
+    ----------
+    value : (n_alternatives, n) 1/omega^2 of the modes [s2]
+    moved : (n_alternatives, n_own, n) z, how they move what hangs there beside the structure
+    """
+    share = np.clip(moved**2 * value[:, None] / effect.own[:, :, None], 0.0, 1.0)
+    more = np.expm1(effect.own_log_damping)[:, :, None]
+    return np.asarray(np.log(np.maximum(1 + (share * more).sum(1), _LEAST)))
 
 
 def _undone(chain: FloatArray) -> FloatArray | None:

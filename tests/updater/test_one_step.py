@@ -232,7 +232,7 @@ def test_cluster_is_the_one_that_foretells_left_out_sensors_best(frame: Frame, s
 
 @pytest.mark.parametrize("seed", range(4))
 def test_modes_that_three_sensors_fit_exactly_foretell_none_of_them(seed: int) -> None:
-    """Three modes at three sensors across a bridge, seen with noise of 0.5 %: the hat matrix would say 0 / 0 of each."""
+    """Three modes at three sensors across a bridge, seen with noise of 0.5 %: the hat matrix says 0 / 0 of each."""
     across = np.array([[0.14, 0.98, 0.14], [-0.71, 0.0, 0.71], [0.66, -0.37, 0.66]])
     upwards = np.array([0.5, 0.7, 0.5, -0.1])
     at_channels = np.zeros((4, 7))

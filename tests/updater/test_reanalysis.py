@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from scipy.linalg import eig, eigh
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
 from updater import Reference, build_model, learn_reference, stack_tracks
 from updater.comparing import compare
 from updater.comparison import Comparison
-from updater.reanalysis import no_effect, picked, reanalyse
+from updater.reanalysis import no_effect, picked, predict, reanalyse
 from updater.tangent import Tangent
 
 TRACK = np.arange(8)
@@ -87,3 +87,31 @@ def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
     assert np.isfinite(vector).all()
     np.testing.assert_allclose(value[0, 1:], 1.01 * own[data.paired[1:]], rtol=1e-6)
     np.testing.assert_allclose(value[1], 1.01 * own[data.paired], rtol=1e-6)
+
+
+@pytest.mark.parametrize("own_damping", [0.001, 0.012])
+def test_modes_damp_as_they_share_their_energy_with_what_hangs_there(own_damping: float) -> None:
+    """Against complex modes of a body on a spring and a dashpot, tuned 4 % above a mode: to second order in damping over that."""
+    reference, data = compared(6)
+    damping, mass, tuned = 0.004, 0.05, 1.04 * float(data.frequency[data.paired[3]])
+    along = reference.calibration.model.read(np.array([0.25, 0, 1.48]))[2] @ reference.shape
+    omega_o, omega = 2 * np.pi * tuned, 2 * np.pi * data.frequency
+    effect = replace(
+        no_effect(1, data),
+        mass=mass * np.outer(along, along)[None],
+        coupling=np.sqrt(mass) * along[None, :, None],
+        own=np.array([[omega_o**-2.0]]),
+        own_log_damping=np.log([[own_damping / damping]]),
+    )
+    changed = reanalyse(data, effect)
+    value, vector = picked(changed)
+    found = damping * np.exp(predict(data, value, vector, effect).log_damping[0])
+    n = len(omega)
+    whole = np.block([[np.eye(n) + effect.mass[0], effect.coupling[0]], [effect.coupling[0].T, np.eye(1)]])
+    stiffness = np.diag(np.append(omega, omega_o) ** 2)
+    dashpots = np.diag(2 * np.append(damping * omega, own_damping * omega_o))
+    first = np.block([[np.zeros((n + 1, n + 1)), np.eye(n + 1)], [-stiffness, -dashpots]])
+    pole = eig(first, np.block([[np.eye(n + 1), np.zeros((n + 1, n + 1))], [np.zeros((n + 1, n + 1)), whole]]))[0]
+    pole = pole[pole.imag > 0]
+    nearest = pole[np.argmin(np.abs(np.abs(pole) - value[0, : len(found), None] ** -0.5), axis=1)]
+    np.testing.assert_allclose(found, -nearest.real / np.abs(nearest), rtol=0.05)

@@ -40,6 +40,7 @@ _MOST_FINE = 60
 _NEAR = 20.0  # of log density under the best
 _MASS_STD = 0.1  # of the structure's mass, Gaussian prior while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass
+_DAMPING_STD = 1.0  # of ln of its own damping over the modes': a third of it to three times as much
 _TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
 _STEP = 0.15  # of ln f between own frequencies that are begun from where no mode tells; their prior's deviation too
 _TOLD = 0.05  # of ln f between those whose probabilities are told
@@ -51,9 +52,10 @@ _UNSEEN = 0.01  # of an oscillator whose mode no sensor sees, over one that is s
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedOscillator:
-    """Places, directions and new modes; parameters are mass [kg] and ln f, from the new mode's.
+    """Places, directions and new modes; parameters are mass [kg], ln f from the new mode's, and ln of its own damping.
 
-    Of one whose mode is not seen, places, directions and frequencies to begin from.
+    The latter is over that of the structure's modes, which share it as they share its energy. Of one whose mode is not
+    seen, places, directions and frequencies to begin from.
     """
 
     reference: Reference
@@ -66,7 +68,7 @@ class AttachedOscillator:
     mode: IndexArray  #: (n,) which of these frequencies
     translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there, along the member's local axes
     log_prior: FloatArray  #: (n,)
-    start: FloatArray  #: (n, 2)
+    start: FloatArray  #: (n, 3)
     gap: float  #: between positions where they are not finer [m]
     name: str = "attached_oscillator"
     cannot_be_told_from: tuple[str, ...] = ()
@@ -85,13 +87,13 @@ class AttachedOscillator:
 
     @property
     def prior_std(self) -> FloatArray:
-        """Mass [kg] and ln f."""
-        return np.array([_MASS_STD * self._total, _TUNED if self.new else _STEP])
+        """Mass [kg], ln f and ln of damping."""
+        return np.array([_MASS_STD * self._total, _TUNED if self.new else _STEP, _DAMPING_STD])
 
     @property
     def lower(self) -> FloatArray:
         """It has a mass."""
-        return np.tile([0.1 * _LEAST_MASS * self._total, -np.inf], (len(self.member), 1))
+        return np.tile([0.1 * _LEAST_MASS * self._total, -np.inf, -np.inf], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the mass that rides on the structure, and what is coupled with it."""
@@ -103,6 +105,7 @@ class AttachedOscillator:
             mass=mass[:, None, None] * (at.transpose(0, 2, 1) @ at),
             coupling=np.sqrt(mass)[:, None, None] * along[:, :, None],
             own=omega[:, None] ** -2.0,
+            own_log_damping=theta[:, 2:],
         )
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -205,13 +208,17 @@ class AttachedOscillator:
         best = fit.best
         at = float(self.log_frequency[self.mode[best]] + fit.theta[best, 1])
         near = at + np.sqrt(fit.covariance[best, 1, 1]) * np.linspace(-4, 4, 33)
-        begun = _begun(self.comparison)
+        begun, still = _begun(self.comparison), np.array([fit.theta[best, 0], 0.0, fit.theta[best, 2]])
         grid = np.union1d(near, np.arange(begun[0], begun[-1], _TOLD))
         n, one = len(grid), np.full(len(grid), best)
         held = _Held(
             **vars(self)
             | {name: getattr(self, name)[one] for name in ("member", "position", "axis", "translation", "log_prior")}
-            | {"log_frequency": grid, "mode": np.arange(n), "start": np.tile([fit.theta[best, 0], 0.0], (n, 1))}
+            | {
+                "log_frequency": grid,
+                "mode": np.arange(n),
+                "start": np.tile(still, (n, 1)),
+            }
         )
         density = fit_all(self.comparison, held, refine=False).log_density
         share = np.exp(density - density.max()) * np.gradient(grid)
@@ -235,8 +242,8 @@ class _Held(AttachedOscillator):
 
     @property
     def prior_std(self) -> FloatArray:
-        """Mass [kg] and ln f."""
-        return np.array([_MASS_STD * self._total, _STILL])
+        """Mass [kg], ln f and ln of damping."""
+        return np.array([_MASS_STD * self._total, _STILL, _DAMPING_STD])
 
 
 def propose_attached_oscillator(reference: Reference, comparison: Comparison) -> AttachedOscillator | None:
@@ -278,7 +285,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
         mode=unknown[mode],
         translation=translation[place],
         log_prior=np.full(len(kept), alternatives),
-        start=start[mode, place, axis],
+        start=np.pad(start[mode, place, axis], ((0, 0), (0, 1))),
         gap=gap,
     )
 
