@@ -89,9 +89,9 @@ def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
     np.testing.assert_allclose(value[1], 1.01 * own[data.paired], rtol=1e-6)
 
 
-@pytest.mark.parametrize("own_damping", [0.001, 0.012])
+@pytest.mark.parametrize("own_damping", [0.001, 0.01])
 def test_modes_damp_as_they_share_their_energy_with_what_hangs_there(own_damping: float) -> None:
-    """Against complex modes of a body on a spring and a dashpot, tuned 4 % above a mode: to second order in damping over that."""
+    """Against complex modes where each part loses as much of the energy that it holds, tuned 4 % above a mode."""
     reference, data = compared(6)
     damping, mass, tuned = 0.004, 0.05, 1.04 * float(data.frequency[data.paired[3]])
     along = reference.calibration.model.read(np.array([0.25, 0, 1.48]))[2] @ reference.shape
@@ -108,10 +108,7 @@ def test_modes_damp_as_they_share_their_energy_with_what_hangs_there(own_damping
     found = damping * np.exp(predict(data, value, vector, effect).log_damping[0])
     n = len(omega)
     whole = np.block([[np.eye(n) + effect.mass[0], effect.coupling[0]], [effect.coupling[0].T, np.eye(1)]])
-    stiffness = np.diag(np.append(omega, omega_o) ** 2)
-    dashpots = np.diag(2 * np.append(damping * omega, own_damping * omega_o))
-    first = np.block([[np.zeros((n + 1, n + 1)), np.eye(n + 1)], [-stiffness, -dashpots]])
-    pole = eig(first, np.block([[np.eye(n + 1), np.zeros((n + 1, n + 1))], [np.zeros((n + 1, n + 1)), whole]]))[0]
-    pole = pole[pole.imag > 0]
-    nearest = pole[np.argmin(np.abs(np.abs(pole) - value[0, : len(found), None] ** -0.5), axis=1)]
-    np.testing.assert_allclose(found, -nearest.real / np.abs(nearest), rtol=0.05)
+    lossy = np.append(omega**2 * (1 + 2j * damping), omega_o**2 * (1 + 2j * own_damping))
+    square = eig(np.diag(lossy), whole)[0]
+    nearest = square[np.argmin(np.abs(square.real * value[0, : len(found), None] - 1), axis=1)]
+    np.testing.assert_allclose(found, nearest.imag / nearest.real / 2, rtol=0.02)
