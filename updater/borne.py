@@ -14,7 +14,8 @@ from updater.structure import Axis, Joint, Support
 def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
     """Return the actions at stations along members, each over the root of the stiffness that bears it.
 
-    Products of these, summed along a stretch, are the compliance that it has.
+    Products of these, summed along a stretch, are the compliance that it has; those of modes are the calibrated
+    model's, turned to the updated ones, over omega^2.
 
     Parameters
     ----------
@@ -27,7 +28,7 @@ def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int,
         Number of the member -> (n, 6, n_modes + n_stress).
     """
     model, modes = reference.calibration.model, reference.calibration.modes
-    turned = _turned(reference)
+    turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
     stress, members = self_stress(model), model.structure.member
     return {
         m: np.concatenate([of_modes @ turned, stress.actions(members[m], stations[m])], axis=2)
@@ -42,17 +43,6 @@ def borne_by_spring(reference: Reference, connection: Support | Joint, axis: Axi
     ----------
     row : (n_dofs,) that reads how far the spring is strained [m] or [rad]
     """
-    calibration = reference.calibration
     stiffness: dict[Axis, float] = dict(connection.stiffness.items())
-    of_modes = stiffness[axis] * (row @ calibration.modes.shape) @ _turned(reference)
-    return np.append(of_modes, self_stress(calibration.model).in_spring(connection, axis))
-
-
-def _turned(reference: Reference) -> FloatArray:
-    """Return how much of each calibrated mode (rows) is in the static answer to each updated mode's load over omega^2.
-
-    Statics says what members bear: the load is of masses and the shape. What noise mixes into a shape of a mode far
-    above counts there by 1/omega^2 of that mode; by the shape's curvature it would bend the structure most.
-    """
-    model, modes = reference.calibration.model, reference.calibration.modes
-    return np.asarray(modes.shape.T @ (model.mass @ reference.shape) / modes.omega[:, None] ** 2)
+    of_modes = stiffness[axis] * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    return np.append(of_modes, self_stress(reference.calibration.model).in_spring(connection, axis))

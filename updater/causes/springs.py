@@ -1,8 +1,7 @@
 """A foot or a joint that gives more, or less, than it did: modal flexibility Lambda^-1 + sum_a c_a mu_a mu_a^T.
 
-mu_a, the moment of each mode's load in the spring about axis a, over omega^2, is the modal displacement under a unit
-couple at the spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact in all modes and nearly so
-in thirty.
+mu_a = (moment of each mode in the spring about axis a) / omega^2 is the modal displacement under a unit couple at the
+spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact in all modes and nearly so in thirty.
 """
 
 import itertools
