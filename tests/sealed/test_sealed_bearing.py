@@ -39,4 +39,7 @@ def test_a_bearing_that_locked_is_named(seed: int) -> None:
     assert cause.where.position is not None
     assert abs(cause.where.position[0] - 66.0) < 5.0
     assert found.gain is not None
-    assert found.gain.frequency_error_percent.after < found.gain.frequency_error_percent.before / 8
+    error = found.gain.frequency_error_percent
+    assert error.before is not None
+    assert error.after is not None
+    assert error.after < error.before / 8
