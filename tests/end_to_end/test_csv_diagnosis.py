@@ -14,7 +14,7 @@ from measured_helpers import Rig, swapped, write_csv
 from daq import Recording
 from updater import Body, build_model, load_structure, t_structure_toml
 
-SECONDS, RATE = 120.0, 1000.0
+SECONDS, RATE = 120.0, 500.0
 SEED = 4711
 
 
