@@ -101,7 +101,11 @@ def load_run(path: Path) -> Run:
         raise ResultsError(str(log), message) from error
     windows = tuple(r for r in found.results if isinstance(r, WindowResult))
     if not windows:
-        raise ResultsError(str(log), "holds no results: it was never watched, or stopped before its first window ended")
+        raise ResultsError(
+            str(log),
+            "holds no results: it was never watched, or stopped before its first window ended; "
+            "`modalwatch replay LOG -o WATCHED.mcap` watches it",
+        )
     site_text = attached.get("site.toml", "")
     reference = next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None)
     story = Story(

@@ -1,10 +1,12 @@
 """The same loop over a log, as fast as it goes."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from daq import (
@@ -14,15 +16,16 @@ from daq import (
     Event,
     Item,
     LogError,
+    LogWriter,
     read_attachments,
     read_channel_map,
     read_events,
     read_log,
 )
 from monitor.memory import MEMORY, NOTHING, fitting
-from monitor.result_events import event_result
+from monitor.result_events import event_result, result_event
 from monitor.results import TOPIC_WINDOW, Result
-from monitor.settings import parse_settings
+from monitor.settings import Override, overridden, parse_settings
 from monitor.site import Site
 from monitor.worker import TOPIC_STOPPED, Kept, Told, Worker
 from updater import parse_structure
@@ -36,6 +39,7 @@ class ReplayReport:
 
     found: list[Result]
     logged: list[Result]
+    attached: Mapping[str, str]  #: name -> text: what the log has attached, with the settings that were used
     memory: str  #: what to go on from, as text; empty if nothing was said
     window_seconds: float  #: length of a window [s]
 
@@ -56,7 +60,9 @@ def _repeats(found: Any, said: Any) -> bool:  # noqa: ANN401 - JSON values
     return bool(found == said)
 
 
-def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) -> ReplayReport:
+def replay(
+    log: AnyLog, site: Site | None, on_result: Callable[[Result], None], given: Sequence[Override] = ()
+) -> ReplayReport:
     """Run the monitoring loop over a log.
 
     Parameters
@@ -64,6 +70,7 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     log : its path, or all files of a run
     site : settings to use instead of those attached to the log
     on_result : called with everything that is found
+    given : over what the settings attached to the log say
 
     Raises
     ------
@@ -75,8 +82,13 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
     attached = read_attachments(log)
     if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
         raise LogError(str(log), _how_to(log, "has no settings attached: give --site"))
-    texts = (site.structure_text, site.site_text) if site else (attached["structure.toml"], attached["site.toml"])
-    settings = parse_settings(texts[1], f"{log}: site.toml")
+    if site:
+        texts = (site.structure_text, site.site_text)
+        settings = parse_settings(site.site_text, f"{log}: site.toml")
+    else:
+        text, origins = overridden(attached["site.toml"], given)
+        texts = (attached["structure.toml"], text)
+        settings = parse_settings(text, f"{log}: site.toml", origins)
     devices = tuple(device.name for device in settings.device)
     logged: list[Result] = []
     found: list[Result] = []
@@ -93,7 +105,39 @@ def replay(log: AnyLog, site: Site | None, on_result: Callable[[Result], None]) 
             found.append(result)
             on_result(result)
         feeding.result()
-    return ReplayReport(found=found, logged=logged, memory=kept, window_seconds=settings.analysis.window_seconds)
+    return ReplayReport(
+        found=found,
+        logged=logged,
+        attached={**attached, "structure.toml": texts[0], "site.toml": texts[1]},
+        memory=kept,
+        window_seconds=settings.analysis.window_seconds,
+    )
+
+
+def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
+    """Write a log anew with what a replay of it has found, as if it had been watched so.
+
+    Parameters
+    ----------
+    log : its path, or all files of a run
+    path : of the new file
+    report : of its replay
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    """
+    writer, results = LogWriter(path, report.attached), deque(map(result_event, report.found))
+    for item in read_log(log):
+        if isinstance(item, Event) and event_result(item) is not None:
+            continue
+        while results and results[0].time <= (item.time if isinstance(item, Event) else item.pair_time):
+            writer.write(results.popleft())
+        writer.write(item)
+    for result in results:
+        writer.write(result)
+    writer.close()
 
 
 def _how_to(log: AnyLog, why: str) -> str:

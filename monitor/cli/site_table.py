@@ -124,12 +124,17 @@ def prove(
 def replay(
     log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
     site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="WATCHED.mcap", help="Log that gets it all, for `report` and `view`."),
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="File that gets what was found.")] = None,
+    given: _Given = None,
 ) -> None:
     """Run the same loop over a log, as fast as it goes."""
     from monitor.cli.watch import replay_command
 
-    raise typer.Exit(replay_command(log, site, json))
+    raise typer.Exit(replay_command(log, site, json, out, given or ()))
 
 
 @site_app.command()

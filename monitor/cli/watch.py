@@ -9,6 +9,7 @@ from threading import Event
 from rich.console import Console
 from rich.markup import escape
 
+from daq import LogError
 from monitor.cli.exits import DONE
 from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
@@ -20,8 +21,9 @@ from monitor.memory import recall
 from monitor.mending import mend_logs
 from monitor.only_one import only_one
 from monitor.processes import give_back_memory, spare_what_is_loaded
-from monitor.replay import ReplayReport, replay
+from monitor.replay import ReplayReport, replay, write_watched
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.settings import overrides
 from monitor.site import Site, load_site
 from monitor.words import utc
 from updater import parse_structure
@@ -126,16 +128,39 @@ def tell_live_end(console: Console, live: LiveView) -> None:
         )
 
 
-def replay_command(logs: Sequence[Path], site: Path | None, json_path: Path | None) -> int:
-    """Run the loop over a log; 1 if it ends in an alarm."""
-    report = replay(one_log(logs), load_site(site) if site else None, say)
+def replay_command(
+    logs: Sequence[Path],
+    site: Path | None,
+    json_path: Path | None,
+    watched: Path | None = None,
+    given: Sequence[str] = (),
+) -> int:
+    """Run the loop over a log; 1 if it ends in an alarm.
+
+    Parameters
+    ----------
+    logs : a log, or all files of a run
+    site : of SITE.toml, instead of what is attached
+    json_path : file that gets what was found
+    watched : new log that gets all of the log and what was found
+    given : KEY=VALUE each, instead of what the settings say
+    """
+    log = one_log(logs)
+    if watched and watched.exists():
+        raise LogError(watched, "cannot be written: File exists")
+    report = replay(log, load_site(site, given) if site else None, say, overrides(given, {}))
     if json_path:
         found = {"same_as_live": report.same, "results": [result.payload() for result in report.found]}
         json_path.write_text(json.dumps(found), encoding="utf-8")
     note = _nothing_watched(report)
     if note:
         console.print(f"note: {note}", style="yellow", soft_wrap=True, markup=False)
-    if report.logged and site is None:
+    if watched:
+        write_watched(log, watched, report)
+        console.print(f"written: {watched}, for `report` and `view`", soft_wrap=True, markup=False)
+    elif not (report.logged or note):
+        console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
+    if report.logged and not (site or given):
         console.print("the same as live, to the last digit" if report.same else "NOT the same as live")
     alarms = [result for result in report.found if isinstance(result, AlarmResult)]
     return int(bool(alarms) and alarms[-1].state == "alarm")

@@ -3,7 +3,7 @@
 from monitor.settings.annotated import EXAMPLE, annotated, json_schema
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
-from monitor.settings.overrides import Override, overrides
+from monitor.settings.overrides import Override, overridden, overrides
 from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
 from monitor.settings.site import AnalysisSettings, RecorderSettings, Settings, TemperatureSettings
 
@@ -21,6 +21,7 @@ __all__ = [
     "json_schema",
     "load_settings",
     "nearest",
+    "overridden",
     "overrides",
     "parse_settings",
     "read_settings",

@@ -40,13 +40,14 @@ def through_a_table(log: Path) -> Path:
     return imported
 
 
-def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path) -> None:
+def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band.
 
     The repository's own log, straight from a rig, is replayed in test_replay_data.py.
     """
     log, at, mass = hidden(tmp_path, 33, added=True)
     assert replay_command([through_a_table(log)], None, tmp_path / "found.json") == 1  # an alarm: a person is needed
+    assert "`-o WATCHED.mcap` writes a log with this" in " ".join(capsys.readouterr().out.split())
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["results"]
     alarms = [r for r in found if r.get("state") == "alarm"]
     assert len(alarms) == 1

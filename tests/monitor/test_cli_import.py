@@ -238,7 +238,17 @@ def test_a_file_without_a_site_gets_one_and_is_watched(modalwatch: Commands, tmp
     assert "all devices answer" in modalwatch("check", site).out
     assert "no whole window of 600 s" in modalwatch("replay", log).out
     site.write_text(site.read_text().replace("window_seconds = 600.0", "window_seconds = 10.0"), encoding="utf-8")
+    watched, short = tmp_path / "watched.mcap", ("--set", "analysis.window_seconds=6.5")
     assert "window   1 learning none of" in modalwatch("replay", log, "--site", site).out
+    assert_refused(modalwatch("report", log), "holds no results", "`modalwatch replay LOG -o WATCHED.mcap` watches it")
+    done = modalwatch("replay", log, *short, "-o", watched)
+    assert done.code == 0, done.err
+    assert f"written: {watched}" in done.out
+    assert "window   2 learning none of" in done.out
+    assert "the same as live, to the last digit" in modalwatch("replay", watched).out
+    assert modalwatch("report", watched).code == 0
+    assert_refused(modalwatch("replay", log, "-o", watched), "watched.mcap: cannot be written: File exists")
+    assert_refused(modalwatch("replay", log, "--set", "analysis.overlap=x"), "--set analysis.overlap", "found 'x'")
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml is there already: give it as --site")
 
 
