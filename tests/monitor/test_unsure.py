@@ -94,4 +94,5 @@ def test_log_of_before_this_was_said_repeats_and_one_that_says_otherwise_does_no
     other = values | {"novelty": values["novelty"] | {"t2": values["novelty"]["t2"] + 1e-12}}
     for last, same in ((values, True), (before, True), (other, False)):
         logged = [*found[:-1], WindowResult.model_validate(last)]
-        assert ReplayReport(attached={}, found=list(found), logged=list(logged), memory="", window_seconds=1.0).same == same
+        report = ReplayReport(attached={}, found=list(found), logged=list(logged), memory="", window_seconds=1.0)
+        assert report.same == same
