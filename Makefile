@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms soak unit clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -149,6 +149,10 @@ scale: $(VENV)/.done
 # some minutes a line; `make false-alarms ARGUMENTS="SITES DAYS"`.
 false-alarms: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/false_alarms.py $(ARGUMENTS)
+
+# False alarms and delays by kind of site: the table in docs/detection.md, half an hour; `make site-kinds ARGUMENTS="--sites 8 --days 90"`.
+site-kinds: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/site_kinds.py $(ARGUMENTS)
 
 # The service through every fault of a rig's life, two hours: docs/soak.md; `make soak ARGUMENTS="--minutes 10"`, `--devices 32`.
 soak: $(VENV)/.done

@@ -12,28 +12,13 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import chi2
+from watched_sites import Batch, WatchedSites, hours_text, poisson_interval
 
 from daq import FloatArray
-from monitor.alarms import Alarm, AlarmRules
-from monitor.detection import (
-    CHUNK,
-    DETECTORS,
-    GUARD,
-    Judged,
-    Watched,
-    Watching,
-    accept,
-    judge,
-    shift_of,
-    shifted,
-    start,
-)
+from monitor.detection import CHUNK, DETECTORS, judge, shift_of, shifted
 
 P, STEP, DAY = 8, 600.0, 144
 YEAR = 52596  # windows
-RULES = AlarmRules(hold_windows=2, clear_windows=2, clear_ratio=0.8, cooldown=3600 * 10**9)
-WATCHING = Watching(rate=1 / YEAR / len(DETECTORS), overlap=0.0, hold=2)
 MASSES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # of the structure's
 LOOK = 14  # days that a mass is looked for
 REAL = 1.3  # real over stated deviation of identification
@@ -108,83 +93,52 @@ class Weather:
 
 
 @dataclass
-class Sites:
-    """Many sites watched at once, with the alarm that `modalwatch run` has."""
+class Changed:
+    """Weather's windows, the log frequencies changed by a shift, with or without thermometers."""
 
     weather: Weather
-    n_baseline: int
     thermometers: bool
+    shift: FloatArray | float = 0.0  # (n, P)
+    step: float = STEP
 
-    def __post_init__(self) -> None:
-        """Learn."""
-        y, read = self._next(self.n_baseline)
-        std = np.where(np.isfinite(y), self.weather.stated[:, None, :], np.nan)
-        self.watched: Watched = start(y, std, read, np.full(self.n_baseline, STEP), WATCHING)
-        self.alarms = [Alarm(rules=RULES) for _ in range(self.weather.n)]
-        self.waiting: list[tuple[FloatArray, FloatArray]] = []
-        self.raised: list[tuple[int, int, str]] = []  # site, window, detector
-        self.in_alarm = self.accepted = 0
+    def batch(self, n_windows: int) -> Batch:
+        """Return the next windows."""
+        y, read = self.weather.next(n_windows)
+        y = y + np.broadcast_to(self.shift, (self.weather.n, P))[:, None, :]
+        return Batch(
+            log_frequency=y,
+            std=np.where(np.isfinite(y), self.weather.stated[:, None, :], np.nan),
+            rms=np.full(read.shape, 1e-3),
+            temperature=read if self.thermometers else np.full_like(read, np.nan),
+            seconds=np.full(n_windows, STEP),
+        )
 
-    def _next(self, n: int) -> tuple[FloatArray, FloatArray]:
-        y, read = self.weather.next(n)
-        return y, read if self.thermometers else np.full_like(read, np.nan)
 
-    def watch(self, shift: FloatArray | None = None) -> None:
-        """Judge one chunk of windows, the log frequencies changed by `shift` (n, P)."""
-        y, read = self._next(CHUNK)
-        y = y if shift is None else y + shift[:, None, :]
-        judged, self.watched = judge(self.watched, y, read, np.full(CHUNK, STEP))
-        calm = self._alarm(judged)
-        for _, whitened in self.waiting:
-            whitened[~calm] = np.nan
-        self.waiting.append((judged.terms, np.where(calm[:, None, None], judged.whitened, np.nan)))
-        if len(self.waiting) > GUARD // CHUNK:
-            self.watched = accept(self.watched, *self.waiting.pop(0))
-
-    def accept_change(self, shift: FloatArray, n_windows: int) -> None:
-        """Make the structure that windows changed by `shift` (n, P) show the reference, as `modalwatch accept` does."""
-        y, read = self._next(n_windows)
-        y = y + shift[:, None, :]
-        y = np.where(
-            np.isfinite(y).any(axis=1, keepdims=True), y, shift[:, None, :]
-        )  # a mode in no window: it would wait for it
-        judged, self.watched = judge(self.watched, y, read, np.full(n_windows, STEP))
-        self.watched = shifted(self.watched, shift_of(self.watched, [judged]))
-        self.alarms = [Alarm(rules=RULES) for _ in self.alarms]
-        self.accepted = self.weather.window
-        self.waiting.clear()
-        self.raised.clear()
-
-    def _alarm(self, judged: Judged) -> np.ndarray:
-        ratio = judged.value / judged.limit
-        level, first = ratio.max(0), ratio.argmax(0)
-        busy = (level > 1).any(1) | np.array([a.condition != "normal" or a.run > 0 for a in self.alarms])
-        calm = np.ones(len(self.alarms), dtype=bool)
-        for site in np.flatnonzero(busy):
-            for k in range(CHUNK):
-                window = self.weather.window - CHUNK + k
-                self.alarms[site], changes = self.alarms[site].consider(int(window * STEP * 1e9), float(level[site, k]))
-                for change in changes:
-                    if change.state == "alarm" and change.kind == "state":
-                        self.raised.append((int(site), window, DETECTORS[first[site, k]]))
-                self.in_alarm += self.alarms[site].state == "alarm"
-                calm[site] &= self.alarms[site].state == "normal"
-        return calm
+def accept_change(sites: WatchedSites, source: Changed, shift: FloatArray, n_windows: int) -> None:
+    """Make the structure that windows changed by `shift` (n, P) show the reference, as `modalwatch accept` does."""
+    source.shift = shift
+    b = source.batch(n_windows)
+    never = ~np.isfinite(b.log_frequency).any(axis=1, keepdims=True)  # a mode in no window: it would wait for it
+    y = np.where(never, shift[:, None, :], b.log_frequency)
+    judged, sites.watched = judge(sites.watched, y, b.temperature, b.seconds)
+    sites.watched = shifted(sites.watched, shift_of(sites.watched, [judged]))
+    sites.waiting.clear()
+    sites.reset_alarms()
 
 
 def false_alarms(n_sites: int, days: int, n_baseline: int, *, thermometers: bool, seed: int) -> None:
     """Print a line of the first table."""
     began = time.process_time()
-    sites = Sites(Weather(np.random.default_rng(seed), n_sites), n_baseline, thermometers)
+    sites = WatchedSites(Changed(Weather(np.random.default_rng(seed), n_sites), thermometers), n_baseline)
     for _ in range(days * DAY // CHUNK):
         sites.watch()
     years, n = n_sites * days / 365.25, len(sites.raised)
-    low, high = chi2.ppf(0.025, 2 * n) / 2 if n else 0.0, chi2.ppf(0.975, 2 * n + 2) / 2
+    low, high = poisson_interval(n, years)
     by = ", ".join(f"{sum(r[2] == d for r in sites.raised)}" for d in DETECTORS)
     share = sites.in_alarm / (n_sites * days * DAY)
     print(
         f"| {n_baseline} | {'yes' if thermometers else 'no'} | {years:.0f} | {n} ({by}) | {n / years:.2f} "
-        f"| {low / years:.2f} to {high / years:.2f} | {100 * share:.2f} % | {time.process_time() - began:.0f} s |",
+        f"| {low:.2f} to {high:.2f} | {100 * share:.2f} % | {time.process_time() - began:.0f} s |",
         flush=True,
     )
 
@@ -195,22 +149,24 @@ def delays(n_sites: int, n_baseline: int, *, settled_days: int, thermometers: bo
     place = random.uniform(0.05, 0.95, n_sites)
     part = 2 * np.sin(np.pi * np.arange(1, P + 1) * place[:, None]) ** 2  # of a mass in each mode of a beam
     for mass in MASSES:
-        sites = Sites(Weather(np.random.default_rng((seed, 1)), n_sites), n_baseline, thermometers)
+        source = Changed(Weather(np.random.default_rng((seed, 1)), n_sites), thermometers)
+        sites = WatchedSites(source, n_baseline)
         for _ in range(settled_days * DAY // CHUNK):
             sites.watch()
-        began, shift = sites.weather.window, -0.5 * mass * part
+        began, shift = sites.window, -0.5 * mass * part
         standing = np.array([a.state == "alarm" for a in sites.alarms])
         sites.raised.clear()
+        source.shift = shift
         for _ in range(LOOK * DAY // CHUNK):
-            sites.watch(shift)
+            sites.watch()
         first = np.full(n_sites, np.inf)
         for site, window, _ in sites.raised:
             first[site] = min(first[site], window - began + 1)
         found = first[~standing]
-        size = ((shift / (REAL * sites.weather.stated)) ** 2 * (1 - sites.weather.absent)).sum(1)[~standing]
+        size = ((shift / (REAL * source.weather.stated)) ** 2 * (1 - source.weather.absent)).sum(1)[~standing]
         best = np.maximum(np.log(YEAR) / (size / 2), 1.0)
-        spread = " / ".join(_hours(v) for v in np.quantile(found, [0.5, 0.9], method="higher"))
-        ideal = " / ".join(_hours(v) for v in np.quantile(best, [0.5, 0.9]))
+        spread = " / ".join(hours_text(v * STEP / 3600) for v in np.quantile(found, [0.5, 0.9], method="higher"))
+        ideal = " / ".join(hours_text(v * STEP / 3600) for v in np.quantile(best, [0.5, 0.9]))
         print(
             f"| {100 * mass:g} % | {n_baseline} + {settled_days} days | {100 * np.isfinite(found).mean():.0f} % "
             f"| {spread} | {ideal} | {100 * (best <= LOOK * DAY).mean():.0f} % |",
@@ -223,27 +179,22 @@ def after_acceptance(n_sites: int, days: int, n_windows: int, *, thermometers: b
     random = np.random.default_rng(seed)
     part = 2 * np.sin(np.pi * np.arange(1, P + 1) * random.uniform(0.05, 0.95, n_sites)[:, None]) ** 2
     shift = -0.5 * 0.02 * part
-    sites = Sites(Weather(np.random.default_rng((seed, 1)), n_sites), DAY, thermometers)
+    source = Changed(Weather(np.random.default_rng((seed, 1)), n_sites), thermometers)
+    sites = WatchedSites(source, DAY)
     for _ in range(7 * DAY // CHUNK):
         sites.watch()
-    sites.accept_change(shift, n_windows)
+    accept_change(sites, source, shift, n_windows)
+    began = sites.window
     for _ in range(days * DAY // CHUNK):
-        sites.watch(shift)
+        sites.watch()
     years, n = n_sites * days / 365.25, len(sites.raised)
-    first = sum(window < sites.accepted + 30 * DAY for _, window, _ in sites.raised)
-    low, high = chi2.ppf(0.025, 2 * n) / 2 if n else 0.0, chi2.ppf(0.975, 2 * n + 2) / 2
+    first = sum(window < began + 30 * DAY for _, window, _ in sites.raised)
+    low, high = poisson_interval(n, years)
     print(
         f"| {n_windows} | {'yes' if thermometers else 'no'} | {years:.0f} | {n} | {n / years:.2f} "
-        f"| {low / years:.2f} to {high / years:.2f} | {first / (n_sites * min(days, 30) / 365.25):.2f} |",
+        f"| {low:.2f} to {high:.2f} | {first / (n_sites * min(days, 30) / 365.25):.2f} |",
         flush=True,
     )
-
-
-def _hours(windows: float) -> str:
-    if not np.isfinite(windows):
-        return "not found"
-    hours = windows * STEP / 3600
-    return f"{hours:.1f} h" if hours < 100 else f"{hours / 24:.0f} d"
 
 
 def main() -> None:
