@@ -14,7 +14,7 @@ from scipy.stats import beta
 
 from daq import FloatArray, IndexArray
 from updater import Body, MassChange, Member, Model, Structure, build_model
-from updater.fe.assembly import body_mass
+from updater.fe.body import body_mass
 from updater.fe.element import local_axes
 from updater.statistics import COMMON_STD
 

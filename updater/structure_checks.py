@@ -80,6 +80,23 @@ def check_places(structure: Structure) -> None:
     for joint in structure.joint:
         _check_joint(joint, structure, _distance(np.asarray(joint.at), start, along) < ON_MEMBER)
     _check_segments(structure)
+    _check_bodies(structure)
+
+
+def _check_bodies(structure: Structure) -> None:
+    """Refuse bodies of negative mass that leave the structure none."""
+    own = [
+        structure.material[m.material].density * structure.section[m.section].area * m.length for m in structure.member
+    ]
+    carried = [part.mass for part in structure.segment] + [part.mass for part in structure.oscillator]
+    carried += [body.mass for body in structure.body if body.mass > 0]
+    most = sum(own) + sum(carried)
+    removed = sorted((body for body in structure.body if body.mass < 0), key=lambda body: body.mass)
+    if removed and -sum(body.mass for body in removed) >= most:
+        raise ValueError(
+            f"body at {list(removed[0].at)}: mass: expected more than {-most:.4g} kg, which is all that the "
+            f"structure has, found {removed[0].mass:g} kg"
+        )
 
 
 def _check_segments(structure: Structure) -> None:

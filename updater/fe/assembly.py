@@ -9,11 +9,12 @@ from scipy import sparse
 
 from daq import FloatArray, IntArray
 from updater.entry import Vector
+from updater.fe.body import body_mass
 from updater.fe.element import Element
 from updater.fe.external import external_model
 from updater.fe.mesh import Mesh
 from updater.fe.model import Model
-from updater.structure import AXES, Body, Material, Member, Structure
+from updater.structure import AXES, Material, Member, Structure
 
 MassKind = Literal["lumped", "consistent"]
 
@@ -134,15 +135,6 @@ def _add_springs(stiffness: _Matrix, mesh: Mesh, dofs: IntArray) -> None:
     for support in mesh.structure.support:
         for turn_axis, value in support.stiffness.items():
             stiffness.add(dofs[[[mesh.find(support.at, "support")]], AXES.index(turn_axis)], np.array([[[value]]]))
-
-
-def body_mass(body: Body) -> FloatArray:
-    """Return the mass matrix (6, 6) of a rigid body about the point it is fixed to."""
-    x, y, z = body.offset
-    arm = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]], float)  # u_centre = u + arm @ rotation
-    rigid = np.block([[np.eye(3), arm], [np.zeros((3, 3)), np.eye(3)]])
-    own = scipy.linalg.block_diag(body.mass * np.eye(3), np.diag(body.inertia))
-    return np.asarray(rigid.T @ own @ rigid)
 
 
 def _with_bodies(model: Model) -> Model:

@@ -9,12 +9,13 @@ from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import MechanismError, ModelError
+from updater.fe.body import body_mass
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT
-from updater.fe.modes import Modes, lowest_modes
+from updater.fe.modes import Modes, NegativeMassError, lowest_modes
 from updater.fe.spans import SpanIndex
 from updater.sensor import sensor_axes
-from updater.structure import Joint, Member, Structure
+from updater.structure import Body, Joint, Member, Structure
 
 
 class Interpolation(Protocol):
@@ -75,20 +76,33 @@ class Model:
         return (*self.elements, *((node, node, AtNode()) for node in self.loose))
 
     def modes(self, n: int) -> Modes:
-        """Return the lowest `n` modes; a semidefinite mass matrix is fine.
+        """Return the lowest `n` modes; a semidefinite mass matrix is fine, and bodies that were taken off.
 
         Raises
         ------
         MechanismError
             If the structure is a mechanism or stands free; it says what moves.
         ModelError
-            If it buckles under its preload, or has fewer modes.
+            If it buckles under its preload, has fewer modes, or a body takes off more mass than moves; names the body.
         """
+        removed = [body for body in self.structure.body if body.mass < 0]
         try:
-            return lowest_modes(self.stiffness, self.mass, n, self.structure.name)
+            return lowest_modes(self.stiffness, self.mass, n, self.structure.name, removed=bool(removed))
+        except NegativeMassError as error:
+            shape = error.shape
+            worst = min(removed, key=lambda body: self._energy(body, shape))
+            raise ModelError(
+                f"{self.structure.name}: body at {list(worst.at)}: its mass of {worst.mass:g} kg takes off more than "
+                "the structure moves there"
+            ) from error
         except MechanismError as error:
             moves = free_motion(self.nodes, self.dofs, self.stiffness)
             raise MechanismError("; ".join([str(error), *moves.told(self._at)])) from error
+
+    def _energy(self, body: Body, shape: FloatArray) -> float:
+        """Return twice the kinetic energy of a body in a shape (n_dofs,) of unit frequency."""
+        moved = self.read(np.asarray(body.at)) @ shape
+        return float(moved @ body_mass(body) @ moved)
 
     def _at(self, node: int) -> str:
         """Return the members that have a node, and where it is."""
