@@ -30,6 +30,7 @@ from updater.modal_mass import ModalMass, mass_of_modes
 from updater.new_modes import matched_and_new, matched_surely
 from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
+from updater.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
 from updater.place_density import Density, densities
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference, learn_reference
@@ -62,6 +63,7 @@ from updater.structure import (
     Segment,
     Structure,
     Support,
+    Updating,
 )
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
@@ -120,6 +122,7 @@ __all__ = [
     "Pair",
     "PairingError",
     "Parameter",
+    "ParameterSensitivity",
     "Prior",
     "Quantity",
     "Record",
@@ -143,6 +146,7 @@ __all__ = [
     "TrackedModes",
     "Trend",
     "UpdaterError",
+    "Updating",
     "Verdict",
     "VirtualSensing",
     "Where",
@@ -185,6 +189,7 @@ __all__ = [
     "novelty_limit",
     "one_more",
     "open_question",
+    "parameter_sensitivities",
     "parse_structure",
     "portable_text",
     "read_matrices",

@@ -1,7 +1,7 @@
 """Causes of the catalogue fitted to the same data, each alone, with the evidence for each."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from updater.causes.composite import Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
 from updater.fit import Fit, fit
+from updater.keys import meant
 from updater.prediction import prediction
 from updater.reference import Reference
 
@@ -22,6 +23,30 @@ _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes ar
 _TWINS_MAC = 0.8
 _EQUAL = 0.02  # of log evidence, between causes that nothing tells apart
 _LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
+
+
+def allowed_causes(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[str, ...]:
+    """Return the names of the catalogue's causes that are considered, in its order.
+
+    Parameters
+    ----------
+    only : names to which the search is limited; all causes if empty
+    without : names that are left out
+
+    Raises
+    ------
+    ValueError
+        If the catalogue has no cause of a name, or none is left.
+    """
+    for name in (*only, *without):
+        if name not in CATALOGUE:
+            raise ValueError(
+                f"no cause is named {name!r}{meant(name, CATALOGUE)}; the causes are {', '.join(CATALOGUE)}"
+            )
+    allowed = tuple(name for name in CATALOGUE if (not only or name in only) and name not in without)
+    if not allowed:
+        raise ValueError("no cause is left to consider")
+    return allowed
 
 
 def say_nothing(name: str) -> None:
@@ -67,17 +92,19 @@ class Weighing:
     ----------
     on_cause : called with the name of each cause before it is weighed
     instead : makers of causes that stand in the place of the catalogue's of that name
+    allowed : names of the causes that are considered
     """
 
     reference: Reference
     data: Comparison
     on_cause: Callable[[str], None] = field(default=say_nothing)
     instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
+    allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
 
     @cached_property
     def causes(self) -> Mapping[str, Cause]:
         """Those that have alternatives here, by name."""
-        makers = {name: self.instead.get(name, propose) for name, propose in CATALOGUE.items()}
+        makers = {name: self.instead.get(name, propose) for name, propose in CATALOGUE.items() if name in self.allowed}
         proposed = {name: propose(self.reference, self.data) for name, propose in makers.items()}
         return {name: cause for name, cause in proposed.items() if cause is not None}
 

@@ -9,7 +9,7 @@ less is held against it. What is found so is then judged, and taken on, with tha
 that the model is worse.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from updater.agreement import agreeing, drift_beside
-from updater.candidates import OF_THE_FILE, Candidate, Weighing, ranked, say_nothing
+from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.attached_oscillator import hides
 from updater.causes.base import Cause
@@ -95,6 +95,8 @@ def diagnose(
     heldout: ModalMean | None = None,
     circumstances: Circumstances = NOTHING_KNOWN,
     on_cause: Callable[[str], None] = say_nothing,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
 ) -> Explained:
     """Explain an event against a reference.
 
@@ -105,14 +107,23 @@ def diagnose(
     heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
     circumstances : what else is known of the event
     on_cause : called with the name of each cause before it is weighed
+    only : names of the causes to which the search is limited; all of the catalogue if empty
+    without : names of causes that are left out of it
 
     Raises
     ------
     ValueError
-        If fewer than three modes can be compared.
+        If fewer than three modes can be compared, or the catalogue has no cause of a name.
     """
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
-    plain = Weighing(reference, compare(reference, event, circumstances=circumstances, model_error=less), on_cause)
+    rough = compare(reference, event, circumstances=circumstances, model_error=less)
+    plain = Weighing(reference, rough, on_cause, allowed=allowed_causes(only, without))
+    if reference.filed is not None and OF_THE_FILE not in plain.causes:
+        raise ValueError(f"{OF_THE_FILE} cannot be left out: the structure file is too far from the measured modes")
+    if not plain.causes:
+        raise ValueError(
+            f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
+        )
     singles = plain.singles(() if reference.filed is None else (OF_THE_FILE,))
     search, singles = _one_sided(plain, singles)
     case = _Case(reference, event, search.data, singles, search)

@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ class Knob:
     """
 
     name: str
+    key: str  #: by which a person chooses it, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
     prior: float  #: standard deviation about the mean
     kind: Literal["stiffness", "support", "joint", "weld"]
     target: str = ""  #: material, index of the support, or member
@@ -69,11 +71,93 @@ def _is_rigid(knob: Knob) -> bool:
 
 
 def knobs_of(structure: Structure) -> list[Knob]:
+    """Return the parameters that may be updated: `all_knobs` without those that the structure fixes, bounded."""
+    free = [k for k in all_knobs(structure) if not any(_matches(structure, k, p) for p in structure.updating.fixed)]
+    return [_bounded(structure, knob) for knob in free]
+
+
+def check_updating(structure: Structure) -> None:
+    """Check that the parameters that a structure fixes or bounds exist, and that bounds hold the file's values.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, and the ones that there are.
+    """
+    knobs = all_knobs(structure)
+    for pattern in (*structure.updating.fixed, *structure.updating.bounds):
+        if not any(_matches(structure, knob, pattern) for knob in knobs):
+            known = ", ".join(knob.key for knob in knobs)
+            raise ValueError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
+    for pattern, (least, greatest) in structure.updating.bounds.items():
+        for knob in (k for k in knobs if _matches(structure, k, pattern) and not _is_rigid(k)):
+            filed = physical_value(structure, knob, knob.mean)
+            if not least <= filed <= greatest:
+                raise ValueError(
+                    f"updating: bounds of {pattern!r}: expected to contain the file's value {filed:.6g}, "
+                    f"found [{least:g}, {greatest:g}]"
+                )
+
+
+def _matches(structure: Structure, knob: Knob, pattern: str) -> bool:
+    """Return whether a pattern names a parameter; a member's name stands for its material's."""
+    keys = [knob.key]
+    if knob.kind == "stiffness":
+        keys += [f"{member.name}.E" for member in structure.member if member.material == knob.target]
+    return any(fnmatchcase(key, pattern) for key in keys)
+
+
+def _bounded(structure: Structure, knob: Knob) -> Knob:
+    """Return a parameter with the bounds that the structure sets; what the file has rigid has no greatest stiffness."""
+    for pattern, bounds in structure.updating.bounds.items():
+        if _matches(structure, knob, pattern):
+            lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
+            lower = knob.lower if _is_rigid(knob) else max(knob.lower, lower)
+            knob = replace(knob, lower=lower, upper=min(knob.upper, upper))
+    return knob
+
+
+def physical_value(structure: Structure, knob: Knob, value: float) -> float:
+    """Return a fitted value in the units of `physical_unit`."""
+    if knob.kind == "stiffness":
+        return _filed_modulus(structure, knob) * float(np.exp(value))
+    if knob.kind == "weld":
+        return 1 / (1 - value)
+    return flexibility_unit(structure, knob.axis) / value
+
+
+def fitted_value(structure: Structure, knob: Knob, value: float) -> float:
+    """Return the fitted value of a physical one: the inverse of `physical_value`."""
+    if knob.kind == "stiffness":
+        return float(np.log(value / _filed_modulus(structure, knob)))
+    if knob.kind == "weld":
+        return 1 - 1 / value
+    return flexibility_unit(structure, knob.axis) / value
+
+
+def physical_unit(structure: Structure, knob: Knob) -> str:
+    """Return the unit of a parameter: Pa, N m/rad, N/m, or - for a factor of stiffness."""
+    if knob.kind == "stiffness":
+        return "-" if structure.external is not None else "Pa"
+    if knob.kind == "weld":
+        return "-"
+    return "N m/rad" if knob.axis in TURNS else "N/m"
+
+
+def _filed_modulus(structure: Structure, knob: Knob) -> float:
+    """Return Young's modulus of a material [Pa], or the factor of matrices from another program."""
+    if structure.external is not None:
+        return structure.external.factor
+    return structure.material[knob.target].youngs_modulus
+
+
+def all_knobs(structure: Structure) -> list[Knob]:
     """Return the stiffness of each material and what each foot, bearing and joint may give."""
     if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
-        return [Knob(name="stiffness", prior=_STIFFNESS_PRIOR, kind="stiffness")]
+        return [Knob(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")]
     knobs = [
-        Knob(name=f"stiffness of {m}", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m) for m in structure.material
+        Knob(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
+        for m in structure.material
     ]
     for i, support in enumerate(structure.support):
         knobs += [_rigid(f"support {i}", a, "support", str(i), support.at) for a in may_give(support)]
@@ -88,8 +172,18 @@ def knobs_of(structure: Structure) -> list[Knob]:
         knobs += [_rigid(f"joint of {member}{place}", a, "joint", member, at) for a in TURNS]
         if any(knob.kind == "weld" and knob.at == at for knob in knobs):  # one holds all that meet there
             continue
-        weld = f"weld of {member}{place}"
-        knobs.append(Knob(name=weld, prior=_WELD_PRIOR, kind="weld", target=member, at=at, lower=0.0, upper=_WELDED))
+        knobs.append(
+            Knob(
+                name=f"weld of {member}{place}",
+                key=f"{member}{place}.weld",
+                prior=_WELD_PRIOR,
+                kind="weld",
+                target=member,
+                at=at,
+                lower=0.0,
+                upper=_WELDED,
+            )
+        )
     return knobs
 
 
@@ -101,7 +195,16 @@ def may_give(support: Support) -> list[Axis]:
 
 def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str, at: Vector) -> Knob:
     prior, lower = (_FLEXIBILITY_PRIOR, _RIGID) if axis in TURNS else (_BEARING_PRIOR, _UNMOVED)
-    return Knob(name=f"{name} flexibility {axis}", prior=prior, kind=kind, target=target, at=at, axis=axis, lower=lower)
+    return Knob(
+        name=f"{name} flexibility {axis}",
+        key=f"{name.removeprefix('joint of ')}.{axis}",
+        prior=prior,
+        kind=kind,
+        target=target,
+        at=at,
+        axis=axis,
+        lower=lower,
+    )
 
 
 def _stated(
@@ -110,6 +213,7 @@ def _stated(
     mean = flexibility_unit(structure, axis) / dict(spring.stiffness)[axis]  # type: ignore[index]
     return Knob(
         name=f"{name} flexibility {axis}",
+        key=f"{name.removeprefix('joint of ')}.{axis}",
         prior=_STATED_PRIOR * mean,
         kind=kind,
         target=target,

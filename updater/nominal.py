@@ -70,7 +70,7 @@ def nominal_reference(
     there = _reference(with_springs(structure), structure, windows, scatter, devices, n_modes)
     calibration, measured = there.calibration, scatter.mean(windows)
     off = measured.log_frequency[calibration.tracks] - np.log(calibration.nominal_frequency)
-    if structure.external is not None or np.median(np.abs(off)) < _FAR:
+    if structure.external is not None or not calibration.knobs or np.median(np.abs(off)) < _FAR:
         return there
     found = replace(there, filed=Filed(reference=there, value=as_filed(calibration.knobs)))
     measured = without_fault(there.baseline, measured)

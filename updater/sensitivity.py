@@ -24,6 +24,7 @@ Convergence = Literal[
     "the cost no longer falls",
     "the parameters stand still",
     "cost and parameters stand still",
+    "there are no parameters",
 ]
 _REASONS: tuple[Convergence, ...] = (
     "gave up after too many iterations",
@@ -86,6 +87,8 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
     prior : regularises; bounds may be infinite
     most : iterations
     """
+    if not len(prior.mean):
+        return _without_parameters(problem)
     regular = np.diag(1 / prior.std)
 
     def residual(x: FloatArray) -> FloatArray:
@@ -110,6 +113,21 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
         log_evidence=float(-found.cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
         iterations=int(found.nfev),
         reason=_REASONS[found.status],
+    )
+
+
+def _without_parameters(problem: Problem) -> SensitivityFit:
+    """Return the result where nothing may be updated."""
+    none = np.empty(0)
+    cost = float((problem.residual(none) ** 2).sum())
+    return SensitivityFit(
+        value=none,
+        std=none,
+        at_bound=np.empty(0, bool),
+        chi_square=cost,
+        log_evidence=-cost / 2,
+        iterations=1,
+        reason="there are no parameters",
     )
 
 

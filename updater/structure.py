@@ -196,6 +196,20 @@ class Recorder(Entry):
     clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
 
 
+class Updating(Entry):
+    """Choice of the model parameters that may be updated. Names are listed by `modalwatch structure --parameters`."""
+
+    fixed: tuple[str, ...] = ()  #: names of parameters that keep the value of the file; `*` stands for any characters
+    bounds: dict[str, tuple[Positive, Positive]] = Field(default_factory=dict)  #: least and greatest value, by name
+
+    @model_validator(mode="after")
+    def _bounds_are_ordered(self) -> Self:
+        for name, (least, greatest) in self.bounds.items():
+            if least >= greatest:
+                raise ValueError(f"bounds of {name}: expected [least, greatest], found [{least:g}, {greatest:g}]")
+        return self
+
+
 class Structure(Entry):
     """A frame of straight members with everything fixed to it."""
 
@@ -213,6 +227,7 @@ class Structure(Entry):
     sensor: tuple[Sensor, ...] = ()  #: as mounted
     sensors: dict[str, Correction] = Field(default_factory=dict)  #: of their channels, by the sensor's own name
     recorder: Recorder | None = None
+    updating: Updating = Updating()
 
     @model_validator(mode="before")
     @classmethod

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from updater.errors import StructureError
 from updater.keys import not_known
+from updater.knobs import check_updating
 from updater.section import Section
 from updater.sensor import Correction, Sensor
 from updater.structure import (
@@ -24,6 +25,7 @@ from updater.structure import (
     Segment,
     Structure,
     Support,
+    Updating,
 )
 from updater.structure_rewrite import rewrite
 
@@ -41,6 +43,7 @@ _ENTRIES: dict[str, type[BaseModel]] = {
     "sensor": Sensor,
     "sensors": Correction,
     "recorder": Recorder,
+    "updating": Updating,
 }
 _STAND_FOR_OTHERS = {"external": ["matrices"], "material": ["poisson_ratio"], "section": ["shape"]}
 
@@ -55,11 +58,16 @@ def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure
     """
     try:
         content: dict[str, Any] = tomllib.loads(text)
-        return Structure.model_validate(content).beside(Path(path).parent)
+        structure = Structure.model_validate(content).beside(Path(path).parent)
     except tomllib.TOMLDecodeError as error:
         raise StructureError(path, str(error)) from error
     except ValidationError as error:
         raise StructureError(path, _wrong(error, content)) from error
+    try:
+        check_updating(structure)
+    except ValueError as error:
+        raise StructureError(path, str(error)) from error
+    return structure
 
 
 def _wrong(error: ValidationError, content: dict[str, Any]) -> str:

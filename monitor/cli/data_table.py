@@ -150,6 +150,9 @@ def structure(
     ] = None,
     target: Annotated[str | None, typer.Option(metavar="MASS", help="A mass to be found, such as 50g.")] = None,
     within: Annotated[str, typer.Option(metavar="LENGTH", help="How near it must be found.")] = "50mm",
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="List the model parameters that may be updated, with sensitivities.")
+    ] = False,
 ) -> None:
     """Draw a structure, list its modes, and say what its sensors see of them and of a mass put on it."""
     from monitor.cli.structure import Asked, structure_command
@@ -162,6 +165,7 @@ def structure(
         target=target,
         within=within,
         channels=channels,
+        parameters=parameters,
     )
     raise typer.Exit(structure_command(file, asked, json_path=json, picture=out))
 

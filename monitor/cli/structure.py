@@ -10,6 +10,7 @@ from rich.markup import escape
 from monitor.channel_check import check_channels, measured_only
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
+from monitor.cli.parameter_table import SENSITIVITY_NOTE, parameter_table, parameters_json
 from monitor.cli.sight_json import as_json
 from monitor.cli.sight_shown import body_table, channel_words, clearer_words, helper_words, modes_table, plan_tables
 from monitor.errors import ArgumentError
@@ -18,7 +19,16 @@ from monitor.sight import ALIKE, Sight, look
 from monitor.structure_picture import draw_structure
 from monitor.target import Plan, plan
 from oma import PASS
-from updater import ModelError, Record, StructureError, Target, load_structure
+from updater import (
+    ModelError,
+    ParameterSensitivity,
+    Record,
+    Structure,
+    StructureError,
+    Target,
+    load_structure,
+    parameter_sensitivities,
+)
 
 console = Console(highlight=False)
 _USUAL_RATE = 1000.0  # Hz
@@ -37,6 +47,7 @@ class Asked:
     target: str | None
     within: str
     channels: Path | None
+    parameters: bool = False  #: whether the model parameters and their sensitivities are listed
 
     def record(self, heard: float) -> Record:
         """Return the record that is planned.
@@ -111,6 +122,7 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     _say(sight, planned)
     for words in channel_words(structure, check):
         console.print(escape(words))
+    sensitivities = _parameters(structure, asked.n_modes) if asked.parameters else None
     notes = odd_units(structure)
     if asked.highest is None and check is None:
         notes = [
@@ -121,8 +133,18 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
     console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
     if json_path:
-        write_json(json_path, as_json(sight, planned))
+        listed = {} if sensitivities is None else {"parameters": parameters_json(sensitivities)}
+        write_json(json_path, as_json(sight, planned) | listed)
     return DONE if check is None or check.good else NEEDS_A_PERSON
+
+
+def _parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity]:
+    """List the parameters that may be updated with their sensitivities, and return these."""
+    _, found = parameter_sensitivities(structure, n_modes)
+    console.print(parameter_table(found) if found else "no parameter may be updated")
+    if found:
+        console.print(SENSITIVITY_NOTE, style="dim", soft_wrap=True)
+    return found
 
 
 def _planned(sight: Sight, target: Target | None) -> Plan | None:

@@ -244,3 +244,17 @@ def test_structure_says_what_looks_like_another_unit(modalwatch: Commands, tmp_p
     done = modalwatch("structure", path)
     assert (done.code, done.err) == (0, "")
     assert "\nnote: material steel: waves would run through it at 5.2 m/s" in done.out
+
+
+def test_parameters_are_listed_with_their_sensitivities(tmp_path: Path, modalwatch: Commands) -> None:
+    """A cantilever's frequency goes with the square root of E: half of the 3 % that the prior allows."""
+    file, out = tmp_path / "bar.toml", tmp_path / "bar.json"
+    file.write_text(cantilever((1.0, "z")), encoding="utf-8")
+    done = modalwatch("structure", file, "--parameters", "--modes", 4, "--json", out)
+    assert done.code == 0
+    assert "steel.E" in done.out
+    assert "support 0.rz" in done.out
+    listed = {entry["name"]: entry for entry in json.loads(out.read_text(encoding="utf-8"))["parameters"]}
+    np.testing.assert_allclose(listed["steel.E"]["frequency_change"], -0.015, rtol=1e-4)
+    assert listed["steel.E"]["file"] == 210e9
+    assert listed["support 0.ry"]["file"] is None
