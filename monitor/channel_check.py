@@ -9,7 +9,7 @@ import numpy as np
 from daq import Channel, read_attachments
 from monitor.recordings import log_channels, log_rate
 from monitor.settings import Settings, load_settings, parse_settings
-from oma import PASS
+from oma import PASS, TOP
 from updater import Sensor, Structure
 
 _SAME_PLACE = 1e-3  # m
@@ -52,8 +52,8 @@ def check_channels(structure: Structure, path: Path) -> ChannelCheck:
 
 
 def _of_settings(settings: Settings) -> tuple[tuple[Channel, ...], float]:
-    heard, band = PASS * min(device.rate for device in settings.device), settings.analysis.band
-    return settings.channels, min(heard, band[1]) if band else heard
+    rate, band = min(device.rate for device in settings.device), settings.analysis.band
+    return settings.channels, min(TOP * rate, band[1]) if band else PASS * rate  # a device may have a filter
 
 
 def _of_log(path: Path) -> tuple[tuple[Channel, ...], float]:

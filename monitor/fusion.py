@@ -39,6 +39,7 @@ class Windows:
     end: int  #: of the latest one [ns UTC]
     rate: float  #: samples a second [Hz]
     delays: tuple[Mapping[str, float], ...] = ()  #: of the windows that gave modes: taken out of each device [s]
+    band: tuple[float, float] | None = None  #: band analysed in all these windows [Hz]; None: modes from elsewhere
 
     @property
     def worst_quality(self) -> WindowQuality:
@@ -87,6 +88,7 @@ def identify_windows(
     qualities: list[WindowQuality] = []
     spans: list[tuple[int, int, float]] = []
     delays: list[Mapping[str, float]] = []
+    bands: list[tuple[float, float]] = []
     for recording in recordings:
         on_window(recording)
         spans.append((recording.start, recording.end, recording.rate))
@@ -100,6 +102,7 @@ def identify_windows(
         qualities.append(found.quality)
         estimates.append(found.estimate)
         delays.append(found.delays)
+        bands.append(found.band)
         tones.append(found.harmonics)
     if not spans:
         raise IdentificationError("no window: the recording is too short")
@@ -113,7 +116,13 @@ def identify_windows(
         end=max(end for _, end, _ in spans),
         rate=spans[0][2],
         delays=tuple(delays),
+        band=common_band(bands),
     )
+
+
+def common_band(bands: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """Return the band that all windows share [Hz]; None without windows."""
+    return (max(low for low, _ in bands), min(high for _, high in bands)) if bands else None
 
 
 def common_tones(tones: Sequence[FloatArray]) -> FloatArray:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor.fusion import FusedModes, Windows
+from monitor.fusion import FusedModes, Windows, common_band
 from oma import merge
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones of two set-ups are the same one
@@ -35,6 +35,7 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
             start=min(w.start for w in windows),
             end=max(w.end for w in windows),
             rate=windows[0].rate,
+            band=common_band([w.band for w in windows if w.band]),
         ),
         FusedModes(estimate=merged, n=np.full(merged.n_modes, len(parts), np.intp), scatter=None),
     )

@@ -16,7 +16,7 @@ from oma.merging import match_setups, merge
 from oma.methods import Method
 from oma.pairing import mac_of_moving, pair_modes
 from oma.plscf import PLSCF
-from oma.pyramid import PASS
+from oma.pyramid import PASS, TOP
 from oma.quality import WindowQuality
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
@@ -34,6 +34,7 @@ __all__ = [
     "PASS",
     "PLSCF",
     "SAME_AS",
+    "TOP",
     "ComplexArray",
     "CovarianceSSI",
     "DataSSI",

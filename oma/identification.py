@@ -8,6 +8,7 @@ import numpy as np
 
 from daq import FloatArray, Recording
 from oma.alignment import aligned, delays_of_clean
+from oma.bandwidth import usable_share
 from oma.conditioning import cleaned, enough
 from oma.efdd import EFDD
 from oma.errors import TooFewModes, TooShort
@@ -18,7 +19,7 @@ from oma.harmonics import steady_modes
 from oma.methods import LevelModes, Method
 from oma.modes import Mode, distinct, physical, split_tones
 from oma.plscf import PLSCF
-from oma.pyramid import PASS, Decimator, HighPass, levels
+from oma.pyramid import PASS, TOP, Decimator, HighPass, levels
 from oma.quality import BlockQuality, WindowQuality, window_quality
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
@@ -39,6 +40,7 @@ class Identification:
     poles: Stabilization
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
     quality: WindowQuality
+    band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
     channels: Mapping[str, str]
     """Channel -> "ok", or what is wrong with it (`channel_faults`); those given up are not in the estimate."""
     delays: Mapping[str, float] = field(default_factory=dict)
@@ -56,7 +58,8 @@ def identify(
     method : Method, optional
         `DataSSI`, `CovarianceSSI`, ... with their options; DataSSI() unless given.
     band : (float, float), optional
-        Frequencies in which modes are sought [Hz]; unless given, from 100 periods in the recording to 0.40 of the rate.
+        Frequencies in which modes are sought [Hz], up to 0.48 of the rate. Default: from 100 periods in the recording
+        to 0.48 of the rate, or to 0.40 where the spectrum shows an anti-alias filter (`oma.bandwidth`).
 
     Returns
     -------
@@ -69,7 +72,7 @@ def identify(
     TooFewChannels, TooShort, TooFewModes
         If the recording does not allow an estimate; all are `IdentificationError`.
     ValueError
-        If the band is empty or beyond the recording's rate.
+        If the band is empty or begins above 0.48 of the rate.
     """
     return identify_all(recording, method, band).estimate
 
@@ -79,16 +82,18 @@ def identify_all(
 ) -> Identification:
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
     method = method or DataSSI()
-    band = _band(recording, method, band)
+    low, high = _band(recording, method, band)
     states = {channel.name: "ok" for channel in recording.channels}
     delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
     clean = cleaned(recording)
     recording = enough(clean)
+    if band is None:
+        high = usable_share(recording.data) * recording.rate
     delays |= delays_of_clean(recording)
     if any(delays.values()):
         recording = aligned(recording, delays)
     names = [channel.name for channel in recording.channels]
-    stream = IdentificationStream(names, recording.rate, band, method, start=recording.start)
+    stream = IdentificationStream(names, recording.rate, (low, high), method, start=recording.start)
     for block in np.array_split(recording.data, method.n_blocks):
         stream.add(block)
     found = _without_tones(stream.identify(), recording.data, recording.rate)
@@ -137,6 +142,7 @@ class IdentificationStream:
         start: int = 0,
     ) -> None:
         self._channels, self._rate, self._start = tuple(channels), rate, start
+        self._band = (band[0], min(band[1], TOP * rate))
         self._method = method or DataSSI()
         spans = levels(rate, band, self._method.decimation)
         self._drift = HighPass(_DRIFT * band[0] / rate)
@@ -184,6 +190,7 @@ class IdentificationStream:
             poles=poles,
             harmonics=harmonics,
             quality=window_quality(self._blocks, self._rate, modes[0].frequency),
+            band=self._band,
             channels=dict.fromkeys(self._channels, "ok"),
         )
 
@@ -216,13 +223,17 @@ class IdentificationStream:
 
 
 def _band(recording: Recording, method: Method, band: tuple[float, float] | None) -> tuple[float, float]:
-    """Return the band to search, checked."""
-    if recording.duration == 0:
-        raise TooShort(0, method.min_cycles * method.decimation / PASS / recording.rate)
+    """Return the band to search, checked; by default up to `TOP` of the rate."""
+    rate, duration = recording.rate, recording.duration
+    if duration == 0:
+        raise TooShort(0, method.min_cycles * method.decimation / PASS / rate)
     if band is None:
-        band = (method.min_cycles / recording.duration, PASS * recording.rate)
-        if band[0] >= band[1] / method.decimation:
-            raise TooShort(recording.duration, method.min_cycles * method.decimation / band[1])
-    if not 0 < band[0] < band[1] <= 0.5 * recording.rate:
-        raise ValueError(f"band: expected 0 < low < high <= {0.5 * recording.rate} Hz, found {band}")
+        low = method.min_cycles / duration
+        if low >= PASS * rate / method.decimation:
+            raise TooShort(duration, method.min_cycles * method.decimation / PASS / rate)
+        return low, TOP * rate
+    if not 0 < band[0] < band[1] <= 0.5 * rate:
+        raise ValueError(f"band: expected 0 < low < high <= {0.5 * rate} Hz, found {band}")
+    if band[0] >= TOP * rate:
+        raise ValueError(f"band: expected low < {TOP * rate:g} Hz ({TOP:g} of the rate), found {band[0]:g} Hz")
     return band

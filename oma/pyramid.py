@@ -12,7 +12,8 @@ from scipy import signal
 from daq import FloatArray
 from oma.gaps import bridged
 
-PASS = 0.40  #: upper end of the band kept at each rate, as a share of that rate [-]
+PASS = 0.40  #: upper end of the band kept at each lower rate, as a share of that rate [-]
+TOP = 0.48  #: the same of the recording's own rate, unless an anti-alias filter shows (`oma.bandwidth`) [-]
 HALF_LENGTH = 12  #: of the decimating filter [samples of the new rate]
 NOISE_LAGS = 4  #: left out after decimation: 3 % of white sensor noise is left beyond; 24 cost close modes [samples]
 OVERLAP = 0.9  #: a band begins at this share of the end of the next lower one [-]
@@ -48,7 +49,8 @@ def levels(rate: float, band: tuple[float, float], factor: int) -> list[Level | 
     result: list[Level | None] = []
     noise_lags = 0
     while True:
-        low, high = max(band[0], PASS * OVERLAP * rate / factor), min(band[1], PASS * rate)
+        top = PASS if result else TOP  # the decimating filter is flat up to PASS of each lower rate
+        low, high = max(band[0], PASS * OVERLAP * rate / factor), min(band[1], top * rate)
         result.append(Level(rate=rate, band=(low, high), noise_lags=noise_lags) if high > low else None)
         if low <= band[0]:
             return result

@@ -115,6 +115,7 @@ class Played:
             poles=_NO_POLES,
             harmonics=np.array([50.0]),
             quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),
+            band=(1.0, 400.0),
             channels=dict.fromkeys(estimate.channels, "ok") | self.dead,
             delays={f"d_{c}": 0.0 for c in estimate.channels},
         )

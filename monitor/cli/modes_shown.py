@@ -28,6 +28,7 @@ def as_json(windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner
             "start": windows.start,
             "end": windows.end,
             "rate": windows.rate,
+            "band": windows.band,
             "quality": asdict(windows.worst_quality) | {"remarks": windows.worst_quality.remarks},
         },
     }
@@ -69,6 +70,9 @@ def say_modes(
     what = f"{n} set-ups" if setups else f"{n} windows of {seconds}" if n > 1 else f"one window of {seconds}"
     title = f"{escape(', '.join(log.name for log in logs))}: {what}"
     console.print(_table(title, fused, partners))
+    if windows.band:
+        low, high = windows.band
+        console.print(f"band: {low:.4g} to {high:.4g} Hz ({high / windows.rate:.2f} of the rate)")
     if len(windows.harmonics):
         console.print("tones, no modes: " + ", ".join(f"{tone:.3f}" for tone in windows.harmonics) + " Hz")
     for channel, state in windows.channels.items():
