@@ -92,11 +92,11 @@ def figures(
     yield "offsets", beside.offsets_figure(found)
     if found.balance:
         reading = "added" if found.balance.log_odds > 0 else "loss"
-        yield "forces", beside.balance_figure(reference, found.balance, reading)[0]
+        yield "forces", beside.balance_figure(reference, found.balance, reading)
     yield "sensors", beside.sensors_figure(found)
     for signal in found.signals[:1]:
-        yield "signal", beside.signal_figures(signal)[0]
-        yield "spectrum", beside.signal_figures(signal)[1]
+        yield "signal", beside.signal_figure(signal)
+        yield "spectrum", beside.spectrum_figure(signal)
     yield "evidence", evidence_figure(diagnosis)
 
 

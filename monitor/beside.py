@@ -118,10 +118,13 @@ def _heard(
     """Return signals predicted without and with the causes, or why they cannot be."""
     expected = as_before(reference, _ALL)
     try:
-        first = virtual_sensing(recording, expected, measured)
         if extended is None:
-            return (first, None), ""
-        return (first, virtual_sensing(recording, as_extended(reference, extended, expected), measured)), ""
+            return (virtual_sensing(recording, expected, measured), None), ""
+        after = as_extended(reference, extended, expected)
+        return (
+            virtual_sensing(recording, expected, measured, [after]),
+            virtual_sensing(recording, after, measured, [expected]),
+        ), ""
     except ValueError as error:
         return None, f"sensors are not predicted from each other: {error}"
 

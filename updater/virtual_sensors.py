@@ -15,6 +15,7 @@ Kammer, "Estimation of structural response using remote sensor locations", J. Gu
 (2010), s. 7.3 on conditioned spectra.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +50,9 @@ class VirtualSensing:
     missed: FloatArray  #: (n_lines, n_channels) of what the prediction misses [(m/s2)^2/Hz]
 
 
-def virtual_sensing(recording: Recording, simulated: ModalMean, measured: ModalMean) -> VirtualSensing:
+def virtual_sensing(
+    recording: Recording, simulated: ModalMean, measured: ModalMean, compared: Sequence[ModalMean] = ()
+) -> VirtualSensing:
     """Predict every sensor from the others.
 
     Parameters
@@ -58,6 +61,7 @@ def virtual_sensing(recording: Recording, simulated: ModalMean, measured: ModalM
     simulated : (n,) whose shapes are tried
     measured : (n_measured,) whose frequencies and damping tell when each mode speaks; a mode that was not measured
         keeps the simulated frequency
+    compared : other simulated modes, whose resonances are evaluated as well: models are compared on the same lines
 
     Raises
     ------
@@ -69,8 +73,11 @@ def virtual_sensing(recording: Recording, simulated: ModalMean, measured: ModalM
         raise ValueError(f"channels to predict from each other: expected at least 3, found {len(channels)}")
     first, data = _gapless(recording, channels)
     lines: FloatArray = np.fft.rfftfreq(len(data), 1 / recording.rate).astype(np.float64)
-    modes, resonances = _modes(simulated.at(channels), known(measured.at(channels)))
-    parts = _about(resonances, lines, 2 * _LINES * len(channels))
+    measured = known(measured.at(channels))
+    modes, paired = _modes(simulated.at(channels), measured)
+    for other in compared:
+        paired = np.union1d(paired, _modes(other.at(channels), measured)[1])
+    parts = _about(_resonances(measured, paired), lines, 2 * _LINES * len(channels))
     if not parts:
         raise ValueError(
             f"recording: {len(data) / recording.rate:.3g} s are too short, or its rate too low, for a mode"
@@ -123,16 +130,25 @@ class _Modes:
         return np.asarray(ratio2**2 / ((1 - ratio2) ** 2 + 4 * self.damping**2 * ratio2))
 
 
-def _modes(simulated: ModalMean, measured: ModalMean) -> tuple[_Modes, FloatArray]:
-    """Return the modes, and the resonances (n, 2) that were measured: frequency and half-power bandwidth [Hz]."""
+def _modes(simulated: ModalMean, measured: ModalMean) -> tuple[_Modes, IndexArray]:
+    """Return the modes, and the measured modes (n,) that are paired with one of them, ascending."""
     partner = match_modes(simulated, measured)
     there = partner >= 0
     frequency, damping = np.exp(simulated.log_frequency), np.full(len(partner), _DAMPING)
     frequency[there] = np.exp(measured.log_frequency[partner[there]])
-    seen = measured.damping[partner[there]]
-    damping[there] = np.where(np.isfinite(seen), seen, _DAMPING)
-    width = 2 * damping * frequency
-    return _Modes(frequency, damping, simulated.shape), np.column_stack([frequency, width])[there]
+    damping[there] = _damping(measured)[partner[there]]
+    return _Modes(frequency, damping, simulated.shape), np.unique(partner[there])
+
+
+def _damping(measured: ModalMean) -> FloatArray:
+    """Return the damping (n,) of measured modes, a usual one where it is not known [-]."""
+    return np.where(np.isfinite(measured.damping), measured.damping, _DAMPING)
+
+
+def _resonances(measured: ModalMean, which: IndexArray) -> FloatArray:
+    """Return frequency and half-power bandwidth (n, 2) of some measured modes [Hz]."""
+    frequency = np.exp(measured.log_frequency[which])
+    return np.column_stack([frequency, 2 * _damping(measured)[which] * frequency])
 
 
 def _about(resonances: FloatArray, lines: FloatArray, least: int) -> list[IndexArray]:
@@ -163,13 +179,17 @@ def _left_out(spectrum: ComplexArray, lines: FloatArray, modes: _Modes) -> tuple
 
 
 def _forces(spectrum: ComplexArray, lines: FloatArray, modes: _Modes, response: FloatArray) -> FloatArray:
-    """Return the density (n,) of each mode's force: by the lines about its resonance, else the others' median."""
+    """Return the density (n,) of each mode's force: by the lines about its resonance, else the others' median.
+
+    None where no mode has its resonance there: a model that lacks the mode predicts nothing.
+    """
     found = np.full(len(modes.frequency), np.nan)
     for k, (frequency, shape) in enumerate(zip(modes.frequency, modes.shape, strict=True)):
         if lines[0] < frequency < lines[-1]:
             near = np.argsort(np.abs(lines - frequency))[: max(4, len(lines) // 4)]
             found[k] = (np.abs(spectrum[near] @ shape) ** 2).mean() / response[near, k].mean()
-    return np.where(np.isfinite(found), found, np.nanmedian(found))
+    known = np.isfinite(found)
+    return np.where(known, found, np.median(found[known]) if known.any() else 0.0)
 
 
 def _unpredictable(spectrum: ComplexArray) -> FloatArray:

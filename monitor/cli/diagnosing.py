@@ -9,15 +9,17 @@ from rich.console import Console
 
 from daq import AnyLog, LogError, Recording, as_logs, load_recordings
 from monitor.beside import discrepancy_result
-from monitor.cli.diagnosis_shown import say
+from monitor.cli.diagnosis_shown import say_answer, say_evidence
 from monitor.cli.drawing import draw, written
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.describe import bare_reference
-from monitor.diagnosing import Observation, explain, given_up, observe, window_seconds
+from monitor.diagnosing import Explanation, Observation, explain, given_up, observe, window_seconds
+from monitor.discrepancy import DiscrepancyResult
 from monitor.errors import ArgumentError, StateError
 from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
+from monitor.optional import run_optional
 from monitor.recordings import Held, log_channels, log_held
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
@@ -58,20 +60,17 @@ def diagnose_command(
             )
         except StateError as error:
             raise LogError(_named(getattr(logs, error.state)), str(error)) from error
-        status.update("setting measured beside simulated ...")
-        sample = (heldout or after).sample
-        health = health_result(found.health) if after.shaped else {}
-        beside = discrepancy_result(
-            found.reference, found.measured, found.explained, sample, trends_beside(after), health
-        )
-        diagnosis = _write(found.explained, structure_path, logs, out, json_path)
-        nearer = _write_nearer(found.explained, structure_path, logs, out)
-        if out:
-            draw(out, diagnosis, beside, found.reference.calibration.structure)
+    diagnosis = _write(found.explained, structure_path, logs, out, json_path)
+    nearer = _write_nearer(found.explained, structure_path, logs, out)
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
         for text in left_out_texts(given_up(one)) if one else ():
             console.print(f"warning: {_names(paths)}: {text}", style="yellow", markup=False, soft_wrap=True)
-    say(console, diagnosis, beside, bare_reference(found.reference.calibration.structure).nodes)
+    say_answer(console, diagnosis)
+    with console.status("comparing measured with simulated ..."):
+        compared = run_optional(
+            "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
+        )
+    say_evidence(console, diagnosis, compared, bare_reference(found.reference.calibration.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
     if nearer:
@@ -85,10 +84,21 @@ def diagnose_command(
             style="yellow",
         )
     if out:
+        with console.status("drawing ..."):
+            draw(out, diagnosis, compared, found.reference.calibration.structure)
         console.print(
             "written: " + ", ".join(str(path) for path in written(out, diagnosis)), soft_wrap=True, markup=False
         )
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _compared(found: Explanation, after: Observation, heldout: Observation | None) -> DiscrepancyResult:
+    """Return measured modes, sensors and signals compared with simulated ones."""
+    health = run_optional("the health of the sensors", lambda: health_result(found.health)) if after.shaped else None
+    sample = (heldout or after).sample
+    return discrepancy_result(
+        found.reference, found.measured, found.explained, sample, trends_beside(after), health or {}
+    )
 
 
 def _say_extended(path: str, *, fitted: bool) -> None:

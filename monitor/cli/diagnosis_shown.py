@@ -28,24 +28,44 @@ _STANDS_OUT = 3.0  # times what noise leaves, from which a sensor is named
 _MOST = 6  # refused causes that are told one by one
 
 
-def say(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
-    """Print verdict, causes, modes, what the explanation gains, and what to do next; `nodes` [m] are the model's."""
+def say_answer(console: Console, diagnosis: Diagnosis) -> None:
+    """Print verdict, causes and the next step."""
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in diagnosis.causes:
         console.print(_cause(cause))
-    if diagnosis.verdict == "unexplained" and found.balance and (where := left_over_text(found.balance, nodes)):
-        console.print(escape(where))
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
+
+
+def say_evidence(
+    console: Console, diagnosis: Diagnosis, found: DiscrepancyResult | None, nodes: Sequence[Vector]
+) -> None:
+    """Print what a diagnosis rests on: residual forces, modes, sensors, gain and refused causes.
+
+    Parameters
+    ----------
+    found : comparison of measured with simulated modes; None: not known
+    nodes : of the model [m]
+    """
+    if found is not None:
+        _compared(console, diagnosis, found, nodes)
+    if line := _gain(diagnosis, found.gain_std if found else None):
+        console.print(escape(line))
+    _refused(console, diagnosis)
+
+
+def _compared(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
+    """Print measured modes and sensors compared with simulated ones."""
+    known = diagnosis.verdict != "unexplained"
+    if not known and found.balance and (where := left_over_text(found.balance, nodes)):
+        console.print(escape(where))
     console.print(_modes(found))
     if not all(mode.compared for mode in found.modes):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
-    known = diagnosis.verdict != "unexplained"
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
-    for line in (_sensor(found), health, missed_text(found.sensors), _gain(diagnosis, found.gain_std)):
+    for line in (_sensor(found), health, missed_text(found.sensors)):
         if line:
             console.print(escape(line))
-    _refused(console, diagnosis)
 
 
 def _cause(cause: Cause) -> str:

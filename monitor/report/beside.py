@@ -110,39 +110,49 @@ def _column(values: list[float | None] | tuple[float | None, ...]) -> FloatArray
     return np.array([np.nan if v is None else v for v in values], float)
 
 
-def balance_figure(
-    reference: ReferenceResult, balance: BalanceResult, reading: str
-) -> tuple[Figure, str] | tuple[None, str]:
-    """Return one reading of the forces left over, drawn on the structure, and its strongest place in words.
+def balance_figure(reference: ReferenceResult, balance: BalanceResult, reading: str) -> Figure:
+    """Return one reading of the residual forces, drawn on the structure.
 
     Parameters
     ----------
     reference : with the nodes
-    balance : of the same nodes
+    balance : of the same nodes, known at one of them at least
     reading : loss or added
     """
-    values, std = _column(getattr(balance, reading)), _column(getattr(balance, reading + "_std"))
-    if not np.isfinite(values).any():
-        return None, ""
+    values, peak = _peak(balance, reading)
     figure = new_figure(WIDTH, 4.4)
     axes, frame = figure.subplots(), Frame(reference)
     what = "stiffness lacking [%]" if reading == "loss" else "mass on top [%]"
     frame.draw_values(axes, 100 * values, what)
+    if peak is not None:
+        frame.draw_note(axes, reference.nodes[peak[0]], peak[1])
+    return figure
+
+
+def balance_text(reference: ReferenceResult, balance: BalanceResult, reading: str) -> str:
+    """Return the strongest place of one reading in words; empty where nothing is known. Arguments as for the figure."""
+    values, peak = _peak(balance, reading)
+    if not np.isfinite(values).any():
+        return ""
+    if peak is None:
+        return f"nowhere beyond {SIGNIFICANT:g} standard deviations"
+    x, y, z = reference.nodes[peak[0]]
+    return f"strongest {peak[1]} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
+
+
+def _peak(balance: BalanceResult, reading: str) -> tuple[FloatArray, tuple[int, str] | None]:
+    """Return the values (n_nodes,), and the strongest node with its value in words if that is significant."""
+    values, std = _column(getattr(balance, reading)), _column(getattr(balance, reading + "_std"))
+    if not np.isfinite(values).any():
+        return values, None
     peak = int(np.nanargmax(np.abs(values)))
-    text = f"{100 * values[peak]:+.1f} ± {100 * std[peak]:.1f} %"
-    if abs(values[peak]) > SIGNIFICANT * std[peak]:
-        frame.draw_note(axes, reference.nodes[peak], text)
-        x, y, z = reference.nodes[peak]
-        return figure, f"strongest {text} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
-    return figure, f"nowhere beyond {SIGNIFICANT:g} standard deviations"
+    if abs(values[peak]) <= SIGNIFICANT * std[peak]:
+        return values, None
+    return values, (peak, f"{100 * values[peak]:+.1f} ± {100 * std[peak]:.1f} %")
 
 
-def signal_figures(signal: SignalBeside) -> tuple[Figure, Figure]:
-    """Return a sensor's signal in time, measured and predicted, and its spectrum with what is missed."""
-    return _time(signal), _spectrum(signal)
-
-
-def _time(signal: SignalBeside) -> Figure:
+def signal_figure(signal: SignalBeside) -> Figure:
+    """Return a sensor's signal in time, measured and predicted."""
     figure = new_figure(WIDTH, 2.2)
     axes = figure.subplots()
     t = 1000 * signal.step * np.arange(len(signal.measured))
@@ -156,7 +166,7 @@ def _time(signal: SignalBeside) -> Figure:
     return figure
 
 
-def _spectrum(signal: SignalBeside) -> Figure:
+def spectrum_figure(signal: SignalBeside) -> Figure:
     """Return amplitude densities about the resonances, one beside the other, each as wide as the others."""
     figure = new_figure(WIDTH, 2.2)
     axes = figure.subplots()

@@ -120,17 +120,17 @@ def _pictures(story: Story) -> dict[str, Picture | None]:
     spectra = story.spectra
     return {
         "structure": picture(
-            places.structure_figure(story.reference, answer) if story.reference else None,
+            lambda: places.structure_figure(story.reference, answer) if story.reference else None,
             "The structure with its sensors" + (f": {mass_text(answer)}" if answer else ""),
         ),
         "profile": picture(
-            places.profile_figure(answer, story.mass_unit) if answer else None,
+            lambda: places.profile_figure(answer, story.mass_unit) if answer else None,
             "How much worse every other place explains the data, in standard deviations",
         ),
-        "shifts": picture(trends.shifts_figure(story), "Frequency shift of every mode over time, ± 1σ"),
-        "novelty": picture(trends.novelty_figure(story), "Novelty over its limit, window by window"),
+        "shifts": picture(lambda: trends.shifts_figure(story), "Frequency shift of every mode over time, ± 1σ"),
+        "novelty": picture(lambda: trends.novelty_figure(story), "Novelty over its limit, window by window"),
         "spectrum": picture(
-            trends.spectrum_figure(*spectra[-1]) if spectra else None,
+            lambda: trends.spectrum_figure(*spectra[-1]) if spectra else None,
             "Singular values of the spectral matrix and the stabilisation diagram",
         ),
     }
@@ -140,10 +140,12 @@ def _increments(story: Story) -> dict[str, Any] | None:
     found = [w.increments for w in story.windows if w.increments]
     if not found or story.reference is None:
         return None
-    increments = found[-1]
-    figure = places.increments_figure(story.reference, increments)
+    increments, reference = found[-1], story.reference
     return {
-        "picture": picture(figure, "Nodal mass increments of the one-step update by direction"),
+        "picture": picture(
+            lambda: places.increments_figure(reference, increments),
+            "Nodal mass increments of the one-step update by direction",
+        ),
         "n_windows": increments.n_windows,
         "z_limit": f"{increments.z_limit:.1f}",
         "flagged": _flagged(story, increments),
@@ -220,11 +222,15 @@ def diagnosis_content(
     diagnosis: Diagnosis, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
 ) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
-    placed = fits.causes_figure(reference, diagnosis.causes) if reference else None
     return {
-        "places": picture(placed, "The structure with the causes where they are"),
-        "fits": picture(fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"),
-        "evidence": picture(evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
+        "places": picture(
+            lambda: fits.causes_figure(reference, diagnosis.causes) if reference else None,
+            "The structure with the causes where they are",
+        ),
+        "fits": picture(
+            lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
+        ),
+        "evidence": picture(lambda: evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
         "measured": measured_content(found, reference) if found else None,
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),

@@ -1,5 +1,6 @@
 """What the report says of measured beside simulated: plain values for the template, pictures among them."""
 
+from functools import partial
 from typing import Any
 
 from monitor.discrepancy import DiscrepancyResult, ModeBeside, SensorBeside
@@ -17,26 +18,28 @@ def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None
         "modes": [_mode(m) for m in found.modes],
         "not_compared": "" if all(m.compared for m in found.modes) else f"{MARK} {NOT_COMPARED}.",
         "after": any(m.off_percent_after is not None for m in found.modes),
-        "offsets": picture(beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"),
-        "mac": picture(beside.mac_figure(found), "MAC of simulated with measured modes"),
-        "sensors": picture(beside.sensors_figure(found), "Residual, missed signal and COMAC of each sensor"),
+        "offsets": picture(
+            lambda: beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"
+        ),
+        "mac": picture(lambda: beside.mac_figure(found), "MAC of simulated with measured modes"),
+        "sensors": picture(lambda: beside.sensors_figure(found), "Residual, missed signal and COMAC of each sensor"),
         "worst": _worst(found.sensors),
         "missed": missed_text(found.sensors),
         "health": health_rows({s.channel: s.health for s in found.sensors if s.health}),
         "balance": _balance(found, reference),
         "signals": [
-            tuple(
-                picture(figure, f"{signal.channel}: {what}")
-                for figure, what in zip(beside.signal_figures(signal), ("signal in time", "spectrum"), strict=True)
+            (
+                picture(partial(beside.signal_figure, signal), f"{signal.channel}: signal in time"),
+                picture(partial(beside.spectrum_figure, signal), f"{signal.channel}: spectrum"),
             )
             for signal in found.signals
         ],
         "trends": [
-            picture(beside.trends_figure(found.trends, over), f"Frequencies over {over}")
+            picture(partial(beside.trends_figure, found.trends, over), f"Frequencies over {over}")
             for over in dict.fromkeys(t.over for t in found.trends)
         ],
         "places": [
-            picture(density_figure(reference, p), f"Where along the structure {plain(p.cause)} may be")
+            picture(partial(density_figure, reference, p), f"Where along the structure {plain(p.cause)} may be")
             for p in found.places
             if reference
         ],
@@ -82,9 +85,10 @@ def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> lis
         readings.pop("loss" if found.balance.log_odds > 0 else "added")
     parts = []
     for reading, name in readings.items():
-        figure, text = beside.balance_figure(reference, found.balance, reading)
-        if figure is not None:
+        text = beside.balance_text(reference, found.balance, reading)
+        if text:
             odds = f" (log evidence {abs(found.balance.log_odds):.0f} over the other reading)" * (len(readings) == 1)
             title = f"Forces left over, read {name}{odds}: {text}"
-            parts.append({"picture": picture(figure, title), "text": title + "."})
+            drawn = picture(partial(beside.balance_figure, reference, found.balance, reading), title)
+            parts.append({"picture": drawn, "text": title + "."})
     return parts

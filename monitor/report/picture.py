@@ -1,9 +1,11 @@
 """What every part of the report's content is made of: pictures, and numbers that may be missing."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
+from monitor.optional import run_optional
 from monitor.report.svg import data_uri
 
 
@@ -15,9 +17,20 @@ class Picture:
     text: str  #: what it shows, for who cannot see it
 
 
-def picture(figure: Figure | None, text: str) -> Picture | None:
-    """Return a figure as a picture of the page, None for none."""
-    return None if figure is None else Picture(data_uri(figure), text)
+def picture(draw: Callable[[], Figure | None], text: str) -> Picture | None:
+    """Return a figure as a picture of the page; None for none, and where drawing it fails, which is logged.
+
+    Parameters
+    ----------
+    draw : makes the figure
+    text : what it shows
+    """
+
+    def inlined() -> Picture | None:
+        figure = draw()
+        return None if figure is None else Picture(data_uri(figure), text)
+
+    return run_optional(f"picture ({text})", inlined)
 
 
 def optional(value: float | None, form: str) -> str:

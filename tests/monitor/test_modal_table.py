@@ -72,6 +72,20 @@ def test_an_extended_model_beside_records_from_before_it_is_remarked_on(tmp_path
     assert "earlier diagnosis" in done.out
 
 
+def test_the_answer_is_given_before_anything_is_drawn(tmp_path: Path, modalwatch: Commands) -> None:
+    """The report cannot be written: that is an error, after the verdict, the JSON and the extended model."""
+    before, after = (table(tmp_path / f"{s}.csv", measured(s, b)) for s, b in ((1, None), (2, BODY)))
+    out = tmp_path / "out"
+    (out / "report.html").mkdir(parents=True)
+    done = modalwatch("diagnose", structure(tmp_path), after, "--reference", before, "--out", out)
+    assert done.code == 2
+    assert "report.html: cannot be written" in done.err
+    found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert found["verdict"] in {"explained", "ambiguous"}
+    assert Path(found["extended_model"]).exists()
+    assert "g added on the crossbeam" in " ".join(done.out.split())
+
+
 def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Commands) -> None:
     now, before = table(tmp_path / "now.csv", measured(3)), tmp_path / "before.csv"
     before.write_text("\n".join(["frequency", *(f"{2 * np.pi * f}" for f in measured(4).frequency)]), encoding="utf-8")

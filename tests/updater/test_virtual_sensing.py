@@ -61,6 +61,21 @@ def test_a_gain_is_missed_at_its_sensor(recording: Recording, channel: str) -> N
     assert error[at] == pytest.approx(np.hypot(0.3 / 0.7, right[at]), rel=0.05)
 
 
+def test_models_that_pair_other_modes_are_compared_on_the_same_lines(recording: Recording) -> None:
+    """The fourth mode is missing in one of two models: there it predicts nothing, elsewhere both agree."""
+    every = known_modes()
+    fewer = every.only(np.delete(np.arange(len(every.log_frequency)), 3))
+    alone = virtual_sensing(recording, fewer, every)
+    one, other = virtual_sensing(recording, fewer, every, [every]), virtual_sensing(recording, every, every, [fewer])
+    assert len(alone.frequency) < len(one.frequency)
+    np.testing.assert_array_equal(one.frequency, other.frequency)
+    np.testing.assert_array_equal(one.spectrum, other.spectrum)
+    ratio = np.sqrt(one.missed.sum(1) / one.spectrum.sum(1))
+    near = np.abs(one.frequency / np.exp(every.log_frequency[3]) - 1) < 0.01
+    assert near.any()
+    np.testing.assert_allclose(ratio[near], 1.0, atol=0.1)
+
+
 def test_a_gap_is_left_out(recording: Recording) -> None:
     data = recording.data.copy()
     data[1000:1100, 3] = np.nan

@@ -9,7 +9,7 @@ import pytest
 from discrepancy_helpers import NODES, STRUCTURE, shown
 from rich.console import Console
 
-from monitor.cli.diagnosis_shown import say
+from monitor.cli.diagnosis_shown import say_evidence
 from monitor.discrepancy import DiscrepancyResult
 from monitor.report import diagnosis_report
 
@@ -52,11 +52,11 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
 def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp_path: Path) -> None:
     found, why = shown(), "* takes no part in the answer: the reference lacks this mode"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
-    say(terminal, answers.diagnosis(), found, [])
+    say_evidence(terminal, answers.diagnosis(), found, [])
     assert why not in page_of(found, tmp_path).words + terminal.export_text()
     first, *others = found.modes
     marked = found.model_copy(update={"modes": (first.model_copy(update={"compared": False}), *others)})
-    say(terminal, answers.diagnosis(), marked, [])
+    say_evidence(terminal, answers.diagnosis(), marked, [])
     told = terminal.export_text()
     assert told.count("* 10.800") == told.count(why) == 1
     page = page_of(marked, tmp_path)
@@ -74,6 +74,18 @@ def test_only_the_reading_of_forces_that_is_clearly_better_is_shown(
     assert [text.split("read as ")[1].split()[0] for text in found] == readings
     x, y, z = NODES[7]
     assert all(f"+12.0 ± 0.2 % at ({x:.3f}, {y:.3f}, {z:.3f}) m" in text for text in found)
+
+
+def test_a_picture_that_fails_costs_only_itself(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A spectrum whose curves differ in length, as they did where windows paired other modes with the causes."""
+    whole = page_of(shown(), tmp_path).pictures
+    assert not caplog.records
+    (signal,) = shown().signals
+    broken = signal.model_copy(update={"missed_after": signal.missed[:-1]})
+    page = page_of(shown().model_copy(update={"signals": (broken,)}), tmp_path)
+    assert [text for text in whole if text not in page.pictures] == ["beam_left_z: spectrum"]
+    (record,) = caplog.records
+    assert record.getMessage().startswith("internal error, picture (beam_left_z: spectrum) is left out: ValueError: ")
 
 
 def test_what_is_missing_leaves_its_part_out(tmp_path: Path) -> None:
