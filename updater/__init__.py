@@ -66,7 +66,19 @@ from updater.structure import (
     Updating,
 )
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
-from updater.verdict import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Verdict, Where
+from updater.verdict import (
+    Cause,
+    Diagnosis,
+    FrequencyFit,
+    Gain,
+    ModeFit,
+    Pair,
+    ParameterChange,
+    Quantity,
+    Rejected,
+    Verdict,
+    Where,
+)
 from updater.virtual_sensors import VirtualSensing, virtual_sensing
 
 __all__ = [
@@ -122,6 +134,7 @@ __all__ = [
     "Pair",
     "PairingError",
     "Parameter",
+    "ParameterChange",
     "ParameterSensitivity",
     "Prior",
     "Quantity",

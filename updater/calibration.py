@@ -21,7 +21,17 @@ from updater.fe.assembly import build_model
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.internal_actions import parts_between
-from updater.knobs import TURNS, Knob, apply_knobs, connection_of, flexibility_unit, is_of, knobs_of, welded
+from updater.knobs import (
+    TURNS,
+    Knob,
+    apply_knobs,
+    connection_of,
+    flexibility_unit,
+    is_of,
+    knobs_of,
+    physical_slope,
+    welded,
+)
 from updater.modal_checks import check_baseline, check_unit
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
@@ -75,6 +85,15 @@ class Calibration:
             if knob.axis == axis and is_of(self.structure, connection, knob):
                 return parameter.std / parameter.value / dict(connection.stiffness.items())[axis]
         return 0.0
+
+    def physical_std(self) -> dict[str, float]:
+        """Return the standard deviation of each fitted parameter by its name, in physical units."""
+        found = {}
+        for knob, parameter in zip(self.knobs, self.parameters, strict=False):
+            if parameter.std > 0 and parameter.value:
+                value = 0.0 if knob.kind == "stiffness" else parameter.value  # of ln E: that of the calibrated modulus
+                found[knob.key] = parameter.std * physical_slope(self.structure, knob, value)
+        return found
 
     def only(self, kept: npt.NDArray[np.bool_]) -> "Calibration":
         """Return the same with some of the tracks (n_tracks,)."""

@@ -20,7 +20,7 @@ from updater.agreement import agreeing, drift_beside
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.attached_oscillator import hides
-from updater.causes.base import Cause
+from updater.causes.base import Cause, Parametric
 from updater.causes.composite import Chosen
 from updater.causes.one_sided_stiffness import propose_one_sided_stiffness
 from updater.circumstances import NOTHING_KNOWN, Circumstances
@@ -35,6 +35,7 @@ from updater.statistics import ModalMean
 from updater.structure import Structure
 from updater.verdict import Diagnosis, Verdict
 from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest, rejected_causes
+from updater.written_structure import rounded, simplified
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
@@ -317,6 +318,7 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
     acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
     for part in sorted(acting, key=_turn):
         extended = part.cause.extend(extended, part.row, part.theta)
+    extended = _as_known(case.reference.file, extended, best.parts)
     if OF_THE_FILE in best.names:
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
@@ -331,6 +333,16 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
         **settings,
     )
     return Explained(diagnosis, extended, gained, best.parts)
+
+
+def _as_known(reference: Reference, extended: Structure, parts: Sequence[Fit[Cause]]) -> Structure:
+    """Return an extended structure without springs and welds that change nothing, rounded to what is known of it."""
+    std = reference.calibration.physical_std()
+    for part in parts:
+        if isinstance(part.hypotheses, Parametric):
+            std |= part.hypotheses.physical_std(part)
+    knobs = reference.calibration.knobs
+    return rounded(simplified(extended, knobs), knobs, std)
 
 
 def _turn(chosen: Chosen) -> int:

@@ -24,6 +24,7 @@ _WELD_PRIOR = 0.5  # of the share of its flexibility that a joint's zone lacks b
 _WELDED = 0.95  # the most
 _THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
 _MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
+_PLACE_DIGITS = 6  # of a weld's place and extent in metres
 _START = 0.05  # of its standard deviation: where what is nominally rigid or not welded begins
 TURNS = AXES[3:]
 Meeting = tuple[str, Vector]  #: a member, and where it meets others
@@ -50,6 +51,31 @@ class Knob:
     upper: float = np.inf  #: greatest value
 
     @property
+    def quantity(self) -> str:
+        """Physical quantity that the parameter stands for."""
+        if self.kind == "stiffness":
+            return "Young's modulus" if self.target else "stiffness"
+        if self.kind == "weld":
+            return "stiffness factor of the joint zone"
+        if self.axis in TURNS:
+            return f"rotational stiffness about {self.axis[1]}"
+        return f"stiffness along {self.axis}"
+
+    @property
+    def of(self) -> str:
+        """Material, support or joint that it belongs to."""
+        if self.kind == "stiffness":
+            return self.target or "matrices"
+        if self.kind == "weld":
+            return self.target
+        return f"support {self.target}" if self.kind == "support" else f"the joint of {self.target}"
+
+    @property
+    def position(self) -> Vector | None:
+        """Node that it belongs to [m]; None for a material."""
+        return None if self.kind == "stiffness" else self.at
+
+    @property
     def start(self) -> float:
         """Where a fit begins."""
         return self.mean if self.mean or np.isinf(self.lower) else min(_START * self.prior, self.upper / 2)
@@ -57,16 +83,17 @@ class Knob:
 
 def with_springs(structure: Structure) -> Structure:
     """Return the structure with springs where feet, bearings and joints are rigid, so stiff that it shows nowhere."""
-    knobs = [knob for knob in knobs_of(structure) if _is_rigid(knob)]
+    knobs = [knob for knob in knobs_of(structure) if is_rigid(knob)]
     return apply_knobs(structure, knobs, as_filed(knobs))
 
 
 def as_filed(knobs: Sequence[Knob]) -> FloatArray:
     """Return the parameters (n_knobs,) of a structure as its file has them, with springs as by `with_springs`."""
-    return np.array([10 * knob.lower if _is_rigid(knob) else knob.mean for knob in knobs])
+    return np.array([10 * knob.lower if is_rigid(knob) else knob.mean for knob in knobs])
 
 
-def _is_rigid(knob: Knob) -> bool:
+def is_rigid(knob: Knob) -> bool:
+    """Return whether a parameter is of a connection that the file has rigid."""
     return knob.kind in {"support", "joint"} and not knob.mean
 
 
@@ -90,7 +117,7 @@ def check_updating(structure: Structure) -> None:
             known = ", ".join(knob.key for knob in knobs)
             raise ValueError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
     for pattern, (least, greatest) in structure.updating.bounds.items():
-        for knob in (k for k in knobs if _matches(structure, k, pattern) and not _is_rigid(k)):
+        for knob in (k for k in knobs if _matches(structure, k, pattern) and not is_rigid(k)):
             filed = physical_value(structure, knob, knob.mean)
             if not least <= filed <= greatest:
                 raise ValueError(
@@ -112,7 +139,7 @@ def _bounded(structure: Structure, knob: Knob) -> Knob:
     for pattern, bounds in structure.updating.bounds.items():
         if _matches(structure, knob, pattern):
             lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
-            lower = knob.lower if _is_rigid(knob) else max(knob.lower, lower)
+            lower = knob.lower if is_rigid(knob) else max(knob.lower, lower)
             knob = replace(knob, lower=lower, upper=min(knob.upper, upper))
     return knob
 
@@ -124,6 +151,14 @@ def physical_value(structure: Structure, knob: Knob, value: float) -> float:
     if knob.kind == "weld":
         return 1 / (1 - value)
     return flexibility_unit(structure, knob.axis) / value
+
+
+def physical_slope(structure: Structure, knob: Knob, value: float) -> float:
+    """Return the magnitude of the derivative of `physical_value`: the ratio of standard deviations."""
+    now = physical_value(structure, knob, value)
+    if knob.kind == "stiffness":
+        return now
+    return now**2 if knob.kind == "weld" else now / value
 
 
 def fitted_value(structure: Structure, knob: Knob, value: float) -> float:
@@ -263,7 +298,7 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
         elif knob.kind == "weld":
-            welds += _welds(structure, knob.at, value)
+            welds += weld_segments(structure, knob.at, value)
         elif knob.kind == "support":
             i, spring = int(knob.target), flexibility_unit(structure, knob.axis) / value
             supports[i] = _sprung(supports[i], knob.axis, spring)
@@ -303,12 +338,13 @@ def is_of(structure: Structure, connection: Support | Joint, knob: Knob) -> bool
     return knob.kind == "support" and connection.at == structure.support[int(knob.target)].at
 
 
-def _welds(structure: Structure, point: Vector, less: float) -> list[Segment]:
+def weld_segments(structure: Structure, point: Vector, less: float) -> list[Segment]:
     """Return the ends of the members that meet at a point, with so much less flexibility in bending and twist."""
     found = []
     for member, start, end in welded(structure, point):
-        x, y, z = member.point((start + end) / 2).tolist()
-        found.append(Segment(member=member.name, at=(x, y, z), extent=end - start, stiffness=1 / (1 - less)))
+        x, y, z = member.point((start + end) / 2).round(_PLACE_DIGITS).tolist()
+        extent = round(end - start, _PLACE_DIGITS)
+        found.append(Segment(member=member.name, at=(x, y, z), extent=extent, stiffness=1 / (1 - less)))
     return found
 
 
@@ -324,6 +360,7 @@ def welded(structure: Structure, point: Vector) -> list[tuple[Member, float, flo
 
 
 def _sprung(support: Support, axis: Axis, spring: float) -> Support:
+    """Return a support with a spring [N m/rad or N/m] about or along an axis."""
     fixed = tuple(a for a in support.fixed if a != axis)
     return support.model_copy(update={"fixed": fixed, "stiffness": {**support.stiffness, axis: spring}})
 

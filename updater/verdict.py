@@ -38,6 +38,19 @@ class Where(_Part):
     channels: tuple[str, ...] = ()
 
 
+class ParameterChange(_Part):
+    """A parameter of the model that a cause changes, in the units of engineers."""
+
+    name: str  #: as `modalwatch structure --parameters` lists it, such as `steel.E` or `support 0.ry`
+    quantity: str  #: such as `Young's modulus` or `rotational stiffness about y`
+    of: str  #: material, support or joint that it belongs to
+    position: Vector | None  #: of the support, the joint or the weld [m]
+    unit: str  #: Pa, N m/rad, N/m, or - for a factor of stiffness
+    before: float | None  #: None for a connection that was rigid
+    after: float
+    std: float  #: of `after`
+
+
 class Cause(_Part):
     """One accepted cause."""
 
@@ -46,6 +59,7 @@ class Cause(_Part):
     where: Where | None  #: None for a cause that has no place
     parameters: dict[str, Quantity]
     cannot_be_told_from: tuple[str, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()  #: of the model's own parameters, for causes that are made of them
 
 
 class Rejected(_Part):

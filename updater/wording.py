@@ -1,7 +1,7 @@
 """A diagnosis put into the plain values of its contract."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from daq import FloatArray
 from updater.apart import by_place
 from updater.causes.attached_oscillator import hides
-from updater.causes.base import Placed
+from updater.causes.base import Parametric, Placed
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison
@@ -22,7 +22,7 @@ from updater.shape_errors import beside
 from updater.size import size
 from updater.statistics import ModalMean
 from updater.structure import Joint, Structure, Support
-from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, Rejected, Vector
+from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, ParameterChange, Quantity, Rejected, Vector
 
 if TYPE_CHECKING:
     from updater.candidates import Candidate
@@ -126,6 +126,7 @@ def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
             probability=probability,
             where=part.hypotheses.where(part),
             parameters=part.hypotheses.parameters(part),
+            changes=part.hypotheses.changes(part) if isinstance(part.hypotheses, Parametric) else (),
             cannot_be_told_from=tuple(
                 dict.fromkeys(
                     (
@@ -291,4 +292,12 @@ def as_written(cause: Cause, structure: Structure) -> Cause:
                 name: q.model_copy(update={"value": now[name], "std": q.std * (now[name] / q.value) ** 2})
                 for name, q in found.items()
             }
-    return cause.model_copy(update={"parameters": found})
+    changes = [c.model_copy(update={"after": q.value, "std": q.std}) for c, q in _with_quantities(cause.changes, found)]
+    return cause.model_copy(update={"parameters": found, "changes": tuple(changes)})
+
+
+def _with_quantities(
+    changes: Sequence[ParameterChange], found: Mapping[str, Quantity]
+) -> list[tuple[ParameterChange, Quantity]]:
+    """Return each change of a spring with the parameter that it is, or of the model's own by its name."""
+    return [(c, found[c.name] if c.name in found else found[f"stiffness_{c.name.rpartition('.')[2]}"]) for c in changes]

@@ -18,7 +18,7 @@ KINDS = {
     "ambiguous": (203, Change(stiffness=0.97)),
     "unexplained": (204, Change(gain=tuple((c, 0.6) for c in ("col_037_x", "col_074_y", "beam_left_z", "beam_mid_y")))),
 }
-CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from"}
+CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from", "changes"}
 WHERE = {"member", "position", "position_std", "region", "channels"}
 GAIN = {"heldout", "frequency_error_percent", "one_minus_mac", "log_likelihood"}
 WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"}

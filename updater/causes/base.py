@@ -10,7 +10,7 @@ from updater.comparison import Comparison
 from updater.fit import Fit, Hypotheses
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity, Where
+from updater.verdict import ParameterChange, Quantity, Where
 
 
 class Cause(Hypotheses, Protocol):
@@ -70,6 +70,19 @@ class Placed(Protocol):
 
 
 C = TypeVar("C", bound=Cause, covariant=True)
+
+
+@runtime_checkable
+class Parametric(Protocol):
+    """A cause that changes parameters of the model."""
+
+    def changes(self, fit: "Fit[Any]") -> tuple[ParameterChange, ...]:
+        """Return the parameters that changed significantly, before and after."""
+        ...
+
+    def physical_std(self, fit: "Fit[Any]") -> dict[str, float]:
+        """Return the standard deviation of every fitted parameter by its name, in physical units."""
+        ...
 
 
 class Propose(Protocol[C]):

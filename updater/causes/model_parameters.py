@@ -17,11 +17,21 @@ from updater.calibration import spring_of
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.fe.model import Model
-from updater.knobs import TURNS, Knob, apply_knobs, connection_of, flexibility_unit, welded
+from updater.knobs import (
+    TURNS,
+    Knob,
+    apply_knobs,
+    connection_of,
+    flexibility_unit,
+    physical_slope,
+    physical_unit,
+    physical_value,
+    welded,
+)
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity
+from updater.verdict import ParameterChange, Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -32,6 +42,7 @@ _GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, fo
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
 _TURNED = slice(3, None)  # twist and bending: what a joint's zone has less of
 _LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
+_SIGNIFICANT = 2.0  # standard deviations from the file's value: what is less is no change
 _TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave less is one they tell of
 
 
@@ -40,6 +51,7 @@ class ModelParameters(Discrete):
     """One alternative: all parameters, over what the file says of them."""
 
     comparison: Comparison
+    filed: Structure  #: as in the file
     knobs: tuple[Knob, ...]
     said: FloatArray  #: (n_knobs,) what the file's model has for them
     moved: FloatArray  #: (n_knobs,) what the reference's model has over that
@@ -48,8 +60,7 @@ class ModelParameters(Discrete):
     place_free: bool = True
     advice: str = (
         "Use the extended model, or learn a reference from logs, which calibrates the same parameters; then only what "
-        "changes is left to explain. Stiffness is told over density, from which frequencies cannot tell it; "
-        "flexibilities count in L/(E I) of the longest member."
+        "changes is left to explain. Frequencies determine only the ratio of Young's modulus to density."
     )
 
     @property
@@ -87,26 +98,45 @@ class ModelParameters(Discrete):
         """Return none: they are everywhere."""
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return those that the data tell of: factors of stiffness, and the others as calibrations have them.
+        """Return the values after the change, in physical units."""
+        return {c.name: Quantity(value=c.after, std=c.std, unit=c.unit) for c in self.changes(fit)}
 
-        What stays as rigid, or as little welded, as the file has it is nothing that the file gets wrong.
+    def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
+        """Return the parameters that differ significantly from the file's, as in the file and as fitted.
+
+        Left out are those whose posterior is as wide as their prior, and those within two deviations of the file.
         """
         std = np.sqrt(np.diagonal(fit.covariance[0]))
-        stays = (fit.theta[0] <= self.lower[0]) & np.array([not knob.mean for knob in self.knobs])
-        found = {}
-        for k in np.flatnonzero((std < _TOLD * self.prior_std) & ~stays).tolist():
-            knob, value = self.knobs[k], float(self.said[k] + fit.theta[0, k])
-            if knob.kind == "stiffness":
-                factor = float(np.exp(value))
-                found[knob.name] = Quantity(value=factor, std=factor * float(std[k]), unit="-")
-            else:
-                found[knob.name] = Quantity(value=value, std=float(std[k]), unit=_unit(knob))
-        return found
+        significant = np.abs(fit.theta[0]) > _SIGNIFICANT * std
+        found = np.flatnonzero((std < _TOLD * self.prior_std) & significant & (fit.theta[0] > self.lower[0]))
+        return tuple(self._change(k, float(fit.theta[0, k]), float(std[k])) for k in found.tolist())
+
+    def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
+        """Return the standard deviations of all parameters."""
+        std = np.sqrt(np.diagonal(fit.covariance[0]))
+        every = (self._change(k, float(fit.theta[0, k]), float(std[k])) for k in range(len(self.knobs)))
+        return {change.name: change.std for change in every}
+
+    def _change(self, k: int, theta: float, std: float) -> ParameterChange:
+        knob, value = self.knobs[k], float(self.said[k] + theta)
+        rigid = knob.kind in {"support", "joint"} and not knob.mean
+        return ParameterChange(
+            name=knob.key,
+            quantity=knob.quantity,
+            of=knob.of,
+            position=knob.position,
+            unit=physical_unit(self.filed, knob),
+            before=None if rigid else physical_value(self.filed, knob, float(self.said[k])),
+            after=physical_value(self.filed, knob, value),
+            std=std * physical_slope(self.filed, knob, value),
+        )
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Write the new values."""
+        """Write the new values of all parameters that move; what stays rigid or without a weld gets no entry."""
         del row
-        return apply_knobs(structure, list(self.knobs), self.said + np.minimum(theta, self._upper))
+        moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+        value = self.said + np.minimum(theta, self._upper)
+        return apply_knobs(structure, [self.knobs[k] for k in moved], value[moved])
 
 
 def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
@@ -124,18 +154,12 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
         lower=np.minimum(lower, 0.0)[None],
         drifting=False,
         comparison=comparison,
+        filed=file.structure,
         knobs=knobs,
         said=said,
         moved=value - said,
         compliance=np.array([_compliance(reference, k, x, file.structure) for k, x in zip(knobs, value, strict=True)]),
     )
-
-
-def _unit(knob: Knob) -> str:
-    """Return what a parameter counts in: flexibilities in those of the longest member."""
-    if knob.kind in ("stiffness", "weld"):
-        return "-"
-    return "L/(E I)" if knob.axis in TURNS else "L3/(E I)"
 
 
 def _prior(knob: Knob, wider: float) -> float:

@@ -16,11 +16,11 @@ from daq import FloatArray, IndexArray
 from updater.borne import borne_by_spring
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
-from updater.knobs import flexibility_unit
+from updater.knobs import all_knobs, flexibility_unit, is_of
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import AXES, Axis, Joint, Structure, Support
-from updater.verdict import Quantity, Where
+from updater.verdict import ParameterChange, Quantity, Where
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -47,6 +47,7 @@ class Springs(Discrete):
     name: str
     advice: str
     comparison: Comparison
+    structure: Structure  #: that has the connections
     connections: tuple[Support | Joint, ...]  #: (n,) of each alternative
     axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
     active: BoolArray  #: (n, 3) of which each alternative changes these
@@ -81,6 +82,28 @@ class Springs(Discrete):
             std = float(np.hypot(more, self.before_std[fit.best, a])) * now**2
             found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
         return found
+
+    def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
+        """Return the springs that changed."""
+        connection, after = self.connections[fit.best], self.parameters(fit)
+        return tuple(
+            ParameterChange(
+                name=knob.key,
+                quantity=knob.quantity,
+                of=knob.of,
+                position=connection.at,
+                unit=after[f"stiffness_{knob.axis}"].unit,
+                before=_stiffness(connection)[knob.axis],
+                after=after[f"stiffness_{knob.axis}"].value,
+                std=after[f"stiffness_{knob.axis}"].std,
+            )
+            for knob in all_knobs(self.structure)
+            if is_of(self.structure, connection, knob) and f"stiffness_{knob.axis}" in after
+        )
+
+    def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
+        """Return the standard deviations of the springs."""
+        return {change.name: change.std for change in self.changes(fit)}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new stiffnesses."""
@@ -164,6 +187,7 @@ def _springs(
         lower=np.tile(lower, (2, 1)),
         drifting=True,
         comparison=comparison,
+        structure=structure,
         connections=2 * tuple(sprung[i][0] for i in which),
         axes=2 * tuple(sprung[i][1] for i in which),
         active=np.tile(active, (2, 1)),
