@@ -13,8 +13,7 @@ from monitor.acting import with_acting
 from monitor.errors import State, StateError
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
-from monitor.left_out import fallen_silent
-from oma import IdentificationError, ModalEstimate, aligned
+from oma import ChannelFault, IdentificationError, ModalEstimate, aligned
 from updater import (
     Circumstances,
     Explained,
@@ -285,15 +284,15 @@ def circumstances_of(reference: Reference, before: Observation | None, now: Obse
         trend=trend_of(now.modes.tracks(found), now.rms, earlier),
         devices=now.lateness.devices,
         wander=now.lateness.delays.wander,
-        faults=fallen_silent(given_up(now), given_up(before) if before else ()),
+        faults={c: f for c, f in given_up(now).items() if not before or c not in given_up(before)},
         steady=is_steady(now.modes, reference.scatter, now.rms, now.temperature),
     )
 
 
-def given_up(observation: Observation) -> dict[str, str]:
-    """Return what is wrong with the channels that no window gave shapes of."""
+def given_up(observation: Observation) -> dict[str, ChannelFault]:
+    """Return the faults of the channels that no window gave shapes of."""
     there = {c for e in observation.estimates for c in e.channels}
-    return {c: fault for c, fault in observation.windows.channels.items() if fault != "ok" and c not in there}
+    return {c: fault for c, fault in observation.windows.faults.items() if c not in there}
 
 
 def _mean(values: FloatArray) -> float:

@@ -11,10 +11,9 @@ from monitor.diagnosing import THERMOMETER_STD
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from monitor.fusion import choose_tracks, common_tones
 from monitor.lateness import InTime
-from monitor.left_out import fallen_silent
 from monitor.sensors_said import health_result
 from monitor.window import Window
-from oma import ModalEstimate
+from oma import ChannelFault, ModalEstimate
 from updater import (
     Circumstances,
     Explained,
@@ -39,7 +38,7 @@ class Seen:
     temperature: FloatArray  #: (n_windows,) [degC], NaN where no device has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
     tones: FloatArray  #: (n_tones,) steady in most of the windows [Hz]
-    faults: Mapping[str, str]  #: of channels that none of them gave shapes of
+    left_out: Mapping[str, ChannelFault]  #: of channels that none of them gave shapes of
 
 
 def seen_in(windows: Sequence[Window]) -> Seen:
@@ -49,9 +48,7 @@ def seen_in(windows: Sequence[Window]) -> Seen:
         temperature=np.array([window.temperature for window in windows]),
         rms=np.array([window.rms for window in windows]),
         tones=common_tones([window.harmonics for window in windows]),
-        faults={
-            c: fault for window in windows for c, fault in window.channels.items() if fault != "ok" and c not in there
-        },
+        left_out={c: fault for window in windows for c, fault in window.left_out.items() if c not in there},
     )
 
 
@@ -84,7 +81,7 @@ def explain_windows(
         trend=trend_of(modes, now.rms, (reference.windows, before.rms)),
         devices=windows.devices,
         wander=windows.delays.wander,
-        faults=fallen_silent({c: fault for c, fault in now.faults.items() if c not in there}, before.faults),
+        faults={c: f for c, f in now.left_out.items() if c not in there and c not in before.left_out},
     )
     event = reference.mean_of(stack_tracks(heard, tracks))
     found = diagnose(reference, event, circumstances=circumstances)

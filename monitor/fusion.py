@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
 from oma import (
+    ChannelFault,
     ComplexArray,
     IdentificationError,
     Method,
@@ -40,6 +41,7 @@ class Windows:
     rate: float  #: samples a second [Hz]
     delays: tuple[Mapping[str, float], ...] = ()  #: of the windows that gave modes: taken out of each device [s]
     band: tuple[float, float] | None = None  #: band analysed in all these windows [Hz]; None: modes from elsewhere
+    faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: most frequent fault of each faulty channel
 
     @property
     def worst_quality(self) -> WindowQuality:
@@ -84,7 +86,8 @@ def identify_windows(
     estimates: list[ModalEstimate] = []
     tones: list[FloatArray] = []
     problems: list[str] = []
-    faults: list[dict[str, str]] = []
+    faults: list[Mapping[str, ChannelFault]] = []
+    names: dict[str, None] = {}
     qualities: list[WindowQuality] = []
     spans: list[tuple[int, int, float]] = []
     delays: list[Mapping[str, float]] = []
@@ -92,13 +95,14 @@ def identify_windows(
     for recording in recordings:
         on_window(recording)
         spans.append((recording.start, recording.end, recording.rate))
+        names |= dict.fromkeys(channel.name for channel in recording.channels)
         try:
             found = identify_all(recording, method, band)
         except IdentificationError as error:
             problems.append(str(error))
-            faults.append({c.name: "ok" for c in recording.channels} | channel_faults(recording))
+            faults.append(channel_faults(recording))
             continue
-        faults.append(dict(found.channels))
+        faults.append(found.faults)
         qualities.append(found.quality)
         estimates.append(found.estimate)
         delays.append(found.delays)
@@ -106,10 +110,11 @@ def identify_windows(
         tones.append(found.harmonics)
     if not spans:
         raise IdentificationError("no window: the recording is too short")
+    usual = _usual_faults(faults)
     return Windows(
         estimates=tuple(estimates),
         harmonics=common_tones(tones),
-        channels=_channel_states(faults),
+        channels={name: str(usual.get(name, "ok")) for name in names},
         quality=tuple(qualities),
         problems=tuple(problems),
         start=min(start for start, _, _ in spans),
@@ -117,6 +122,7 @@ def identify_windows(
         rate=spans[0][2],
         delays=tuple(delays),
         band=common_band(bands),
+        faults=usual,
     )
 
 
@@ -132,15 +138,16 @@ def common_tones(tones: Sequence[FloatArray]) -> FloatArray:
     return np.array([np.median(group) for group in groups if len(group) > len(tones) / 2])
 
 
-def _channel_states(faults: Sequence[dict[str, str]]) -> dict[str, str]:
-    """Sum up what was wrong with each channel."""
-    states = {}
-    for channel in dict.fromkeys(name for window in faults for name in window):
-        said = [window[channel] for window in faults if window.get(channel, "ok") != "ok"]
-        most = Counter(said).most_common(1)[0][0] if said else "ok"
-        part = f" (in {len(said)} of {len(faults)} windows)" if 0 < len(said) < len(faults) else ""
-        states[channel] = most + part
-    return states
+def _usual_faults(windows: Sequence[Mapping[str, ChannelFault]]) -> dict[str, ChannelFault]:
+    """Return the most frequent fault of each channel, with the number of windows where it is not in all of them."""
+    found = {}
+    for channel in dict.fromkeys(name for window in windows for name in window):
+        seen = [window[channel] for window in windows if channel in window]
+        kind = Counter(fault.kind for fault in seen).most_common(1)[0][0]
+        most = Counter(fault for fault in seen if fault.kind == kind).most_common(1)[0][0]
+        part = f" (in {len(seen)} of {len(windows)} windows)" if len(seen) < len(windows) else ""
+        found[channel] = replace(most, text=most.text + part)
+    return found
 
 
 def choose_tracks(

@@ -1,6 +1,6 @@
 """Channels of logs that no window gives shapes of, and how that is said."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from oma import SAME_AS
 
@@ -22,18 +22,6 @@ def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict
             groups = [group for group in groups if group not in near] + [{name, other}.union(*near)]
     rest = {name: fault for name, fault in given_up.items() if other_of[name] is None}
     return [tuple(name for name in given_up if name in group) for group in groups], rest
-
-
-def fallen_silent(given_up: Mapping[str, str], before: Collection[str]) -> dict[str, str]:
-    """Return channels that have fallen silent; those that carry the same samples speak, if only for another.
-
-    Parameters
-    ----------
-    given_up : channel -> what is wrong with it
-    before : those that were given up before
-    """
-    _, found = told_apart(given_up)
-    return {channel: fault for channel, fault in found.items() if channel not in before}
 
 
 def _copied(fault: str, names: Mapping[str, str]) -> str | None:

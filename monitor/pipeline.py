@@ -80,7 +80,7 @@ class Pipeline:
         )
         seen = {
             "channels": list(window.in_time.channels),
-            "faults": {c: why for c, why in found.channels.items() if why != "ok" and c not in found.estimate.channels},
+            "faults": {channel: str(fault) for channel, fault in found.left_out.items()},
             "modes": self._judge.modes(window),
             "spectrum": spectrum_result(recording, found.poles),
             "problem": None,

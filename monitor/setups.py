@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from monitor.fusion import FusedModes, Windows, common_band
-from oma import merge
+from oma import ChannelFault, merge
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones of two set-ups are the same one
 
@@ -23,29 +23,26 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
     windows = [part for part, _ in parts]
     estimates = tuple(fused.estimate for _, fused in parts)
     merged = merge(estimates, references)
+    faults = _faults(windows)
     tones = np.sort(np.concatenate([w.harmonics for w in windows]))
     new = np.diff(np.log(tones), prepend=-np.inf) > _SAME_TONE
     return (
         Windows(
             estimates=estimates,
             harmonics=tones[new],
-            channels=_states(windows),
+            channels={c: str(faults.get(c, "ok")) for w in windows for c in w.channels},
             quality=tuple(quality for w in windows for quality in w.quality),
             problems=tuple(problem for w in windows for problem in w.problems),
             start=min(w.start for w in windows),
             end=max(w.end for w in windows),
             rate=windows[0].rate,
             band=common_band([w.band for w in windows if w.band]),
+            faults=faults,
         ),
         FusedModes(estimate=merged, n=np.full(merged.n_modes, len(parts), np.intp), scatter=None),
     )
 
 
-def _states(windows: Sequence[Windows]) -> dict[str, str]:
-    """Return what is wrong with each channel, in any of the set-ups."""
-    states: dict[str, str] = {}
-    for part in windows:
-        for channel, state in part.channels.items():
-            if states.get(channel, "ok") == "ok":
-                states[channel] = state
-    return states
+def _faults(windows: Sequence[Windows]) -> dict[str, ChannelFault]:
+    """Return the fault of each channel in the first set-up that has one."""
+    return {channel: fault for part in reversed(windows) for channel, fault in part.faults.items()}

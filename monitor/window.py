@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from daq import FloatArray, Recording
 from monitor.diagnosing import root_mean_square
 from monitor.lateness import without_known
-from oma import Identification, ModalEstimate
+from oma import ChannelFault, Identification, ModalEstimate
 from updater import DeviceDelays, estimate_delays, remove_delays
 
 
@@ -20,7 +20,7 @@ class Window:
     temperature: float  #: mean over the devices [degC], NaN if none has a sensor
     rms: float  #: of the acceleration, over all channels [m/s2]
     harmonics: FloatArray  #: (n_harmonics,) tones [Hz]
-    channels: Mapping[str, str]  #: channel -> "ok", or what is wrong with it
+    left_out: Mapping[str, ChannelFault]  #: channels that are not in the estimate
     estimate: ModalEstimate  #: as identified, known delays of channels removed
     delays: Mapping[str, float]  #: device -> taken out of `estimate` [s]
     in_time: ModalEstimate  #: the same without what is known of the devices' delays
@@ -54,7 +54,7 @@ def window_of(
         temperature=float(recording.temperature),
         rms=root_mean_square(recording),
         harmonics=found.harmonics,
-        channels=dict(found.channels),
+        left_out=found.left_out,
         estimate=estimate,
         delays=dict(seen),
         in_time=remove_delays(estimate, devices, tau),

@@ -5,7 +5,7 @@ from oma.conditioning import channel_faults
 from oma.efdd import EFDD
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
 from oma.estimate import ComplexArray, ModalEstimate
-from oma.faults import SAME_AS
+from oma.faults import SAME_AS, ChannelFault, FaultKind
 from oma.fdd import FDD
 from oma.following import Followed, Follower
 from oma.frequency_response import Resonance, fit_resonance
@@ -35,9 +35,11 @@ __all__ = [
     "PLSCF",
     "SAME_AS",
     "TOP",
+    "ChannelFault",
     "ComplexArray",
     "CovarianceSSI",
     "DataSSI",
+    "FaultKind",
     "Followed",
     "Follower",
     "Identification",

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from daq import FloatArray, Recording
 from oma.errors import TooFewChannels
-from oma.faults import MOST_SPIKES, signal_faults, without_spikes
+from oma.faults import MOST_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
 from oma.gaps import filled
 
 _MENTIONED = 0.01  # share of samples missing in a channel from which on it is said
@@ -21,14 +21,15 @@ class Cleaned:
     """A recording that can be analysed, and what was wrong with it."""
 
     recording: Recording  #: of the channels kept; spikes are out, short gaps filled
-    faults: Mapping[str, str]  #: channel -> what is wrong: with those given up, and with those mended
+    faults: Mapping[str, ChannelFault]  #: of the channels left out, and of those mended
 
 
 def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     """Give up channels that carry no signal of the structure, mend what can be mended, and say so.
 
     Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
-    of the recording is complete; gaps of a few samples are filled before (`oma.gaps`), and spikes are such gaps.
+    of the recording is complete; gaps of a few samples are filled before (`oma.gaps`). Spikes and a few clipped samples
+    are such gaps.
 
     Parameters
     ----------
@@ -45,10 +46,16 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     data = np.where(np.isfinite(recording.data), recording.data, np.nan)
     faults = {names[column]: fault for column, fault in signal_faults(data, names)}
     given_up = set(faults)
+    data, clipped = without_clipped(data)
+    for name, share in zip(names, clipped.tolist(), strict=True):
+        if share:
+            text = f"clipped: {share:.1%} of the samples are at a limit, and replaced"
+            faults.setdefault(name, ChannelFault(kind="clipped", text=text))
     data, taken = without_spikes(data)
     for name, share in zip(names, taken.tolist(), strict=True):
         if share:
-            faults.setdefault(name, f"spikes: {share:.2%} of the samples are taken out")
+            text = f"spikes: {share:.2%} of the samples are taken out"
+            faults.setdefault(name, ChannelFault(kind="spikes", text=text))
         if share > MOST_SPIKES:
             given_up.add(name)
     kept = [i for i, name in enumerate(names) if name not in given_up]
@@ -60,9 +67,8 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     for i in kept:
         if lost[i] > _MENTIONED:
             left = np.isnan(data[:, i]).mean()
-            faults.setdefault(
-                names[i], f"gaps: {lost[i]:.1%} of the samples were missing, {lost[i] - left:.1%} are filled"
-            )
+            text = f"gaps: {lost[i]:.1%} of the samples were missing, {lost[i] - left:.1%} are filled"
+            faults.setdefault(names[i], ChannelFault(kind="gaps", text=text))
     channels = tuple(recording.channels[i] for i in kept)
     return Cleaned(
         recording=replace(recording, channels=channels, data=data[:, kept]),
@@ -70,16 +76,18 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     )
 
 
-def _incomplete(data: FloatArray, columns: Sequence[int], min_complete: float) -> Iterator[tuple[int, str]]:
+def _incomplete(data: FloatArray, columns: Sequence[int], min_complete: float) -> Iterator[tuple[int, ChannelFault]]:
     """Yield the columns that have to go until enough rows are complete."""
     valid, kept = np.isfinite(data), list(columns)
     while kept and np.count_nonzero(valid[:, kept].all(axis=1)) < min_complete * len(valid):
         share = valid[:, kept].mean(axis=0)
-        yield kept.pop(int(np.argmin(share))), f"{share.min():.0%} of the samples are there"
+        text = f"{share.min():.0%} of the samples are there"
+        kind: FaultKind = "gaps" if share.min() > 0 else "no_signal"
+        yield kept.pop(int(np.argmin(share))), ChannelFault(kind=kind, text=text)
 
 
-def channel_faults(recording: Recording) -> dict[str, str]:
-    """Name the channels with which something is wrong, and say what: those given up, and those mended.
+def channel_faults(recording: Recording) -> dict[str, ChannelFault]:
+    """Return the faults of channels: of those that are left out, and of those that are mended.
 
     Parameters
     ----------
@@ -88,7 +96,7 @@ def channel_faults(recording: Recording) -> dict[str, str]:
     Returns
     -------
     dict
-        Channel name to reason.
+        Channel name to fault.
     """
     return dict(cleaned(recording).faults)
 
@@ -114,7 +122,7 @@ def enough(clean: Cleaned) -> Recording:
     """
     names = tuple(channel.name for channel in clean.recording.channels)
     if len(names) < 2:
-        raise TooFewChannels(names, 2, dict(clean.faults))
+        raise TooFewChannels(names, 2, {name: str(fault) for name, fault in clean.faults.items()})
     return clean.recording
 
 

@@ -8,6 +8,8 @@ converter.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +19,12 @@ from daq import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
+FaultKind = Literal["no_signal", "clipped", "wandering", "copy", "spikes", "gaps"]
 SAME_AS = "the same as "  #: how a fault begins that goes on with the name of another channel
 _LEAST_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
+#: share of samples: clipping takes as large a share off a channel's gain, of which replacing the samples gives at least
+#: three quarters back (tests/oma/test_faults.py); the rest is less than the 0.5 % to which gains are known
+MOST_CLIPPED = 0.02
 _PILE = 10.0  # how many times as many samples at a limit as next to it
 _SAME = 1e-6  # 1 - correlation of successive differences
 _SPIKE = 8.0  # of robust standard deviations: a Gaussian signal reaches it once in 1e15 samples
@@ -29,6 +35,21 @@ _COMPANY = 1 / 3  # share of the other channels that jump at the same time: a bl
 MOST_SPIKES = 0.05  #: share of samples: a channel that loses more is given up [-]
 _LOW, _MID, _HIGH = 10, 50, 100  # periods in the window: below _HIGH no mode is sought
 _ROBUST = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelFault:
+    """Fault of one channel's samples.
+
+    Only `no_signal` (constant, or no sample at all) is evidence of a dead sensor; the other kinds are of a sensor that
+    measures.
+    """
+
+    kind: FaultKind
+    text: str  #: description, with the share of samples concerned
+
+    def __str__(self) -> str:
+        return self.text
 
 
 def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -80,8 +101,35 @@ def _shifted(data: FloatArray, k: int) -> FloatArray:
     return data[np.clip(np.arange(len(data)) + k, 0, len(data) - 1)]
 
 
-def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Yield what is wrong with channels: constant, clipped, wandering, the same as another.
+def without_clipped(data: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Remove the samples at the limits of channels that are clipped a little.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+        NaN where a sample is missing.
+
+    Returns
+    -------
+    data : (n_samples, n_channels) array
+        NaN where samples were clipped.
+    removed : (n_channels,) array
+        Share of the samples [-]; 0 where too few or too many are clipped.
+    """
+    result, removed = data.copy(), np.zeros(data.shape[1])
+    for column, signal in enumerate(data.T):
+        there = signal[np.isfinite(signal)]
+        if not len(there) or np.ptp(there) == 0:
+            continue
+        highest, lowest = _at_limit(there), _at_limit(-there)
+        if _LEAST_CLIPPED < highest + lowest <= MOST_CLIPPED:
+            out = (signal == there.max()) & (highest > 0) | (signal == there.min()) & (lowest > 0)
+            result[out, column], removed[column] = np.nan, out.mean()
+    return result, removed
+
+
+def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int, ChannelFault]]:
+    """Yield the faults for which channels are left out: constant, clipped, wandering, the same as another.
 
     Parameters
     ----------
@@ -98,18 +146,20 @@ def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int,
         there = signal[np.isfinite(signal)]
         if len(there) and (fault := _own_fault(there)):
             yield column, fault
-    yield from ((column, SAME_AS + names[other]) for column, other in _copies(data))
+    for column, other in _copies(data):
+        yield column, ChannelFault(kind="copy", text=SAME_AS + names[other])
 
 
-def _own_fault(signal: FloatArray) -> str | None:
-    """Return what is wrong with one channel's samples."""
+def _own_fault(signal: FloatArray) -> ChannelFault | None:
+    """Return the fault of one channel's samples."""
     if np.ptp(signal) == 0:
-        return "constant"
-    share = max(_at_limit(signal), _at_limit(-signal))
-    if share > _LEAST_CLIPPED:
-        return f"clipped: {share:.1%} of the samples are at a limit"
+        return ChannelFault(kind="no_signal", text="constant")
+    share = _at_limit(signal) + _at_limit(-signal)
+    if share > MOST_CLIPPED:
+        return ChannelFault(kind="clipped", text=f"clipped: {share:.1%} of the samples are at a limit")
     if _wanders(signal):
-        return "wanders: as strong below 50 periods a window as in all of the band above 100"
+        text = "wanders: as strong below 50 periods a window as in all of the band above 100"
+        return ChannelFault(kind="wandering", text=text)
     return None
 
 

@@ -13,6 +13,7 @@ from oma.conditioning import cleaned, enough
 from oma.efdd import EFDD
 from oma.errors import TooFewModes, TooShort
 from oma.estimate import ModalEstimate
+from oma.faults import ChannelFault
 from oma.fdd import FDD
 from oma.fsdd import FSDD
 from oma.harmonics import steady_modes
@@ -41,10 +42,22 @@ class Identification:
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
     quality: WindowQuality
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
-    channels: Mapping[str, str]
-    """Channel -> "ok", or what is wrong with it (`channel_faults`); those given up are not in the estimate."""
+    recorded: tuple[str, ...]
+    """Names of all channels; those that were left out are not in the estimate."""
+    faults: Mapping[str, ChannelFault] = field(default_factory=dict)
+    """Of channels that were left out or mended (`channel_faults`)."""
     delays: Mapping[str, float] = field(default_factory=dict)
     """Device -> how late it was, 0 if that does not matter (`device_delays`) [s]."""
+
+    @property
+    def channels(self) -> dict[str, str]:
+        """Channel -> "ok", or a description of its fault."""
+        return {name: str(self.faults.get(name, "ok")) for name in self.recorded}
+
+    @property
+    def left_out(self) -> dict[str, ChannelFault]:
+        """Faults of the channels that are not in the estimate."""
+        return {name: fault for name, fault in self.faults.items() if name not in self.estimate.channels}
 
 
 def identify(
@@ -83,7 +96,7 @@ def identify_all(
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
     method = method or DataSSI()
     low, high = _band(recording, method, band)
-    states = {channel.name: "ok" for channel in recording.channels}
+    recorded = tuple(channel.name for channel in recording.channels)
     delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
     clean = cleaned(recording)
     recording = enough(clean)
@@ -97,7 +110,7 @@ def identify_all(
     for block in np.array_split(recording.data, method.n_blocks):
         stream.add(block)
     found = _without_tones(stream.identify(), recording.data, recording.rate)
-    return replace(found, delays=delays, channels=states | dict(clean.faults))
+    return replace(found, delays=delays, recorded=recorded, faults=clean.faults)
 
 
 def _without_tones(found: Identification, data: FloatArray, rate: float) -> Identification:
@@ -191,7 +204,7 @@ class IdentificationStream:
             harmonics=harmonics,
             quality=window_quality(self._blocks, self._rate, modes[0].frequency),
             band=self._band,
-            channels=dict.fromkeys(self._channels, "ok"),
+            recorded=self._channels,
         )
 
     @property

@@ -123,6 +123,8 @@ def faulty(recording: Recording, fault: str, seed: int) -> Recording:
         data[:, 2] += 3 * rms * np.cumsum(rng.standard_normal(n)) / np.sqrt(recording.rate)  # 3 rms in a second
     elif fault == "warming":
         data += 30 * rms * np.sin(np.linspace(0, 4, n) + 1)[:, None] * rng.uniform(0.5, 1, data.shape[1])
+    elif fault == "overdriven":
+        data[:, 2] = np.clip(signal_of, -2.6 * rms, 2.6 * rms)
     elif fault == "clipped":
         data[:, 2] = np.clip(signal_of, -1.2 * rms, 1.2 * rms)
     elif fault == "copy":
@@ -139,5 +141,6 @@ FAULTS = {
     "drift": "a channel that walks away",
     "warming": "all channels drift by 30 times their rms",
     "clipped": "a channel clipped at 1.2 of its rms",
+    "overdriven": "a channel clipped at 2.6 of its rms",
     "copy": "a channel that is another one over again",
 }

@@ -12,7 +12,7 @@ from monitor.memory import Memory
 from monitor.pipeline import Pipeline
 from monitor.results import Result, WindowResult
 from monitor.settings import Settings, parse_settings
-from oma import Identification, ModalEstimate, Stabilization, WindowQuality
+from oma import ChannelFault, Identification, ModalEstimate, Stabilization, WindowQuality
 from updater import Body, parse_structure, t_structure_toml
 
 STEP = 600  # s
@@ -116,7 +116,8 @@ class Played:
             harmonics=np.array([50.0]),
             quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),
             band=(1.0, 400.0),
-            channels=dict.fromkeys(estimate.channels, "ok") | self.dead,
+            recorded=true.channels,
+            faults={c: ChannelFault(kind="no_signal", text=why) for c, why in self.dead.items()},
             delays={f"d_{c}": 0.0 for c in estimate.channels},
         )
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from daq import FloatArray
+from oma import ChannelFault
 from updater.statistics import ModalMean, TrackedModes
 
 _SAME_TONE = 0.05  # of ln f: tones farther apart are different ones
@@ -41,7 +42,7 @@ class Circumstances:
     extra: ModalMean | None = None  #: modes that the baseline has not
     trend: Trend | None = None
     devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
-    faults: Mapping[str, str] = field(default_factory=dict)  #: channel given up in most windows -> what is wrong
+    faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: of channels that are left out since
     wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
     steady: bool = True  #: whether the event's windows are of one state (`updater.steadiness`)
 

@@ -63,7 +63,7 @@ def diagnose_command(
     diagnosis = _write(found.explained, structure_path, logs, out, json_path)
     nearer = _write_nearer(found.explained, structure_path, logs, out)
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
-        for text in left_out_texts(given_up(one)) if one else ():
+        for text in left_out_texts({c: str(fault) for c, fault in given_up(one).items()}) if one else ():
             console.print(f"warning: {_names(paths)}: {text}", style="yellow", markup=False, soft_wrap=True)
     say_answer(console, diagnosis)
     with console.status("comparing measured with simulated ..."):

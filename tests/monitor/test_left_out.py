@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from monitor.explaining import seen_in
-from monitor.left_out import fallen_silent, left_out_texts, told_apart
+from monitor.left_out import left_out_texts, told_apart
+from oma import ChannelFault
 
 
 @pytest.mark.parametrize(
@@ -40,15 +41,12 @@ def test_what_is_said_of_them() -> None:
     assert alone == "d is left out: constant"
 
 
-def window(faults: dict[str, str], heard: str) -> Any:
-    channels = dict.fromkeys("abc", "ok") | faults
+def window(left_out: dict[str, ChannelFault], heard: str) -> Any:
     estimate = SimpleNamespace(channels=tuple(heard))
-    return SimpleNamespace(temperature=20.0, rms=1.0, harmonics=np.empty(0), channels=channels, estimate=estimate)
+    return SimpleNamespace(temperature=20.0, rms=1.0, harmonics=np.empty(0), left_out=left_out, estimate=estimate)
 
 
-def test_a_channel_that_had_a_spike_in_the_baseline_falls_silent_as_any_other() -> None:
-    """What was mended, or left out of a window for a blow, was there; what was never there has not fallen silent."""
-    spike, blow = {"a": "spikes: 0.01% of the samples are taken out"}, {"b": "clipped: 0.2% of the samples"}
-    before = seen_in([window({"c": "constant"}, "ab"), window(spike | blow | {"c": "constant"}, "a")])
-    now = seen_in([window(dict.fromkeys("abc", "constant"), "")] * 3)
-    assert fallen_silent(now.faults, before.faults) == {"a": "constant", "b": "constant"}
+def test_a_channel_is_left_out_where_no_window_has_it() -> None:
+    constant, clipped = ChannelFault(kind="no_signal", text="constant"), ChannelFault(kind="clipped", text="clipped")
+    seen = seen_in([window({"b": clipped, "c": constant}, "a"), window({"c": constant}, "ab")])
+    assert seen.left_out == {"c": constant}

@@ -15,11 +15,13 @@ def test_faults_are_named() -> None:
     data[:, 0] = np.nan
     data[:, 1] = 9.81
     data[100:200, 2] = np.nan
-    assert channel_faults(recording(data)) == {
+    found = channel_faults(recording(data))
+    assert {name: str(fault) for name, fault in found.items()} == {
         "c0": "0% of the samples are there",
         "c1": "constant",
         "c2": "gaps: 10.0% of the samples were missing, 0.0% are filled",
     }
+    assert [fault.kind for fault in found.values()] == ["no_signal", "no_signal", "gaps"]
 
 
 def test_the_channel_with_most_gaps_is_given_up_first() -> None:
@@ -27,8 +29,9 @@ def test_the_channel_with_most_gaps_is_given_up_first() -> None:
     data[:400, 0] = np.nan
     data[700:, 1] = np.nan
     faults = channel_faults(recording(data))
-    assert faults["c0"] == "60% of the samples are there"
-    assert faults["c1"].startswith("gaps: 30.0%")
+    assert str(faults["c0"]) == "60% of the samples are there"
+    assert str(faults["c1"]).startswith("gaps: 30.0%")
+    assert [fault.kind for fault in faults.values()] == ["gaps", "gaps"]
 
 
 def test_mean_and_slope_go_whatever_is_missing() -> None:

@@ -10,6 +10,7 @@ from oma_scenes import FAULTS, SCENES, faulty, pairs
 
 from daq import Channel, FloatArray, Recording
 from oma import IdentificationError, channel_faults, identify_all
+from oma.conditioning import cleaned
 from oma.faults import without_spikes
 
 SCENE, SEED = SCENES["short"], 11
@@ -21,6 +22,7 @@ GIVEN_UP = {
     "copy": {"mass_3": "the same as mass_6", "mass_6": "the same as mass_3"},
 }
 MENDED = {"spikes": {"mass_3": "spikes: 1."}, "scattered": {f"mass_{i}": "gaps: " for i in range(1, 9)}}
+MENDED["overdriven"] = {"mass_3": "clipped: "}
 MENDED["gaps"] = {f"mass_{i}": "gaps: " for i in (3, 5, 8)}  # where this seed puts them
 
 UNHARMED: dict[str, dict[str, str]] = {"warming": {}}
@@ -44,7 +46,7 @@ def test_a_fault_is_named_and_biases_no_mode(fault: str) -> None:
     couples = pairs(found.estimate.frequency, found.estimate.shape, truth)
     assert len(couples) == found.estimate.n_modes == 8
     for i, j in couples:
-        # 16 errors a fault, nine faults: one in 1e5 beyond 4.5 standard deviations of thirty blocks each
+        # 16 errors a fault, ten faults: one in 1e5 beyond 4.5 standard deviations of thirty blocks each
         assert abs(found.estimate.frequency[i] - truth.frequency[j]) < 4.5 * found.estimate.frequency_std[i]
         assert abs(found.estimate.damping[i] - truth.damping[j]) < 4.5 * found.estimate.damping_std[i]
 
@@ -60,6 +62,22 @@ def test_sound_channels_have_no_fault(seed: int) -> None:
 def test_blows_that_all_channels_feel_are_no_spikes() -> None:
     recording = simulate(chain(), 60.0, 50.0, 3, noise=0.01, taps=20)
     assert channel_faults(recording) == {}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_clipping_of_one_sample_in_a_hundred_leaves_a_channel_its_gain(seed: int) -> None:
+    """Clipping takes its share of the samples off the gain, replacing them gives at least three quarters back."""
+    recording = simulate(chain(), 60.0, 50.0, seed, noise=0.01)
+    data = recording.data.copy()
+    limit = np.quantile(np.abs(data[:, 4]), 0.99)
+    clipped = np.clip(data[:, 4], -limit, limit)
+    mended = data.copy()
+    mended[:, 4] = clipped
+    cleaned_data = cleaned(replace(recording, data=mended)).recording.data
+    loss, left = (1 - data[:, 4] @ x / (data[:, 4] @ data[:, 4]) for x in (clipped, cleaned_data[:, 4]))
+    print(f"seed {seed}: gain lost {loss:.4f}, after filling {left:.4f}")
+    assert 0.005 < loss < 0.02
+    assert abs(left) < 0.25 * loss
 
 
 def test_a_spike_is_taken_out_with_its_neighbours() -> None:

@@ -1,6 +1,7 @@
 """Sealed cases from accelerations through the command: recorded, logged, read, identified, tracked, diagnosed."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ from sealed_cases import Case, draw
 from sealed_score import score
 from sealed_signals import recorded
 from sealed_solid import STRUCTURE as BAR
+from sealed_specimen import State
 
-from daq import write_recording
+from daq import Recording, write_recording
 from updater import t_structure_toml
 
 SECONDS = 120.0
@@ -38,6 +40,36 @@ def log_of(case: Case, folder: Path, when: str) -> Path:
         random = np.random.default_rng((case.seed, 7, len(path.name) if when == "after" else 0))
         write_recording(path, recorded(state, SECONDS, random))
     return path
+
+
+@pytest.mark.parametrize("share", [0.004, 0.1])
+def test_channels_that_a_machine_overdrives_are_reported_and_are_no_cause(
+    logs: Path, modalwatch: Commands, share: float
+) -> None:
+    """Nothing changed; a tone 1 % beside a mode clips the two loudest channels in the current record only."""
+    case = draw("nothing", 401)
+    structure, answer = logs / "structure.toml", logs / "answer.json"
+    structure.write_text(t_structure_toml(), encoding="utf-8")
+    before, after = log_of(case, logs, "before"), logs / f"overdriven-{share:g}.mcap"
+    recording = overdriven(case.done.after, recorded(case.done.after, SECONDS, np.random.default_rng(8)), share)
+    write_recording(after, recording)
+    done = modalwatch("diagnose", structure, after, "--reference", before, "--json", answer)
+    assert json.loads(answer.read_text(encoding="utf-8"))["verdict"] == "nothing_to_explain", done.out
+    assert done.code == 0
+    assert ("left out: clipped" in done.out) == (share > 0.02)
+
+
+def overdriven(state: State, recording: Recording, share: float) -> Recording:
+    """Add a tone that the structure amplifies, and clip that share of the samples of the two loudest channels."""
+    motion = state.motion(16)
+    mode = int(np.argmax(motion.frequency > 20.0))
+    tone = np.sin(2 * np.pi * 1.012 * motion.frequency[mode] * np.arange(len(recording.data)) / recording.rate)
+    shape = (motion.at_sensors[mode] * state.gain)[state.order]
+    data = recording.data + 6 * recording.data.std(axis=0).max() / np.abs(shape).max() * np.outer(tone, shape)
+    for channel in np.argsort(-np.abs(data).max(axis=0))[:2]:
+        limit = np.quantile(np.abs(data[:, channel]), 1 - share)
+        data[:, channel] = np.clip(data[:, channel], -limit, limit)
+    return replace(recording, data=data)
 
 
 @pytest.mark.parametrize(("cell", "seed"), CASES)

@@ -1,13 +1,14 @@
 """Faults of the measuring chain hidden in another model's modes: named, sized, written down."""
 
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
-from oma import ModalEstimate
+from oma import ChannelFault, FaultKind, ModalEstimate
 from updater import (
     Circumstances,
     Diagnosis,
@@ -56,7 +57,7 @@ class Rig:
         windows = [self.window(model or self.bare, self.gain * gain, self.late + late) for _ in range(5)]
         return matched(self.reference.baseline, self.reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
 
-    def explained(self, event: ModalMean, faults: dict[str, str] | None = None) -> Explained:
+    def explained(self, event: ModalMean, faults: dict[str, ChannelFault] | None = None) -> Explained:
         known = Circumstances(devices=DEVICES, faults=faults or {})
         return diagnose(self.reference, event, circumstances=known)
 
@@ -129,8 +130,17 @@ def test_channel_that_identification_gave_up() -> None:
     rig = Rig(222)
     lost = ("col_037_x", "col_037_y")
     event = rig.event().at(tuple(c for c in CHANNELS if c not in lost))
-    the_cause(rig.explained(event, dict.fromkeys(lost, "constant")).diagnosis, "sensor_dead", *lost)
+    constant = ChannelFault(kind="no_signal", text="constant")
+    the_cause(rig.explained(event, dict.fromkeys(lost, constant)).diagnosis, "sensor_dead", *lost)
     assert rig.explained(event).diagnosis.verdict == "nothing_to_explain"  # not recorded is not broken
+
+
+@pytest.mark.parametrize("kind", set(get_args(FaultKind)) - {"no_signal"})
+def test_channel_left_out_for_another_reason_is_no_cause(kind: FaultKind) -> None:
+    rig = Rig(223)
+    event = rig.event().at(tuple(c for c in CHANNELS if c != "beam_mid_y"))
+    faults = {"beam_mid_y": ChannelFault(kind=kind, text="left out")}
+    assert rig.explained(event, faults).diagnosis.verdict == "nothing_to_explain"
 
 
 def test_small_errors_that_were_there_before_are_no_faults() -> None:

@@ -1,7 +1,8 @@
-"""A channel, or a device, that says nothing of the structure: noise, or no more than identification could give up.
+"""Dead channels or devices: no part of the structure's motion in their samples.
 
-Of a channel that is still among the shapes, all components are zero. One that identification gave up is missing there;
-that it was given up, and why, is the evidence.
+A channel that is still among the shapes has zero components in all of them. A channel that identification left out
+because it has no signal (constant, or no samples) is missing there, which is the evidence. Channels that were left out
+for another reason - clipped, wandering, copied, spikes, gaps - do measure: they are reported, and are no cause.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
 
-_LOG_ODDS = float(np.log(1e6))  # that a channel which works is not given up in most windows of an event
+_LOG_ODDS = float(np.log(1e6))  # that a channel which works has a signal in some window of an event
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -23,7 +24,7 @@ class SensorDead(Chain):
     """Channels that say nothing, together; there is no parameter."""
 
     hears: FloatArray  #: (n_alternatives, n_channels) 0 for the channels of each that are compared
-    given_up: bool  #: whether they are those that identification gave up
+    without_signal: bool  #: whether they are those that identification left out without a signal
     name: str = "sensor_dead"
     advice: str = "Tap beside the sensor: if its channel does not answer, look at the cable, then change the sensor."
 
@@ -34,9 +35,9 @@ class SensorDead(Chain):
         return replace(none, chain=none.chain * self.hears[rows][:, :, None])
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what it says that identification gave channels up."""
+        """Return the evidence of channels that have no signal."""
         del covariance
-        return np.full(len(theta), _LOG_ODDS if self.given_up else 0.0)
+        return np.full(len(theta), _LOG_ODDS if self.without_signal else 0.0)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Take the gain away."""
@@ -45,9 +46,10 @@ class SensorDead(Chain):
 
 
 def propose_sensor_dead(reference: Reference, comparison: Comparison) -> SensorDead:
-    """Return the channels that identification gave up; if it gave up none, every channel and every device."""
+    """Return the channels that have no signal; where all have one, every channel and every device."""
     faults, known = comparison.circumstances.faults, reference.calibration.structure.speaking
-    missing = tuple(c for c in known if c in faults and c not in comparison.channels)
+    silent = {channel for channel, fault in faults.items() if fault.kind == "no_signal"}
+    missing = tuple(c for c in known if c in silent and c not in comparison.channels)
     groups = [missing] if missing else groups_of(reference, comparison)
     return SensorDead(
         prior_std=np.zeros(0),
@@ -56,5 +58,5 @@ def propose_sensor_dead(reference: Reference, comparison: Comparison) -> SensorD
         comparison=comparison,
         channels=tuple(groups),
         hears=np.array([[float(c not in group) for c in comparison.channels] for group in groups]),
-        given_up=bool(missing),
+        without_signal=bool(missing),
     )
