@@ -65,7 +65,7 @@ class WatchedSites:
         self.waiting.append(judged)
         if len(self.waiting) > GUARD // CHUNK:
             first = self.waiting.pop(0)
-            self.watched = accept(self.watched, first.terms, first.whitened)
+            self.watched = accept(self.watched, first.terms, first.teaching)
 
     def reset_alarms(self) -> None:
         """Forget alarms."""

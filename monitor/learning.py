@@ -74,6 +74,7 @@ class Watch:
             temperature=window.temperature,
             coldest=min(known),
             warmest=max(known),
+            silent_hours=self.detector.silent_hours,
         )
 
     @property

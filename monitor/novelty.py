@@ -61,6 +61,12 @@ class Detector:
         """What to go on from."""
         return DetectorState(watched=self._watched, before=self._before, calm=tuple(self._calm), out=tuple(self._out))
 
+    @property
+    def silent_hours(self) -> float | None:
+        """Return the time since the last temperature reading [h]; None if the last window has one, or none ever had."""
+        climate = self._watched.climate
+        return float(climate.silent) / 3600 if climate.silent > 0 and np.isfinite(climate.air) else None
+
     def moved(self, n: int) -> tuple[DetectorState, Shift]:
         """Return what to go on from where the structure is now by the last n windows, all over the limit."""
         shift = shift_of(self._watched, self._out[-n:])
@@ -114,7 +120,7 @@ class Detector:
         elif len(self._calm) >= GUARD + CHUNK:
             chunk, self._calm = self._calm[:CHUNK], self._calm[CHUNK:]
             known = np.concatenate([j.terms for j in chunk])
-            self._watched = accept(self._watched, known, np.concatenate([j.whitened for j in chunk]))
+            self._watched = accept(self._watched, known, np.concatenate([j.teaching for j in chunk]))
 
 
 def watching_of(settings: Settings) -> Watching:

@@ -1,5 +1,6 @@
 """From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -40,14 +41,16 @@ class Pipeline:
             window_seconds=analysis.window_seconds,
             step_seconds=settings.step_seconds,
         )
-        self._weather = Weather(settings.temperature.stale_minutes) if settings.temperature else None
+        offset = memory.thermometer_offset if memory else math.nan
+        self._weather = Weather(settings.temperature.stale_minutes, offset) if settings.temperature else None
         self._judge = Judge(structure, settings, memory)
         self._resumed = memory is not None  # which has not been said yet
 
     @property
     def memory(self) -> Memory:
         """What to go on from after a restart."""
-        return self._judge.memory
+        memory = self._judge.memory
+        return replace(memory, thermometer_offset=self._weather.offset) if self._weather else memory
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Take one item in the log's order; yield what it lets be said."""

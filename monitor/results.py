@@ -66,6 +66,9 @@ class Unsure(_Result):
     temperature: Number  #: of the window [degC]
     coldest: Number  #: of the baseline's windows [degC]
     warmest: Number  #: [degC]
+    silent_hours: float | None = (
+        None  #: since the last temperature reading, if there was one and the window has none [h]
+    )
 
     @property
     def outside(self) -> bool:

@@ -15,6 +15,9 @@ def unsure_text(found: Sequence[Unsure]) -> str:
     where = f"at {_between(min(known), max(known))} degC" if known else ""
     if worst.outside:
         where += f", which the baseline had not seen ({_between(worst.coldest, worst.warmest)} degC),"
+    silent = max((one.silent_hours for one in found if one.silent_hours is not None), default=None)
+    if silent is not None:
+        where += f"{' and ' if where else ''}without a temperature reading for up to {silent:.1f} h,"
     told = f"of changes of all frequencies alike only those of more than {worst.least_percent:.2g} % could be told"
     return f"{where} {told}".lstrip()
 

@@ -25,12 +25,13 @@ class Weather:
     Parameters
     ----------
     stale_minutes : age beyond which a reading says nothing of a window
+    offset : of the thermometer against the devices' mean, of the run before [K]; NaN if not known
     """
 
-    def __init__(self, stale_minutes: float) -> None:
+    def __init__(self, stale_minutes: float, offset: float = math.nan) -> None:
         self._stale = round(stale_minutes * 60e9)
         self._readings: list[tuple[int, float]] = []  # time [ns UTC] and temperature [degC]
-        self._apart = math.nan  # of it and the devices' mean, of late [K]
+        self.offset = offset  #: of it against the devices' mean, averaged over the last windows [K]
 
     def take(self, event: Event) -> None:
         """Take what stands in the log."""
@@ -50,8 +51,8 @@ class Weather:
             found = float(np.mean(within)) if within else max(known)[1]
             self._compare(found - recording.temperature)
             return found
-        return recording.temperature + self._apart
+        return recording.temperature + self.offset
 
     def _compare(self, apart: float) -> None:
         if math.isfinite(apart):
-            self._apart = apart if math.isnan(self._apart) else self._apart + _FORGET * (apart - self._apart)
+            self.offset = apart if math.isnan(self.offset) else self.offset + _FORGET * (apart - self.offset)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray
-from monitor.detection.environment import MEMORY, remember, terms
+from monitor.detection.environment import Climate, first_climate, follow, terms
 from monitor.detection.law import Law, first_law, learn
 from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
 from monitor.detection.scores import distance, tamed
@@ -33,7 +33,7 @@ class Watched:
 
     law: Law
     watching: Watching
-    memory: FloatArray  #: (..., 3) temperatures of structures of three inertias [degC]
+    climate: Climate  #: temperatures so far
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
     age: float = 0.0  #: since the baseline [s]
 
@@ -44,13 +44,19 @@ class Judged:
 
     value: FloatArray  #: (3, ..., n_windows), by `DETECTORS`
     limit: FloatArray  #: (3, ..., n_windows)
-    terms: FloatArray  #: (..., n_windows, 2, q)
+    terms: FloatArray  #: (..., n_windows, 3, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
+    carried: npt.NDArray[np.bool_]  #: (..., n_windows) whether temperatures are unsure for want of readings
 
     @property
     def over(self) -> npt.NDArray[np.bool_]:
         """Tell for each window (..., n_windows) whether any detector is over its limit."""
         return np.asarray((self.value > self.limit).any(0))
+
+    @property
+    def teaching(self) -> FloatArray:
+        """Return what the law may learn from (..., n_windows, n_tracks): no window of unsure temperature."""
+        return np.where(self.carried[..., None], np.nan, self.whitened)
 
 
 def start(
@@ -65,31 +71,29 @@ def start(
     seconds : (n_windows,) since the window before [s]
     watching : how the next windows will be judged
     """
-    known = np.isfinite(temperature)
-    first = np.take_along_axis(temperature, known.argmax(-1)[..., None], axis=-1)
-    memory = remember(np.repeat(first, len(MEMORY), axis=-1), temperature, seconds)
+    temperatures, climate = follow(first_climate(temperature), temperature, seconds)
     law = first_law(
-        log_frequency,
+        np.where(temperatures.carried[..., None], np.nan, log_frequency),
         std,
-        terms(temperature, memory),
-        measured=known.mean(-1) > 0.5,
+        terms(temperatures),
+        measured=np.isfinite(temperature).mean(-1) > 0.5,
         lag=_lag(watching),
         step=float(np.median(seconds)),
     )
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
-    return Watched(law=law, watching=watching, memory=memory[..., -1, :], average=average)
+    return Watched(law=law, watching=watching, climate=climate, average=average)
 
 
 def judge(
     watched: Watched, log_frequency: FloatArray, temperature: FloatArray, seconds: FloatArray
 ) -> tuple[Judged, Watched]:
-    """Judge windows by the law; a window over the jump's limit enters no average.
+    """Judge windows by the law; a window over the jump's limit, or whose temperature is unsure, enters no average.
 
     Parameters are those of `start`. The law is not changed: `accept` does that.
     """
     law, p = watched.law, log_frequency.shape[-1]
-    memory = remember(watched.memory, temperature, seconds)
-    known = terms(temperature, memory)
+    temperatures, climate = follow(watched.climate, temperature, seconds)
+    known = terms(temperatures)
     whitened = law.whiten(log_frequency)
     age = watched.age + np.cumsum(seconds)
     lasting = law.lasting(known, age)
@@ -100,7 +104,7 @@ def judge(
     at = (law.lasting_directions(known, age) * p + np.maximum(n - 1, 0))[..., None]
     values = [squared / np.maximum(n, 1)]
     limits = [np.take_along_axis(jump[..., None, :], at, axis=-1)[..., 0]]
-    taken = np.where((values[0] > limits[0])[..., None], np.nan, deviation)
+    taken = np.where(((values[0] > limits[0]) | temperatures.carried)[..., None], np.nan, deviation)
     averages = []
     for i, weight in enumerate(WEIGHTS):
         path = _averaged(watched.average[i], taken, weight)
@@ -108,8 +112,14 @@ def judge(
         values.append(distance(path, covariance)[0] / p)
         limits.append(np.broadcast_to(drift[..., i : i + 1], values[0].shape))
         averages.append(path[..., -1, :])
-    judged = Judged(value=np.array(values), limit=np.array(limits), terms=known, whitened=whitened)
-    return judged, replace(watched, memory=memory[..., -1, :], average=np.array(averages), age=float(age[-1]))
+    judged = Judged(
+        value=np.array(values),
+        limit=np.array(limits),
+        terms=known,
+        whitened=whitened,
+        carried=temperatures.carried,
+    )
+    return judged, replace(watched, climate=climate, average=np.array(averages), age=float(age[-1]))
 
 
 def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched:
@@ -117,7 +127,7 @@ def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched
 
     Parameters
     ----------
-    known, whitened : `terms` and `whitened` of `Judged`
+    known, whitened : `terms` and `teaching` of `Judged`
     """
     return replace(watched, law=learn(watched.law, known, whitened, lag=_lag(watched.watching), age=watched.age))
 

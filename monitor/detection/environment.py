@@ -7,7 +7,10 @@ Earthquake Engineering and Structural Dynamics 30, 149-171: frequencies follow t
 slope changes where asphalt and ground freeze.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+import numpy.typing as npt
 
 from daq import FloatArray
 
@@ -23,53 +26,157 @@ _ICE, _OWN_ICE = 3e-3, 1e-3  # 1/K, ... and where it freezes: the Z24 bridge's m
 _N_LATE = (len(MEMORY) - 1) * len(_FREEZING)
 N_TERMS = 2 + len(MEMORY) + len(KNOTS) + _N_LATE
 THERMOMETER_STD = 1.0  #: of the devices' temperature as the structure's [K]
+_RATE, _SWING = 1 / 3600, 4.0  # K/s, K: rms rate and distance from the mean of days, before any is measured ...
+_CLIMATE_WORTH = 86400.0  # s of readings that this is worth
+_FRONT = 3.0  # K in a day by which weather wanders beside the day's cycle
 
 
-def remember(memory: FloatArray, temperature: FloatArray, seconds: FloatArray) -> FloatArray:
-    """Return the temperatures (..., n_windows, 3) that structures of three inertias have, window by window.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Climate:
+    """Temperatures up to the last reading, and how fast and how far the site's temperature moves."""
+
+    air: FloatArray  #: (...,) last reading [degC], NaN if there was none
+    silent: FloatArray  #: (...,) time since that reading [s]
+    lagged: FloatArray  #: (..., 3) temperatures of structures of three inertias at that reading [degC]
+    lagged_std: FloatArray  #: (..., 3) their standard deviations due to gaps between readings [K]
+    observed: FloatArray  #: (...,) time that the two means below are taken over [s]
+    squared_rate: FloatArray  #: (...,) mean squared rate of change over an hour [K2/s2]
+    squared_swing: FloatArray  #: (...,) mean squared distance from the temperature of the last days [K2]
+
+    def change_std(self, seconds: FloatArray) -> FloatArray:
+        """Return the standard deviation of the change of the air's temperature within a time [K].
+
+        It grows in proportion to time at first, is bounded by a day's cycle, and wanders with the weather beyond.
+        """
+        straight = self.squared_rate * seconds**2
+        bounded = straight / (1 + straight / (4 * self.squared_swing))
+        return np.asarray(np.sqrt(bounded + _FRONT**2 * seconds / 86400))
+
+    def chord_std(self, seconds: FloatArray) -> FloatArray:
+        """Return the standard deviation of the mean temperature between two readings about their straight line [K].
+
+        The chord of a curve of rate r and curvature r omega (omega: of a day) is off by r omega t^2 / 12 in the mean.
+        """
+        curved = self.squared_rate * (2 * np.pi / 86400 * seconds**2 / 12) ** 2
+        return np.asarray(np.sqrt(curved / (1 + curved / self.squared_swing)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Temperatures:
+    """Temperatures by which windows are judged; leading dimensions (..., n_windows)."""
+
+    air: FloatArray  #: reading, or the last one before [degC]; NaN if there was none
+    air_std: FloatArray  #: of the last reading as the present temperature [K]; zero where there is a reading
+    lagged: FloatArray  #: (..., 3) temperatures of structures of three inertias [degC]
+    lagged_std: FloatArray  #: (..., 3) [K]
+
+    @property
+    def carried(self) -> npt.NDArray[np.bool_]:
+        """Return where missing readings make temperatures less certain than a thermometer is."""
+        return np.asarray(np.maximum(self.air_std, self.lagged_std.max(-1)) > THERMOMETER_STD)
+
+
+def first_climate(temperature: FloatArray) -> Climate:
+    """Return the climate before any of the readings (..., n_windows) [degC]; the structure is as warm as the first."""
+    known = np.isfinite(temperature)
+    first = np.take_along_axis(temperature, known.argmax(-1)[..., None], axis=-1)
+    lead = np.zeros(temperature.shape[:-1])
+    return Climate(
+        air=first[..., 0],
+        silent=lead,
+        lagged=np.repeat(first, len(MEMORY), axis=-1),
+        lagged_std=np.zeros((*lead.shape, len(MEMORY))),
+        observed=lead + _CLIMATE_WORTH,
+        squared_rate=lead + _RATE**2,
+        squared_swing=lead + _SWING**2,
+    )
+
+
+def follow(climate: Climate, temperature: FloatArray, seconds: FloatArray) -> tuple[Temperatures, Climate]:
+    """Return the temperatures of windows, and the climate after them.
+
+    Between two readings the air's temperature is taken for a straight line. After the last one it stays what it was,
+    with a standard deviation that grows as the site's temperature usually changes.
 
     Parameters
     ----------
-    memory : (..., 3) the same after the window before [degC], NaN if never known
-    temperature : (..., n_windows) of the air [degC], NaN where not known, which leaves the memory as it is
+    climate : after the window before
+    temperature : (..., n_windows) of the air [degC], NaN where not known
     seconds : (n_windows,) since the window before [s]
     """
-    share = -np.expm1(-seconds[:, None] / MEMORY)
-    out = np.empty((*temperature.shape, len(MEMORY)))
+    rows = []
     for window in range(temperature.shape[-1]):
-        air = temperature[..., window, None]
-        memory = np.where(np.isnan(memory), air, memory)
-        memory = memory + np.where(np.isnan(air), 0.0, share[window] * (air - memory))
-        out[..., window, :] = memory
-    return out
+        climate = _next(climate, temperature[..., window], float(seconds[window]))
+        rows.append(_now(climate))
+    air, air_std, lagged, lagged_std = (np.stack(row, axis=temperature.ndim - 1) for row in zip(*rows, strict=True))
+    return Temperatures(air=air, air_std=air_std, lagged=lagged, lagged_std=lagged_std), climate
 
 
-def terms(temperature: FloatArray, memory: FloatArray) -> FloatArray:
-    """Return the regressors and what a kelvin makes of them (..., 2, N_TERMS).
+def _next(climate: Climate, reading: FloatArray, seconds: float) -> Climate:
+    """Return the climate after one window, whose reading may be missing."""
+    passed = (climate.silent + seconds)[..., None]
+    known, ever = np.isfinite(reading), np.isfinite(climate.air)
+    air = np.where(ever, climate.air, reading)[..., None]
+    lagged = np.where(np.isfinite(climate.lagged), climate.lagged, air)
+    share, ramp = -np.expm1(-passed / MEMORY), _ramp(passed)
+    there = lagged + share * (air - lagged) + ramp * (reading[..., None] - air)
+    unsure = np.hypot((1 - share) * climate.lagged_std, share * climate.chord_std(passed[..., 0])[..., None])
+    step = np.minimum(passed[..., 0], 3600.0)  # longer gaps show no rate of an hour
+    observed = climate.observed + step
+    rate, swing = (reading - there[..., 0]) / MEMORY[0], reading - there[..., -1]
+    weight = step / observed
+
+    def taken(new: FloatArray, old: FloatArray) -> FloatArray:
+        return np.where(known.reshape(known.shape + (1,) * (new.ndim - known.ndim)), new, old)
+
+    return Climate(
+        air=taken(reading, climate.air),
+        silent=taken(np.zeros_like(climate.silent), passed[..., 0]),
+        lagged=taken(there, lagged),
+        lagged_std=taken(unsure, climate.lagged_std),
+        observed=taken(observed, climate.observed),
+        squared_rate=taken(climate.squared_rate + weight * (rate**2 - climate.squared_rate), climate.squared_rate),
+        squared_swing=taken(climate.squared_swing + weight * (swing**2 - climate.squared_swing), climate.squared_swing),
+    )
+
+
+def _now(climate: Climate) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the present temperatures and their deviations: those of the last reading, carried on."""
+    passed, lost = climate.silent[..., None], (climate.silent > 0) & np.isfinite(climate.air)
+    share, std = -np.expm1(-passed / MEMORY), np.where(lost, climate.change_std(climate.silent), 0.0)
+    lagged = climate.lagged + share * (climate.air[..., None] - climate.lagged)
+    return climate.air, std, lagged, np.hypot((1 - share) * climate.lagged_std, _ramp(passed) * std[..., None])
+
+
+def _ramp(passed: FloatArray) -> FloatArray:
+    """Return how far structures of the three inertias have followed an air that rose evenly by one, from zero on."""
+    ratio = passed / MEMORY
+    return np.asarray(1 + np.expm1(-ratio) / np.maximum(ratio, 1e-9))
+
+
+def terms(temperatures: Temperatures) -> FloatArray:
+    """Return the regressors (..., 3, N_TERMS), what a kelvin makes of them, and what missing readings may.
 
     Constant, temperature, how far the past differs from it, hinges in the shortest memory, and what the hinges at
-    freezing are in the longer ones beside that.
-
-    Parameters
-    ----------
-    temperature : (...,) [degC]; NaN where no device has a sensor, which leaves the constant alone
-    memory : (..., 3) from `remember`
+    freezing are in the longer ones beside that. Where no reading ever was, the constant alone.
     """
-    known = np.isfinite(temperature)[..., None]
-    air = temperature[..., None]
-    hinges = np.minimum(memory[..., :1] - KNOTS, 0.0) - np.minimum(_MIDDLE - KNOTS, 0.0)
-    colder = memory[..., None] - _FREEZING  # (..., memory, knot)
-    late = np.minimum(colder[..., 1:, :], 0.0) - np.minimum(colder[..., :1, :], 0.0)
-    varying = np.concatenate([air - _MIDDLE, memory - air, hinges, _flat(late)], axis=-1)
-    value = np.concatenate([np.ones_like(air), np.where(known, varying, 0.0)], axis=-1)
-    below = _flat((colder[..., 1:, :] < 0) * 1.0 - (colder[..., :1, :] < 0))
-    kelvin = np.concatenate([np.ones_like(air), np.zeros_like(memory), memory[..., :1] < KNOTS, below], axis=-1)
-    slope = np.concatenate([np.zeros_like(air), np.where(known, kelvin, 0.0)], axis=-1)
-    return np.stack([value, slope], axis=-2)
+    air, lagged = temperatures.air, temperatures.lagged
+    known = np.isfinite(air)[..., None]
+    value = _varying(air, lagged)
+    kelvin = _varying(air + 0.5, lagged + 0.5) - _varying(air - 0.5, lagged - 0.5)
+    up = _varying(air + temperatures.air_std, lagged + temperatures.lagged_std)
+    down = _varying(air - temperatures.air_std, lagged - temperatures.lagged_std)
+    rows = [np.where(known, row, 0.0) for row in (value, kelvin, (up - down) / 2)]
+    constant = np.stack([np.ones_like(air), np.zeros_like(air), np.zeros_like(air)], axis=-1)
+    return np.concatenate([constant[..., None], np.stack(rows, axis=-2)], axis=-1)
 
 
-def _flat(values: FloatArray) -> FloatArray:
-    return values.reshape(*values.shape[:-2], -1)
+def _varying(air: FloatArray, lagged: FloatArray) -> FloatArray:
+    """Return the regressors beside the constant (..., N_TERMS - 1)."""
+    hinges = np.minimum(lagged[..., :1] - KNOTS, 0.0) - np.minimum(_MIDDLE - KNOTS, 0.0)
+    colder = np.minimum(lagged[..., None] - _FREEZING, 0.0)  # (..., memory, knot)
+    late = (colder[..., 1:, :] - colder[..., :1, :]).reshape(*air.shape, -1)
+    return np.concatenate([air[..., None] - _MIDDLE, lagged - air[..., None], hinges, late], axis=-1)
 
 
 def prior_std(scale: FloatArray) -> tuple[FloatArray, FloatArray]:

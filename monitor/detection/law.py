@@ -97,7 +97,7 @@ class Law:
 
         Parameters
         ----------
-        terms : (..., n_windows, 2, q)
+        terms : (..., n_windows, 3, q)
         age : (n_windows,) since the baseline [s], from which on what is feared may have come; None: long ago
         """
         unknown = self.unsure(terms)
@@ -106,18 +106,21 @@ class Law:
         spread = (
             unknown[..., 0, None, None] * along[..., None, :, :] + unknown[..., 1, None, None] * across[..., None, :, :]
         )
-        kelvin = self.kelvin(terms)
         slow = self.slow[..., None, :, :] + _come(age)[:, None, None] * self.feared[..., None, :, :]
-        return np.asarray(spread + slow + kelvin[..., :, None] * kelvin[..., None, :])
+        moved = self.by_temperature(terms)
+        return np.asarray(spread + slow + np.swapaxes(moved, -1, -2) @ moved)
 
     def unsure(self, terms: FloatArray) -> FloatArray:
         """Return the law's own variance (..., n_windows, 2) along the common direction and across it."""
-        value = terms[..., None, :, 0, :]
-        return np.moveaxis((value @ self.unknown * value).sum(-1), -2, -1)
+        variance = np.zeros((*terms.shape[:-2], 2))
+        for row in (0, 2):
+            value = terms[..., None, :, row, :]
+            variance += np.moveaxis((value @ self.unknown * value).sum(-1), -2, -1)
+        return variance
 
-    def kelvin(self, terms: FloatArray) -> FloatArray:
-        """Return what a thermometer that is off by its deviation makes of each mode (..., n_windows, n_tracks)."""
-        return np.asarray(THERMOMETER_STD * (terms[..., 1, :] @ self.coefficient))
+    def by_temperature(self, terms: FloatArray) -> FloatArray:
+        """Return what the thermometer's deviation and missing readings make of modes (..., n_windows, 2, n_tracks)."""
+        return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * [[THERMOMETER_STD], [1.0]])
 
     def lasting_directions(self, terms: FloatArray, age: FloatArray) -> npt.NDArray[np.intp]:
         """Return in how many directions (..., n_windows) successive windows differ from the law alike.
@@ -131,7 +134,7 @@ class Law:
         come = _come(age)[young, None, None] * self.feared[..., None, :, :]
         value = np.linalg.eigvalsh(self.slow[..., None, :, :] + come)
         rank[..., young] = (value > least[..., None]).sum(-1)
-        some = rank + ((self.kelvin(terms) ** 2).sum(-1) > least) + (unknown[..., 0] > least)
+        some = rank + ((self.by_temperature(terms) ** 2).sum(-1) > least[..., None]).sum(-1) + (unknown[..., 0] > least)
         p = self.scale.shape[-1]
         return np.asarray(np.where(unknown[..., 1] > least, p, np.minimum(some, p)), dtype=np.intp)
 
@@ -154,7 +157,7 @@ def first_law(
     Parameters
     ----------
     log_frequency, std : (..., n_windows, n_tracks), NaN where a window lacks a mode
-    terms : (..., n_windows, 2, q) from `environment.terms`
+    terms : (..., n_windows, 3, q) from `environment.terms`
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
     step : from one window to the next [s]

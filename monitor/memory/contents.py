@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ class Memory:
     tests: Tested
     out: tuple[Window, ...]  #: over the limit, without a break
     calm: tuple[Window, ...]  #: under it since the sensors were last looked at
+    thermometer_offset: float = math.nan  #: of the site's thermometer against the devices' [K], see `Weather`
 
 
 def matters(structure: Structure, settings: Settings) -> dict[str, str]:

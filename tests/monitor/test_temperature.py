@@ -66,6 +66,12 @@ def test_devices_go_on_for_a_thermometer_that_fails_without_a_step() -> None:
     assert weather.of(window(300, own=10.0)) == pytest.approx(2.0)
 
 
+def test_devices_replace_a_failed_thermometer_after_a_restart_too() -> None:
+    weather = told((101, 4.0))
+    weather.of(window(100, own=12.0))
+    assert Weather(60.0, weather.offset).of(window(300, own=10.0)) == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize("own", [21.0, math.nan])
 def test_nothing_is_made_up_before_the_first_reading(own: float) -> None:
     assert math.isnan(told().of(window(100, own)))
