@@ -1,7 +1,7 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -23,6 +23,8 @@ from updater import (
     SensorHealth,
     Structure,
     TrackedModes,
+    Updating,
+    allowed_causes,
     build_model,
     diagnose,
     is_steady,
@@ -41,6 +43,7 @@ _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mod
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
 THERMOMETER_STD = 0.5  # K, of the mean of a log
+_FILE_MAY_BE_OFF = "model_parameters"
 _IN_TIME: Mapping[str, float] = MappingProxyType({})
 
 
@@ -219,6 +222,9 @@ def explain(
     now: Observation,
     heldout: Observation | None = None,
     on_cause: Callable[[str], None] = lambda _: None,
+    *,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
 ) -> Explanation:
     """Explain what has changed since reference logs; without them, what the structure file gets wrong about logs.
 
@@ -228,6 +234,8 @@ def explain(
     before, now : the reference logs, if there are any, and those to explain
     heldout : logs that the fit must not see, to measure the gain on
     on_cause : called with the name of each cause before it is weighed
+    only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
+        own parameters are taken as they are
 
     Raises
     ------
@@ -241,12 +249,21 @@ def explain(
             )
         else:
             devices = sorted(set(now.lateness.devices.values()))
-            reference = nominal_reference(structure, now.modes, devices, stated=now.stated)
+            filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else _all_fixed(structure)
+            reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
     with _blamed_on("heldout"):
         unused = _event(reference, heldout) if heldout else None
     with _blamed_on("current"):
         event, circumstances = _event(reference, now), circumstances_of(reference, before, now)
-        explained = diagnose(reference, event, heldout=unused, circumstances=circumstances, on_cause=on_cause)
+        explained = diagnose(
+            reference,
+            event,
+            heldout=unused,
+            circumstances=circumstances,
+            on_cause=on_cause,
+            only=only,
+            without=without,
+        )
     return Explanation(
         explained=explained,
         sought=reference,
@@ -254,6 +271,10 @@ def explain(
         event=event,
         circumstances=circumstances,
     )
+
+
+def _all_fixed(structure: Structure) -> Structure:
+    return structure.model_copy(update={"updating": Updating(fixed=("*",))})
 
 
 @contextmanager

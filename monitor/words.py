@@ -118,7 +118,7 @@ def where_text(where: Where | None) -> str:
 def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
     """Return a cause's parameters, name and value, none of them twice; those of the model before and after."""
     if cause.changes:
-        return [(_parameter_name(cause, change), change_of_parameter_text(change)) for change in cause.changes]
+        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in cause.changes]
     found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
     return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
 
@@ -131,13 +131,13 @@ def _parameter_name(cause: Cause, change: ParameterChange) -> str:
     return f"{change.quantity} of {change.of}{place}"
 
 
-def change_of_parameter_text(change: ParameterChange) -> str:
-    """Return a parameter before and after, such as `rigid -> 60 ± 3 kN m/rad` or `210 -> 203.1 ± 0.4 GPa (-3.3 %)`."""
+def change_texts(change: ParameterChange) -> tuple[str, str]:
+    """Return a parameter before and after, such as `rigid`, `60 ± 3 kN m/rad`; or `210`, `203.1 ± 0.4 GPa (-3.3 %)`."""
     size, prefix = next(pair for pair in _PREFIXES if abs(change.after) >= pair[0])
     scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
     before = "rigid" if change.before is None else f"{scale * change.before:.4g}"
     percent = "" if change.before is None else f" ({100 * (change.after / change.before - 1):+.1f} %)"
-    return f"{before} -> {number_text(scale * change.after, scale * change.std)}{unit}{percent}"
+    return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}"
 
 
 def cause_text(cause: Cause) -> str:

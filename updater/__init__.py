@@ -2,6 +2,7 @@
 
 from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
+from updater.candidates import allowed_causes
 from updater.causes.base import Discrete
 from updater.channel_health import SensorHealth, sensor_health
 from updater.circumstances import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
@@ -22,6 +23,7 @@ from updater.fit import Fit
 from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
 from updater.increments import Expansion, expand_changes, expand_shapes
+from updater.knobs import check_updating
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
@@ -163,11 +165,13 @@ __all__ = [
     "Verdict",
     "VirtualSensing",
     "Where",
+    "allowed_causes",
     "as_before",
     "as_extended",
     "build_model",
     "calibrate",
     "channel_rows",
+    "check_updating",
     "densities",
     "diagnose",
     "doubles",

@@ -29,13 +29,15 @@ from updater.knobs import (
     flexibility_unit,
     is_of,
     knobs_of,
-    physical_slope,
+    physical_unit,
+    physical_value,
     welded,
 )
 from updater.modal_checks import check_baseline, check_unit
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
 from updater.statistics import ModalMean
 from updater.structure import AXES, Axis, Joint, Structure, Support
+from updater.verdict import ParameterChange
 
 FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
@@ -86,14 +88,35 @@ class Calibration:
                 return parameter.std / parameter.value / dict(connection.stiffness.items())[axis]
         return 0.0
 
+    def changes(self) -> tuple[ParameterChange, ...]:
+        """Return the fitted parameters as they were in the file and as they are fitted."""
+        return tuple(map(self._change, self.knobs, self.parameters))
+
+    def _change(self, knob: Knob, parameter: Parameter) -> ParameterChange:
+        value, before = parameter.value, None
+        if knob.kind == "stiffness":
+            after = physical_value(self.structure, knob, 0.0)
+            before, std = after / value, after * parameter.std
+        elif knob.kind == "weld":
+            after, before, std = 1 / (1 - value), 1.0, parameter.std / (1 - value) ** 2
+        else:
+            after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
+            std = after * parameter.std / value
+            before = after * value / knob.mean if knob.mean else None
+        return ParameterChange(
+            name=knob.key,
+            quantity=knob.quantity,
+            of=knob.of,
+            position=knob.position,
+            unit=physical_unit(self.structure, knob),
+            before=before,
+            after=after,
+            std=std,
+        )
+
     def physical_std(self) -> dict[str, float]:
         """Return the standard deviation of each fitted parameter by its name, in physical units."""
-        found = {}
-        for knob, parameter in zip(self.knobs, self.parameters, strict=False):
-            if parameter.std > 0 and parameter.value:
-                value = 0.0 if knob.kind == "stiffness" else parameter.value  # of ln E: that of the calibrated modulus
-                found[knob.key] = parameter.std * physical_slope(self.structure, knob, value)
-        return found
+        return {change.name: change.std for change in self.changes() if change.std > 0}
 
     def only(self, kept: npt.NDArray[np.bool_]) -> "Calibration":
         """Return the same with some of the tracks (n_tracks,)."""

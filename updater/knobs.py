@@ -24,6 +24,7 @@ _WELD_PRIOR = 0.5  # of the share of its flexibility that a joint's zone lacks b
 _WELDED = 0.95  # the most
 _THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
 _MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
+_OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may have: it may be rounded
 _PLACE_DIGITS = 6  # of a weld's place and extent in metres
 _START = 0.05  # of its standard deviation: where what is nominally rigid or not welded begins
 TURNS = AXES[3:]
@@ -119,7 +120,7 @@ def check_updating(structure: Structure) -> None:
     for pattern, (least, greatest) in structure.updating.bounds.items():
         for knob in (k for k in knobs if _matches(structure, k, pattern) and not is_rigid(k)):
             filed = physical_value(structure, knob, knob.mean)
-            if not least <= filed <= greatest:
+            if not least * (1 - _OUTSIDE) <= filed <= greatest * (1 + _OUTSIDE):
                 raise ValueError(
                     f"updating: bounds of {pattern!r}: expected to contain the file's value {filed:.6g}, "
                     f"found [{least:g}, {greatest:g}]"
@@ -139,8 +140,8 @@ def _bounded(structure: Structure, knob: Knob) -> Knob:
     for pattern, bounds in structure.updating.bounds.items():
         if _matches(structure, knob, pattern):
             lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
-            lower = knob.lower if is_rigid(knob) else max(knob.lower, lower)
-            knob = replace(knob, lower=lower, upper=min(knob.upper, upper))
+            lower = knob.lower if is_rigid(knob) else min(max(knob.lower, lower), knob.mean)
+            knob = replace(knob, lower=lower, upper=max(min(knob.upper, upper), knob.mean))
     return knob
 
 

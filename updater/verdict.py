@@ -10,6 +10,9 @@ Vector = tuple[float, float, float]
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
 
 
+SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
+
+
 def vector(values: FloatArray) -> Vector:
     """Return three plain numbers."""
     x, y, z = (float(v) for v in values)
@@ -49,6 +52,16 @@ class ParameterChange(_Part):
     before: float | None  #: None for a connection that was rigid
     after: float
     std: float  #: of `after`
+
+    @property
+    def significant(self) -> bool:
+        """Whether it differs from `before` by more than two standard deviations.
+
+        The deviation of a connection's flexibility, which is 0 where it is rigid, is relatively that of its stiffness.
+        """
+        if self.before is None:
+            return self.after > SIGNIFICANT * self.std
+        return abs(self.after - self.before) > SIGNIFICANT * self.std
 
 
 class Cause(_Part):

@@ -125,12 +125,32 @@ def diagnose(
         Path | None, typer.Option(metavar="DIR", help="Folder that gets report, extended model and diagnosis.json.")
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the diagnosis.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")
+    ] = None,
+    without: Annotated[list[str] | None, typer.Option(metavar="CAUSE", help="Cause to leave out. Repeatable.")] = None,
+    without_channel: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Channel to leave out. Repeatable.")
+    ] = None,
+    without_mode: Annotated[
+        list[float] | None, typer.Option(metavar="HZ", help="Frequency of a mode to leave out, within 2 %. Repeatable.")
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`)."),
+    ] = None,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LEAST:GREATEST", help="Bounds of a model parameter, in its unit. Repeatable."),
+    ] = None,
 ) -> None:
     """Name what has changed since the reference logs; without them, what the model gets wrong about the logs."""
     from monitor.cli.diagnosing import Logs, diagnose_command
+    from monitor.cli.selecting import selection_of
 
     named = Logs(current=logs, reference=reference or (), heldout=holdout or ())
-    raise typer.Exit(diagnose_command(structure, named, window=window, out=out, json_path=json))
+    selection = selection_of(only, without, without_channel, without_mode, fix, bound)
+    raise typer.Exit(diagnose_command(structure, named, window=window, out=out, json_path=json, selection=selection))
 
 
 @data_app.command()

@@ -1,7 +1,7 @@
 """`diagnose`: what has changed since the reference logs, or what the structure file gets wrong about logs."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from monitor.cli.diagnosis_shown import say_answer, say_evidence
 from monitor.cli.drawing import draw, written
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
+from monitor.cli.parameter_table import changes_table
 from monitor.describe import bare_reference
 from monitor.diagnosing import Explanation, Observation, explain, given_up, observe, window_seconds
 from monitor.discrepancy import DiscrepancyResult
@@ -21,11 +22,21 @@ from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
 from monitor.optional import run_optional
 from monitor.recordings import Held, log_channels, log_held
+from monitor.selection import EVERYTHING, Selection
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
 from monitor.words import cause_text, gain_text, plain, share_text
 from oma import IdentificationError
-from updater import Diagnosis, Explained, Structure, dump_structure, load_structure
+from updater import (
+    Diagnosis,
+    Explained,
+    Reference,
+    Structure,
+    allowed_causes,
+    dump_structure,
+    load_structure,
+    parse_structure,
+)
 
 console = Console(highlight=False)
 _EXTENDED = "found by modalwatch diagnose"  # comment beside what an extended model has beyond the file given
@@ -41,14 +52,23 @@ class Logs:
 
 
 def diagnose_command(
-    structure_path: Path, logs: Logs, *, window: float | None, out: Path | None, json_path: Path | None
+    structure_path: Path,
+    logs: Logs,
+    *,
+    window: float | None,
+    out: Path | None,
+    json_path: Path | None,
+    selection: Selection = EVERYTHING,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
-    structure = load_structure(structure_path)
+    structure = selected_structure(structure_path, selection)
     with console.status("reading ...") as status:
 
         def observed(paths: Sequence[Path], what: str) -> Observation | None:
-            return _observe(structure, paths, window, lambda n: status.update(f"{what}: window {n}")) if paths else None
+            if not paths:
+                return None
+            found = _observe(structure, paths, window, lambda n: status.update(f"{what}: window {n}"), selection)
+            return selection.of_observation(found)
 
         after = observed(logs.current, "logs")
         before, heldout = observed(logs.reference, "reference"), observed(logs.heldout, "held-out logs")
@@ -56,7 +76,13 @@ def diagnose_command(
         status.update("weighing the causes ...")
         try:
             found = explain(
-                structure, before, after, heldout, lambda name: status.update(f"weighing {plain(name)} ...")
+                structure,
+                before,
+                after,
+                heldout,
+                lambda name: status.update(f"weighing {plain(name)} ..."),
+                only=selection.only,
+                without=selection.without,
             )
         except StateError as error:
             raise LogError(_named(getattr(logs, error.state)), str(error)) from error
@@ -73,6 +99,7 @@ def diagnose_command(
     say_evidence(console, diagnosis, compared, bare_reference(found.reference.calibration.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
+    _say_parameters(found.reference)
     if nearer:
         console.print(nearer, soft_wrap=True, markup=False)
     for note in _channel_notes(structure, logs):
@@ -111,6 +138,13 @@ def _say_extended(path: str, *, fitted: bool) -> None:
         )
 
 
+def _say_parameters(reference: Reference) -> None:
+    """Print the model parameters that the reference logs have moved significantly away from the file."""
+    changes = [change for change in reference.calibration.changes() if change.significant]
+    if changes:
+        console.print(changes_table(changes, "model parameters fitted to the reference logs"))
+
+
 def _write_nearer(found: Explained, structure_path: Path, logs: Logs, out: Path | None) -> str:
     """Write the nearer model of a file that is far off, if that is asked for; return what to say of it, if anything."""
     if found.nearer is None:
@@ -137,8 +171,31 @@ def _named(paths: Sequence[Path]) -> str:
     return ", ".join(map(str, paths))
 
 
+def selected_structure(path: Path, selection: Selection) -> Structure:
+    """Read a structure file and limit what may be updated.
+
+    Raises
+    ------
+    ArgumentError
+        Naming what the structure or the catalogue of causes does not have.
+    """
+    structure = load_structure(path)
+    try:
+        allowed_causes(selection.only, selection.without)
+    except ValueError as error:
+        raise ArgumentError("--only, --without", str(error)) from error
+    try:
+        return selection.of_structure(structure)
+    except ValueError as error:
+        raise ArgumentError("--fix, --bound, --without-channel", str(error)) from error
+
+
 def _observe(
-    structure: Structure, paths: Sequence[Path], window: float | None, on_window: Callable[[int], None]
+    structure: Structure,
+    paths: Sequence[Path],
+    window: float | None,
+    on_window: Callable[[int], None],
+    selection: Selection,
 ) -> Observation:
     number = iter(range(1, 1 << 30))
     tables = [path for path in paths if is_table(path)]
@@ -149,7 +206,8 @@ def _observe(
     try:
         logs = as_logs(paths)
         seconds = window or _window(structure, [log_held(log) for log in logs])
-        return observe(_recordings(structure, logs, seconds), lambda _: on_window(next(number)), structure.delays)
+        recordings = _recordings(structure, logs, seconds, selection.without_channels)
+        return observe(recordings, lambda _: on_window(next(number)), structure.delays)
     except (IdentificationError, ValueError) as error:
         raise LogError(_named(paths), str(error)) from error
 
@@ -160,11 +218,13 @@ def _window(structure: Structure, held: Sequence[Held]) -> float:
     return window_seconds(structure, min(one.seconds for one in held), len(held), record)
 
 
-def _recordings(structure: Structure, logs: Sequence[AnyLog], seconds: float) -> Iterator[Recording]:
-    """Yield the windows of logs; channels that are no sensors of the structure are left out."""
+def _recordings(
+    structure: Structure, logs: Sequence[AnyLog], seconds: float, left_out: Collection[str]
+) -> Iterator[Recording]:
+    """Yield the windows of logs, without channels that are no sensors of the structure or are left out."""
     for log in logs:
         found = log_channels(log)
-        channels = tuple(c for c in found if c.name in structure.speaking)
+        channels = tuple(c for c in found if c.name in structure.speaking and c.name not in left_out)
         if not channels:
             have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
             raise LogError(str(log), f"expected channels named as the structure's sensors ({know}), found {have}")
@@ -212,7 +272,8 @@ def _write(found: Explained, structure_path: Path, logs: Logs, out: Path | None,
         if found.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
-            text = dump_structure(found.extended, given, note=_EXTENDED)
+            own = parse_structure(given).updating  # without what the command line fixes and bounds
+            text = dump_structure(found.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
             path.write_text(_provenance(diagnosis, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:

@@ -8,7 +8,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from updater import ParameterSensitivity
+from monitor.words import change_texts
+from updater import ParameterChange, ParameterSensitivity
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 _N_LISTED = 3  # modes that are named for each parameter; `--json` has all of them
@@ -36,6 +37,19 @@ def _largest(one: ParameterSensitivity) -> str:
     order = np.argsort(-np.abs(one.change).round(6), kind="stable")[:_N_LISTED]
     listed = sorted(int(k) for k in order if abs(one.change[k]) > _NEGLIGIBLE)
     return "  ".join(f"{k + 1}: {100 * one.change[k]:+.2f}" for k in listed) or "none"
+
+
+def changes_table(changes: Sequence[ParameterChange], title: str) -> Table:
+    """Return one row per model parameter: name, value in the file, fitted value, change."""
+    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("quantity")
+    for name in ("file", "fitted"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for change in changes:
+        before, after = change_texts(change)
+        table.add_row(escape(change.name), change.quantity, before, after)
+    return table
 
 
 def parameters_json(found: Sequence[ParameterSensitivity]) -> list[dict[str, Any]]:

@@ -31,7 +31,7 @@ from updater.knobs import (
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import ParameterChange, Quantity
+from updater.verdict import SIGNIFICANT, ParameterChange, Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -42,7 +42,6 @@ _GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, fo
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
 _TURNED = slice(3, None)  # twist and bending: what a joint's zone has less of
 _LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
-_SIGNIFICANT = 2.0  # standard deviations from the file's value: what is less is no change
 _TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave less is one they tell of
 
 
@@ -107,7 +106,7 @@ class ModelParameters(Discrete):
         Left out are those whose posterior is as wide as their prior, and those within two deviations of the file.
         """
         std = np.sqrt(np.diagonal(fit.covariance[0]))
-        significant = np.abs(fit.theta[0]) > _SIGNIFICANT * std
+        significant = np.abs(fit.theta[0]) > SIGNIFICANT * std
         found = np.flatnonzero((std < _TOLD * self.prior_std) & significant & (fit.theta[0] > self.lower[0]))
         return tuple(self._change(k, float(fit.theta[0, k]), float(std[k])) for k in found.tolist())
 
