@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from daq import FloatArray, IndexArray, Recording
 from oma import (
@@ -40,6 +41,8 @@ class Windows:
     end: int  #: of the latest one [ns UTC]
     rate: float  #: samples a second [Hz]
     delays: tuple[Mapping[str, float], ...] = ()  #: of the windows that gave modes: taken out of each device [s]
+    may_be_tones: FloatArray = field(default_factory=lambda: np.empty(0))
+    """(n,) frequencies of modes that may be tones in most of these windows [Hz]"""
     band: tuple[float, float] | None = None  #: band analysed in all these windows [Hz]; None: modes from elsewhere
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: most frequent fault of each faulty channel
 
@@ -67,6 +70,8 @@ def identify_windows(
     method: Method | None = None,
     band: tuple[float, float] | None = None,
     on_window: Callable[[Recording], None] = lambda _: None,
+    *,
+    uncertain: bool = False,
 ) -> Windows:
     """Identify the modes of each window.
 
@@ -75,6 +80,7 @@ def identify_windows(
     recordings : windows
     method, band : as for `oma.identify`
     on_window : called before each window is analysed
+    uncertain : keep modes that may be tones (`oma.Identification.may_be_tone`)
 
     Raises
     ------
@@ -92,12 +98,14 @@ def identify_windows(
     spans: list[tuple[int, int, float]] = []
     delays: list[Mapping[str, float]] = []
     bands: list[tuple[float, float]] = []
+    doubtful: list[FloatArray] = []
     for recording in recordings:
         on_window(recording)
         spans.append((recording.start, recording.end, recording.rate))
         names |= dict.fromkeys(channel.name for channel in recording.channels)
         try:
             found = identify_all(recording, method, band)
+            found = found if uncertain else found.without_uncertain()
         except IdentificationError as error:
             problems.append(str(error))
             faults.append(channel_faults(recording))
@@ -107,6 +115,7 @@ def identify_windows(
         estimates.append(found.estimate)
         delays.append(found.delays)
         bands.append(found.band)
+        doubtful.append(found.estimate.frequency[found.may_be_tone])
         tones.append(found.harmonics)
     if not spans:
         raise IdentificationError("no window: the recording is too short")
@@ -123,6 +132,7 @@ def identify_windows(
         delays=tuple(delays),
         band=common_band(bands),
         faults=usual,
+        may_be_tones=common_tones(doubtful),
     )
 
 
@@ -136,6 +146,11 @@ def common_tones(tones: Sequence[FloatArray]) -> FloatArray:
     every = np.sort(np.concatenate([np.unique(t) for t in tones])) if tones else np.empty(0)
     groups = np.split(every, np.flatnonzero(np.diff(np.log(every)) > _SAME_TONE) + 1) if len(every) else []
     return np.array([np.median(group) for group in groups if len(group) > len(tones) / 2])
+
+
+def are_near(frequency: FloatArray, tones: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which frequencies are those of tones (n_modes,)."""
+    return np.asarray(np.any(np.abs(np.log(frequency[:, None] / tones)) < _SAME_TONE, axis=1))
 
 
 def _usual_faults(windows: Sequence[Mapping[str, ChannelFault]]) -> dict[str, ChannelFault]:

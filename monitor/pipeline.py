@@ -74,7 +74,7 @@ class Pipeline:
             yield self._bare(index, recording, SKIPPED).model_copy(update={"skipped": True})
             return
         try:
-            found = identify_all(recording, band=self._settings.analysis.band)
+            found = identify_all(recording, band=self._settings.analysis.band).without_uncertain()
         except IdentificationError as error:
             yield self._bare(index, recording, str(error))
             return

@@ -36,6 +36,7 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
             start=min(w.start for w in windows),
             end=max(w.end for w in windows),
             rate=windows[0].rate,
+            may_be_tones=np.concatenate([w.may_be_tones for w in windows]),
             band=common_band([w.band for w in windows if w.band]),
             faults=faults,
         ),

@@ -1,6 +1,6 @@
 """Recordings in, modes with uncertainty out: operational modal analysis without a user."""
 
-from oma.alignment import aligned, device_delays
+from oma.alignment import aligned, channel_delays, device_delays
 from oma.conditioning import channel_faults
 from oma.efdd import EFDD
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
@@ -60,6 +60,7 @@ __all__ = [
     "Tracks",
     "WindowQuality",
     "aligned",
+    "channel_delays",
     "channel_faults",
     "comac",
     "device_delays",

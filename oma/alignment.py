@@ -54,7 +54,21 @@ def device_delays(recording: Recording) -> dict[str, float]:
 
 def delays_of_clean(recording: Recording) -> dict[str, float]:
     """Return the same as `device_delays` of a recording whose channels all carry a signal."""
-    column, data = [channel.device for channel in recording.channels], recording.data
+    return _delays(recording, [channel.device for channel in recording.channels])
+
+
+def channel_delays(recording: Recording) -> dict[str, float]:
+    """Return the delay of each channel that carries a signal [s], as if each had a device of its own.
+
+    For recordings whose channels are said to be of one device and are not synchronous; see `device_delays`.
+    """
+    clean = usable(recording)
+    return _delays(clean, [channel.name for channel in clean.channels])
+
+
+def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
+    """Return the delays of groups of channels; `column` names the group of each channel."""
+    data = recording.data
     devices = sorted(set(column))
     zero = dict.fromkeys(devices, 0.0)
     n_fft = min(_N_FFT, 1 << (2 * len(data) // (_LEAST_SEGMENTS + 1)).bit_length() >> 1)
@@ -62,9 +76,10 @@ def delays_of_clean(recording: Recording) -> dict[str, float]:
         return zero
     doubled, weight = _doubled_phases(spectral_matrix(detrended(data), recording.rate, n_fft))
     members = [np.flatnonzero([c == device for c in column]) for device in devices]
-    realness, most = _realness(doubled, weight, members)
     step = n_fft / recording.rate / 2 / _GRID
-    found = _most_real(realness, most, int(_LARGEST / step))
+    n_steps = int(_LARGEST / step)
+    realness, most = _realness(doubled, weight, members, 2 * n_steps)
+    found = _most_real(realness, most, n_steps)
     believed = _sure(realness, most, found) & (np.abs(step * found) >= _LEAST)
     late = np.where(believed, step * found, 0.0)
     return zero | dict(zip(devices, late.tolist(), strict=True))
@@ -96,14 +111,17 @@ def _doubled_phases(spectrum: ComplexArray) -> tuple[ComplexArray, FloatArray]:
 
 
 def _realness(
-    doubled: ComplexArray, weight: FloatArray, members: Sequence[IndexArray]
+    doubled: ComplexArray, weight: FloatArray, members: Sequence[IndexArray], reach: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how real shapes are if device a is later than b by each delay of the grid (a, b, grid), and at most."""
-    n = len(members)
-    realness, most = np.zeros((n, n, _GRID)), np.zeros((n, n))
+    """Return how real shapes are if device a is later than b by each delay of the grid (a, b, grid), and at most.
+
+    The grid has `reach` steps on each side of zero, which is its first entry, negative delays last.
+    """
+    n, kept = len(members), np.r_[0 : reach + 1, -reach:0]
+    realness, most = np.zeros((n, n, len(kept))), np.zeros((n, n))
     for a, b in combinations(range(n), 2):
         pairs = np.ix_(np.arange(len(doubled)), members[a], members[b])
-        realness[a, b] = _GRID * fft.ifft(doubled[pairs].sum((1, 2)), _GRID).real
+        realness[a, b] = _GRID * fft.ifft(doubled[pairs].sum((1, 2)), _GRID).real[kept]
         realness[b, a] = np.roll(realness[a, b, ::-1], 1)  # the same, of minus the delay
         most[a, b] = most[b, a] = weight[pairs].sum()
     return realness, most

@@ -107,22 +107,23 @@ def usable(recording: Recording) -> Recording:
     Raises
     ------
     TooFewChannels
-        If fewer than two channels are left.
+        If fewer than two channels are left of several, or none of one.
     """
     return enough(cleaned(recording))
 
 
 def enough(clean: Cleaned) -> Recording:
-    """Return a cleaned recording if it has channels enough.
+    """Return a cleaned recording if it has channels enough: two, or one where no more was measured.
 
     Raises
     ------
     TooFewChannels
-        If fewer than two channels are left.
+        If fewer are left.
     """
     names = tuple(channel.name for channel in clean.recording.channels)
-    if len(names) < 2:
-        raise TooFewChannels(names, 2, {name: str(fault) for name, fault in clean.faults.items()})
+    needed = 1 if len({*names, *clean.faults}) == 1 else 2
+    if len(names) < needed:
+        raise TooFewChannels(names, needed, {name: str(fault) for name, fault in clean.faults.items()})
     return clean.recording
 
 

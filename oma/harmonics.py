@@ -1,10 +1,17 @@
-"""Tones of machines and mains: told from resonances by how steady their amplitude is.
+"""Tones of machines and mains, told from lightly damped modes.
 
-A resonance under random forces is narrow-band Gaussian noise: its power rises and falls by as much as its mean, about
-as often as it forgets. The power of a machine's tone stays. The probability density of a sine has two horns, that of a
-resonance one hump; the variance of the envelope's power says the same, and a tone whose frequency wanders, and that so
-looks like a lightly damped mode, is known by it too. How much steadiness chance brings about depends on how often the
-resonance has forgotten: over 300 s a mode at 2 Hz with 0.2 % forgets eight times only.
+Three properties distinguish a tone from the narrow-band Gaussian noise that random forces make of a resonance:
+
+- its line is as wide as the window and has no skirts (`oma.narrow_band`): compared with every resonance of at least
+  the smallest damping that a mode may have, by likelihood, for modes whose damping may be nearly zero;
+- its power stays: the variance of the envelope's power over its mean squared, which is the kurtosis of the signal and
+  the two horns of its probability density in one number, is 0 for a sine and 1 for a resonance. A tone whose frequency
+  wanders, and whose line is wide, shows by this. How steady a resonance may be by chance depends on how often it
+  has forgotten: over 300 s a mode at 2 Hz with 0.2 % forgets eight times only;
+- it lies at a multiple of another tone.
+
+Each is stated with the rate at which it takes a resonance for a tone. A mode whose line does not differ from a tone's,
+in a record that allows it to be a resonance as well, is uncertain.
 
 References
 ----------
@@ -14,6 +21,8 @@ Brincker, R., Andersen, P., Møller, N. (2000). An indicator for separation of s
 output-only modal testing. Proceedings of IMAC XVIII.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import fft
 
@@ -21,15 +30,32 @@ from daq import FloatArray
 from oma.conditioning import BoolArray
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.gaps import bridged
-from oma.selection import BAND
+from oma.narrow_band import LineTest, line_test
+from oma.selection import BAND, Selection, uncertainty_law
 
 _WANDER = 0.01  # half a band that a wandering tone stays in, as a share of its frequency [-]
 _LEAST_LINES = 8  # on each side
 _LEAST_COMPLETE = 0.5  # share of samples
+_FALSE_TONE = 1e-4  # rate at which a resonance is taken for a tone, by its line or by its steadiness
+_DECAY_EVIDENCE = 2.7  # log likelihood ratio of some decay over none that a tone exceeds in 1 % of cases
+_SUSPECT = 1e-3  # damping below which a mode may be, within three standard deviations, to be compared with a tone
+_LIGHT = 5e-4  # damping of the lightest modes, whose estimates may fall below the limit of a tone's by chance
+_REACH = (24, 64)  # half width of the band compared [lines]
+_LINE_STD = 0.1  # standard deviation of a line's frequency, not less than the bound for 10 dB [lines]
+_FALSE_MULTIPLE = 1e-2  # chance that any frequency of the record lies so near to a multiple of a tone
 # Variance of the power of an envelope over its mean squared that a resonance stays under once in ten thousand windows,
 # by how often it has forgotten: decay rate times duration. Simulated; `tests/oma/test_harmonics.py` repeats it.
 _TIMES = 2.0 ** np.arange(1, 12)
 _STEADIEST = np.array([0.016, 0.058, 0.109, 0.211, 0.357, 0.461, 0.577, 0.667, 0.753, 0.804, 0.864])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LineClasses:
+    """Which modes of an estimate are tones."""
+
+    tone: BoolArray  #: (n_modes,) taken for tones
+    uncertain: BoolArray  #: (n_modes,) tone and lightly damped mode explain the record alike
+    frequency: FloatArray  #: (n_modes,) of the line where one was found, else of the mode [Hz]
 
 
 def steadiest(times: float) -> float:
@@ -50,8 +76,10 @@ def steadiest(times: float) -> float:
     return float(np.interp(np.log(times), np.log(_TIMES), _STEADIEST))
 
 
-def steady_modes(data: FloatArray, rate: float, estimate: ModalEstimate, known: FloatArray) -> BoolArray:
-    """Tell which modes are too steady to be resonances under random forces.
+def classify(
+    data: FloatArray, rate: float, estimate: ModalEstimate, suspected: BoolArray, limits: Selection
+) -> LineClasses:
+    """Tell tones from modes.
 
     Parameters
     ----------
@@ -60,24 +88,76 @@ def steady_modes(data: FloatArray, rate: float, estimate: ModalEstimate, known: 
     rate : float
         [Hz].
     estimate : ModalEstimate
-    known : (n_tones,) array
-        Tones known otherwise [Hz]; a mode with one in its band is not doubted, for what is steady there is the tone.
+        Modes and tones.
+    suspected : (n_modes,) array of bool
+        Taken for tones by their damping alone, which is what counts where the data allow no test.
+    limits : Selection
 
     Returns
     -------
-    (n_modes,) array of bool
+    LineClasses
     """
-    result = np.zeros(estimate.n_modes, dtype=np.bool_)
+    tone, uncertain, frequency = suspected.copy(), np.zeros_like(suspected), estimate.frequency.copy()
     complete: BoolArray = np.all(np.isfinite(data), axis=1)
     if complete.mean() < _LEAST_COMPLETE:
-        return result
+        return LineClasses(tone=tone, uncertain=uncertain, frequency=frequency)
     gaps = np.repeat(~complete[:, None], estimate.n_modes, axis=1)
     lines = fft.rfft(bridged(data @ estimate.shape.real.T, gaps), axis=0)
     duration = len(data) / rate
+    law = np.array([uncertainty_law(f, _LIGHT, duration)[1] for f in estimate.frequency])
+    undamped = suspected & (estimate.damping < _LIGHT - 3 * law)  # as no light mode's estimate would be
+    for i in np.flatnonzero(estimate.damping - 3 * estimate.damping_std < _SUSPECT):
+        test = _line(lines[:, i], complete, duration, estimate, int(i), limits.min_damping)
+        threshold = np.log(test.n_samples / _FALSE_TONE) if test else np.inf
+        if test and test.significance > threshold:
+            tone[i] = undamped[i] or test.evidence > threshold
+            uncertain[i] = not tone[i] and test.decay_evidence < _DECAY_EVIDENCE
+            frequency[i] = (round(float(estimate.frequency[i]) * duration) + test.frequency) / duration
+    multiple = _multiples(frequency, tone, duration) & uncertain
+    tone, uncertain = tone | multiple, uncertain & ~multiple
+    steady = _steady(lines, complete, duration, estimate, tone)
+    return LineClasses(tone=tone | steady, uncertain=uncertain & ~steady, frequency=frequency)
+
+
+def _line(
+    lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, i: int, least_damping: float
+) -> LineTest | None:
+    """Return the comparison of a tone with resonances for one mode; None if the highest line is not the mode's."""
+    frequency, std = float(estimate.frequency[i]), float(estimate.frequency_std[i])
+    wide = BAND * float(estimate.damping[i]) * frequency * duration
+    centre = round(frequency * duration)
+    reach = int(min(np.clip(wide, *_REACH), centre // 2))
+    if reach < _REACH[0] // 2:
+        return None
+    test = line_test(lines, centre, reach, complete.astype(float), 2 * np.pi * frequency * least_damping * duration)
+    away = abs(centre + test.frequency - frequency * duration)
+    return test if away < 1 + 3 * std * duration else None
+
+
+def _multiples(frequency: FloatArray, tone: BoolArray, duration: float) -> BoolArray:
+    """Tell which frequencies lie at a multiple of a tone's, as near as chance would hardly bring any of them."""
+    pairs = max(len(frequency) * np.count_nonzero(tone), 1)
+    result = np.zeros_like(tone)
+    for base in frequency[tone]:
+        order = np.round(frequency / base)
+        margin = 3 * _LINE_STD * np.hypot(order, 1) / duration
+        sure = 2 * margin / base * pairs < _FALSE_MULTIPLE
+        result |= (order >= 2) & (np.abs(frequency - order * base) < margin) & sure
+    return result
+
+
+def _steady(
+    lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, known: BoolArray
+) -> BoolArray:
+    """Tell which modes are too steady to be resonances under random forces (n_modes,).
+
+    A mode with a known tone in its band is not doubted, for what is steady there is the tone.
+    """
+    result = np.zeros_like(known)
     for i in np.argsort(estimate.damping):
-        others = np.append(known, estimate.frequency[result])
+        others = estimate.frequency[known | result]
         frequency, damping = float(estimate.frequency[i]), float(estimate.damping[i])
-        result[i] = any(
+        result[i] = not known[i] and any(
             _variation(lines[:, i], complete, frequency * duration, width * duration)
             < steadiest(2 * np.pi * frequency * damping * duration)
             for width in _half_widths(frequency, damping)

@@ -9,16 +9,16 @@ import numpy as np
 from daq import FloatArray, Recording
 from oma.alignment import aligned, delays_of_clean
 from oma.bandwidth import usable_share
-from oma.conditioning import cleaned, enough
+from oma.conditioning import BoolArray, cleaned, enough
 from oma.efdd import EFDD
 from oma.errors import TooFewModes, TooShort
 from oma.estimate import ModalEstimate
 from oma.faults import ChannelFault
 from oma.fdd import FDD
 from oma.fsdd import FSDD
-from oma.harmonics import steady_modes
+from oma.harmonics import LineClasses, classify
 from oma.methods import LevelModes, Method
-from oma.modes import Mode, distinct, physical, split_tones
+from oma.modes import Mode, distinct, physical, repeats_of_tones
 from oma.plscf import PLSCF
 from oma.pyramid import PASS, TOP, Decimator, HighPass, levels
 from oma.quality import BlockQuality, WindowQuality, window_quality
@@ -40,6 +40,7 @@ class Identification:
     estimate: ModalEstimate  #: with the devices' `delays` removed
     poles: Stabilization
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
+    may_be_tone: BoolArray  #: (n_modes,) modes that a tone would explain as well: the record is too short to tell
     quality: WindowQuality
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
     recorded: tuple[str, ...]
@@ -58,6 +59,19 @@ class Identification:
     def left_out(self) -> dict[str, ChannelFault]:
         """Faults of the channels that are not in the estimate."""
         return {name: fault for name, fault in self.faults.items() if name not in self.estimate.channels}
+
+    def without_uncertain(self) -> "Identification":
+        """Return the identification without modes that may be tones.
+
+        Raises
+        ------
+        TooFewModes
+            If no other is left.
+        """
+        if self.may_be_tone.all():
+            raise TooFewModes(len(self.poles))
+        sure = ~self.may_be_tone
+        return replace(self, estimate=self.estimate[sure], may_be_tone=self.may_be_tone[sure])
 
 
 def identify(
@@ -109,17 +123,8 @@ def identify_all(
     stream = IdentificationStream(names, recording.rate, (low, high), method, start=recording.start)
     for block in np.array_split(recording.data, method.n_blocks):
         stream.add(block)
-    found = _without_tones(stream.identify(), recording.data, recording.rate)
+    found = stream.identify(recording.data)
     return replace(found, delays=delays, recorded=recorded, faults=clean.faults)
-
-
-def _without_tones(found: Identification, data: FloatArray, rate: float) -> Identification:
-    """Put modes whose amplitude is too steady for a resonance among the harmonics."""
-    steady = steady_modes(data, rate, found.estimate, found.harmonics)
-    if steady.all():
-        raise TooFewModes(len(found.poles))
-    harmonics = np.sort(np.append(found.harmonics, found.estimate.frequency[steady]))
-    return replace(found, estimate=found.estimate[~steady], harmonics=harmonics)
 
 
 class IdentificationStream:
@@ -181,8 +186,13 @@ class IdentificationStream:
             if level:
                 level.drop(n_blocks)
 
-    def identify(self) -> Identification:
+    def identify(self, data: FloatArray | None = None) -> Identification:
         """Return the modes in the blocks held.
+
+        Parameters
+        ----------
+        data : (n_samples, n_channels) array, optional
+            Signals of these blocks: tones are told from modes by them (`oma.harmonics`), else by damping alone.
 
         Raises
         ------
@@ -193,16 +203,21 @@ class IdentificationStream:
         if not found:
             needed = self._method.least_samples(len(self._channels))
             raise TooShort(self._duration, needed / self._rate)
-        modes, tones = self._chosen(found)
-        poles = join([level.poles for level in found])
+        poles, modes = join([level.poles for level in found]), self._chosen(found)
         if not modes:
             raise TooFewModes(len(poles))
-        harmonics = np.array([tone.frequency for tone in tones])
+        both = self._estimate(modes)
+        lines = self._lines(both, data)
+        is_mode = ~lines.tone & self._certain(both)
+        if not is_mode.any():
+            raise TooFewModes(len(poles))
+        estimate = both[is_mode]
         return Identification(
-            estimate=self._estimate(modes),
+            estimate=estimate,
             poles=poles,
-            harmonics=harmonics,
-            quality=window_quality(self._blocks, self._rate, modes[0].frequency),
+            harmonics=np.sort(lines.frequency[lines.tone]),
+            may_be_tone=lines.uncertain[is_mode],
+            quality=window_quality(self._blocks, self._rate, float(estimate.frequency[0])),
             band=self._band,
             recorded=self._channels,
         )
@@ -212,11 +227,24 @@ class IdentificationStream:
         """Length of the blocks held [s]."""
         return sum(block.length for block in self._blocks) / self._rate
 
-    def _chosen(self, found: Sequence[LevelModes]) -> tuple[list[Mode], list[Mode]]:
+    def _chosen(self, found: Sequence[LevelModes]) -> list[Mode]:
         """Return modes and tones."""
         limits = self._method.selection
-        candidates = physical([mode for level in found for mode in level.modes], limits)
-        return split_tones(distinct(candidates, limits), limits)
+        return distinct(physical([mode for level in found for mode in level.modes], limits), limits)
+
+    def _lines(self, both: ModalEstimate, data: FloatArray | None) -> LineClasses:
+        """Return which are tones."""
+        limits = self._method.selection
+        undamped: BoolArray = both.damping < limits.min_damping
+        undamped = undamped | repeats_of_tones(both, undamped, limits)
+        if data is None:
+            return LineClasses(tone=undamped, uncertain=np.zeros_like(undamped), frequency=both.frequency)
+        return classify(data, self._rate, both, undamped, limits)
+
+    def _certain(self, both: ModalEstimate) -> BoolArray:
+        """Return which are no poles of noise: one channel has no shapes to tell them by, but their damping scatters."""
+        sure: BoolArray = both.damping > self._method.selection.min_damping_sigmas * both.damping_std
+        return sure | (len(self._channels) > 1)
 
     def _estimate(self, modes: Sequence[Mode]) -> ModalEstimate:
         """Put modes into arrays."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from oma.estimate import ComplexArray
+from oma.conditioning import BoolArray
+from oma.estimate import ComplexArray, ModalEstimate
 from oma.mac import mac_matrix, normalise
 from oma.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_law
 from oma.stabilization import Stabilization
@@ -159,21 +160,14 @@ def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
     return [mode for mode in modes if mode.law_ratio < selection.max_law_ratio * mode.support]
 
 
-def split_tones(modes: Sequence[Mode], selection: Selection) -> tuple[list[Mode], list[Mode]]:
-    """Return modes and tones: what has no damping, and what has some but is as sharp as the tone in its band.
+def repeats_of_tones(estimate: ModalEstimate, tone: BoolArray, selection: Selection) -> BoolArray:
+    """Return which modes are tones over again: as sharp as the tone in their band.
 
     A scatter below the uncertainty law alone makes no tone: under gusts and taps modes scatter less than it says.
     """
-    tones = [mode for mode in modes if mode.damping < selection.min_damping]
-    known = np.array([tone.frequency for tone in tones])
-    again = [
-        mode
-        for mode in modes
-        if mode.law_ratio < selection.min_law_ratio
-        and np.any(np.abs(known - mode.frequency) < BAND * mode.damping * mode.frequency)
-    ]
-    tones += [mode for mode in again if mode not in tones]
-    return [mode for mode in modes if mode not in tones], tones
+    away = np.abs(estimate.frequency[:, None] - estimate.frequency[tone])
+    beside = np.any(away < BAND * (estimate.damping * estimate.frequency)[:, None], axis=1)
+    return np.asarray(~tone & beside & (estimate.law_ratio < selection.min_law_ratio))
 
 
 def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:

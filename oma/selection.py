@@ -28,6 +28,7 @@ class Selection:
 
     max_damping: float = 0.1  #: of a pole, ratio of critical [-]
     min_damping: float = 2e-4  #: of a mode; below it is a tone [-]
+    min_damping_sigmas: float = 3.0  #: damping over its standard deviation, of a mode seen by a single channel [-]
     min_mpc: float = 0.5  #: modal phase collinearity of a peak of the spectra [-]
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
     max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]

@@ -114,6 +114,7 @@ class Played:
             estimate=estimate[np.setdiff1d(np.arange(true.n_modes), self.hidden)],
             poles=_NO_POLES,
             harmonics=np.array([50.0]),
+            may_be_tone=np.zeros(true.n_modes - len(self.hidden), np.bool_),
             quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),
             band=(1.0, 400.0),
             recorded=true.channels,

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,15 @@ from rich.markup import escape
 from daq import AnyLog, LogError, Recording, as_logs, read_attachments
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
-from monitor.cli.modes_shown import as_json, console, say_modes
+from monitor.cli.modes_shown import Findings, as_json, console, say_modes
 from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.model_modes import ModelModes, model_modes
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
 from monitor.setups import merge_setups
-from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all
+from monitor.synchrony import LOW_MPC, Asynchrony, asynchrony
+from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
 
 
@@ -55,19 +57,30 @@ def identify_command(
         windows, fused = _identify(logs, window, method, band)
     model = _model(fused.estimate, logs[0], options.structure)
     partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
-    say_modes(logs, windows, fused, partners, setups=bool(options.references))
+    windows_of = partial(_recordings, logs[:1] if options.references else logs, window)
+    late = None if options.references else _asynchrony(windows_of(), windows, fused.estimate)
+    shown = Findings(windows=windows, fused=fused, partners=partners, asynchrony=late)
+    say_modes(logs, shown, setups=bool(options.references))
     about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
-    content = as_json(windows, fused, partners) | {"method": about | {"options": asdict(method)}}
+    content = as_json(shown) | {"method": about | {"options": asdict(method)}}
     if json_path:
         write_json(json_path, content)
     if picture or out:
-        recording, found = _first(_recordings(logs[:1] if options.references else logs, window), method, band)
+        recording, found = _first(windows_of(), method, band)
         if picture:
             _draw(picture, recording, found, fused.estimate)
         if out:
             over_time = () if options.references else windows.estimates
             _fill(out, over_time, fused.estimate, recording, found, model, content)
     return DONE
+
+
+def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
+    """Return the delays between channels if shapes are far from real; from the first window that gave modes."""
+    if (mpc(estimate.shape) >= LOW_MPC).all():
+        return None
+    first = next(r for r in recordings if r.start == windows.estimates[0].start)
+    return asynchrony(first, estimate)
 
 
 def _first(
@@ -134,7 +147,11 @@ def _identify(
         with console.status("reading ...") as status:
             number = iter(range(1, 1 << 30))
             windows = identify_windows(
-                _recordings(logs, window), method, band, lambda _: status.update(f"window {next(number)} ...")
+                _recordings(logs, window),
+                method,
+                band,
+                lambda _: status.update(f"window {next(number)} ..."),
+                uncertain=True,
             )
         if not windows.estimates:
             raise LogError(named, windows.problems[0])

@@ -1,27 +1,51 @@
 """Modes as a table and as JSON."""
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from daq import AnyLog
-from monitor.fusion import FusedModes, Windows
+from monitor.fusion import FusedModes, Windows, are_near
 from monitor.model_modes import ModelPartner
+from monitor.synchrony import LOW_MPC, Asynchrony
 from oma import mpc, mpd
 
 console = Console(highlight=False)
+LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
 
 
-def as_json(windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner | None]) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Findings:
+    """Modes of windows, and what is to be said of them."""
+
+    windows: Windows
+    fused: FusedModes
+    partners: Sequence[ModelPartner | None]  #: the model's mode of each mode, if any
+    asynchrony: Asynchrony | None  #: delays between the channels, if the shapes show any
+
+    @property
+    def may_be_tone(self) -> npt.NDArray[np.bool_]:
+        """Modes that the records cannot tell from tones (n_modes,)."""
+        return are_near(self.fused.estimate.frequency, self.windows.may_be_tones)
+
+    @property
+    def is_complex(self) -> npt.NDArray[np.bool_]:
+        """Modes whose channels do not move in phase (n_modes,)."""
+        return np.asarray(mpc(self.fused.estimate.shape) < LOW_MPC)
+
+
+def as_json(found: Findings) -> dict[str, Any]:
     """Return what other programs read, but for the method."""
+    windows, late = found.windows, found.asynchrony.delays if found.asynchrony else {}
     return {
-        "modes": [_mode_json(fused, i, partner) for i, partner in enumerate(partners)],
+        "modes": [_mode_json(found, i) for i in range(found.fused.estimate.n_modes)],
         "harmonics": windows.harmonics.tolist(),
         "channels": windows.channels,
         "window": {
@@ -29,20 +53,22 @@ def as_json(windows: Windows, fused: FusedModes, partners: Sequence[ModelPartner
             "end": windows.end,
             "rate": windows.rate,
             "band": windows.band,
+            "delays": {channel: {"value": value, "std": std} for channel, (value, std) in late.items()},
             "quality": asdict(windows.worst_quality) | {"remarks": windows.worst_quality.remarks},
         },
     }
 
 
-def _mode_json(fused: FusedModes, i: int, partner: ModelPartner | None) -> dict[str, Any]:
-    estimate = fused.estimate
+def _mode_json(found: Findings, i: int) -> dict[str, Any]:
+    estimate, partner = found.fused.estimate, found.partners[i]
     shape = dict(zip(estimate.channels, ([z.real, z.imag] for z in estimate.shape[i].tolist()), strict=True))
     quality: dict[str, Any] = {
         "support": float(estimate.support[i]),
         "law_ratio": float(estimate.law_ratio[i]),
         "mpc": float(mpc(estimate.shape[i])),
         "mpd": float(mpd(estimate.shape[i])),
-        "windows": int(fused.n[i]),
+        "windows": int(found.fused.n[i]),
+        "may_be_tone": bool(found.may_be_tone[i]),
     }
     if partner:
         quality["model"] = {"frequency": partner.frequency, "mac": partner.mac}
@@ -56,20 +82,16 @@ def _mode_json(fused: FusedModes, i: int, partner: ModelPartner | None) -> dict[
     }
 
 
-def say_modes(
-    logs: Sequence[AnyLog],
-    windows: Windows,
-    fused: FusedModes,
-    partners: Sequence[ModelPartner | None],
-    *,
-    setups: bool,
-) -> None:
+def say_modes(logs: Sequence[AnyLog], found: Findings, *, setups: bool) -> None:
     """Print the table and what else there is to know."""
+    windows, fused = found.windows, found.fused
     n, first = len(windows.estimates), windows.estimates[0]
     seconds = f"{(first.end - first.start) * 1e-9:.6g} s"
     what = f"{n} set-ups" if setups else f"{n} windows of {seconds}" if n > 1 else f"one window of {seconds}"
     title = f"{escape(', '.join(log.name for log in logs))}: {what}"
-    console.print(_table(title, fused, partners))
+    console.print(_table(title, found))
+    for remark in _marks(found):
+        console.print(remark, soft_wrap=True)
     if windows.band:
         low, high = windows.band
         console.print(f"band: {low:.4g} to {high:.4g} Hz ({high / windows.rate:.2f} of the rate)")
@@ -86,8 +108,25 @@ def say_modes(
         console.print(f"frequencies scatter {fused.scatter:.2f} times what the windows state")
 
 
-def _table(title: str, fused: FusedModes, partners: Sequence[ModelPartner | None]) -> Table:
+def _marks(found: Findings) -> Iterator[str]:
+    """Yield the meaning of the marks in the table, and delays of channels."""
+    if found.may_be_tone.any():
+        yield "? may be a tone of a machine: the record is too short to tell it from a lightly damped mode"
+    if found.is_complex.any():
+        yield (
+            f"! MPC below {LOW_MPC:g}: the channels do not move in phase, as where they are not synchronous, "
+            "modes are close or noise is strong"
+        )
+    if any(p and p.mac < LOW_MAC for p in found.partners):
+        yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
+    if found.asynchrony:
+        yield escape(found.asynchrony.words)
+
+
+def _table(title: str, found: Findings) -> Table:
+    fused, partners = found.fused, found.partners
     estimate, compared = fused.estimate, any(partners)
+    uncertain, complex_shape = found.may_be_tone, found.is_complex
     table = Table(box=SIMPLE_HEAD, title=title)
     for name in (
         "mode",
@@ -101,14 +140,18 @@ def _table(title: str, fused: FusedModes, partners: Sequence[ModelPartner | None
         table.add_column(name, justify="right", no_wrap=True)
     for i, partner in enumerate(partners):
         cells = [
-            str(i + 1),
+            f"{'? ' if uncertain[i] else ''}{i + 1}",
             f"{estimate.frequency[i]:.4f} ± {estimate.frequency_std[i]:.4f}",
             f"{100 * estimate.damping[i]:.3f} ± {100 * estimate.damping_std[i]:.3f}",
-            f"{float(mpc(estimate.shape[i])):.3f}",
+            f"{'! ' if complex_shape[i] else ''}{float(mpc(estimate.shape[i])):.3f}",
             *([] if compared else [f"{np.degrees(float(mpd(estimate.shape[i]))):.1f}"]),
             str(int(fused.n[i])),
         ]
         if compared:
-            cells += [f"{partner.frequency:.3f}", f"{partner.mac:.3f}"] if partner else ["-", "-"]
+            cells += (
+                [f"{partner.frequency:.3f}", f"{'! ' if partner.mac < LOW_MAC else ''}{partner.mac:.3f}"]
+                if partner
+                else ["-", "-"]
+            )
         table.add_row(*cells)
     return table
