@@ -10,7 +10,7 @@ from monitor.discrepancy import BalanceResult, SensorBeside, Vector
 from monitor.results import AcceptedShift, MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from monitor.unsure_words import unsure_now
-from updater import Cause, Diagnosis, Pair, ParameterChange, Quantity, Where
+from updater import Cause, Diagnosis, Failed, Pair, ParameterChange, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
@@ -169,6 +169,12 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     if not diagnosis.causes:
         return VERDICTS[diagnosis.verdict]
     return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
+
+
+def failed_text(failed: Failed) -> str:
+    """Return what an internal fault left out of an answer."""
+    part = " and ".join(map(plain, failed.part.split(" and ")))
+    return f"internal error, {part} was not considered: {failed.error}"
 
 
 def mass_text(answer: MassAnswer) -> str:

@@ -71,6 +71,7 @@ from updater.structure_file import dump_structure, load_structure, parse_structu
 from updater.verdict import (
     Cause,
     Diagnosis,
+    Failed,
     FrequencyFit,
     Gain,
     ModeFit,
@@ -107,6 +108,7 @@ __all__ = [
     "Expansion",
     "Explained",
     "External",
+    "Failed",
     "Fit",
     "Flag",
     "ForceBalance",

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from updater.causes.catalogue import CATALOGUE, RARITY
 from updater.causes.composite import Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
+from updater.faults import Faults
 from updater.fit import Fit, fit
 from updater.keys import meant
 from updater.prediction import prediction
@@ -93,6 +94,7 @@ class Weighing:
     on_cause : called with the name of each cause before it is weighed
     instead : makers of causes that stand in the place of the catalogue's of that name
     allowed : names of the causes that are considered
+    faults : collects what fails; a cause that has failed alone is considered no more
     """
 
     reference: Reference
@@ -100,13 +102,24 @@ class Weighing:
     on_cause: Callable[[str], None] = field(default=say_nothing)
     instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
     allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
+    faults: Faults = field(default_factory=Faults)
 
-    @cached_property
+    @property
     def causes(self) -> Mapping[str, Cause]:
         """Those that have alternatives here, by name."""
+        return {name: cause for name, cause in self._proposed.items() if self.label(name) not in self.faults.found}
+
+    @cached_property
+    def _proposed(self) -> Mapping[str, Cause]:
         makers = {name: self.instead.get(name, propose) for name, propose in CATALOGUE.items() if name in self.allowed}
-        proposed = {name: propose(self.reference, self.data) for name, propose in makers.items()}
-        return {name: cause for name, cause in proposed.items() if cause is not None}
+        found = {}
+        for name, propose in makers.items():
+            found[name] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
+        return {name: cause for name, cause in found.items() if cause is not None}
+
+    def label(self, name: str) -> str:
+        """Return the name of a cause, marked where another maker stands in the place of the catalogue's."""
+        return f"{name} (another form)" if name in self.instead else name
 
     @cached_property
     def nothing(self) -> Fit[Nothing]:
@@ -142,18 +155,22 @@ class Weighing:
         return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
 
     def singles(self, only: Sequence[str] = ()) -> list[Candidate]:
-        """Fit every cause alone, or only some, the best first."""
+        """Fit every cause alone, or only some, the best first; one that fails is left out."""
         found = []
-        for name in only or self.causes:
-            cause = self.causes[name]
-            self.on_cause(name)
-            whole = fit(self.data, cause)
-            best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
-            effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
-            if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
-                effective = True  # its mode is measured: that is more than any drift does
-            evidence = whole.log_evidence + self.log_prior(name)
-            found.append(
-                Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)
-            )
-        return ranked(found)
+        for name, cause in self.causes.items():
+            if not only or name in only:
+                self.on_cause(name)
+                found.append(self.faults.attempt(self.label(name), partial(self._single, name, cause)))
+        return ranked([candidate for candidate in found if candidate is not None])
+
+    def _single(self, name: str, cause: Cause) -> Candidate:
+        """Fit one cause alone."""
+        whole = fit(self.data, cause)
+        best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
+        effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
+        if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
+            effective = True  # its mode is measured: that is more than any drift does
+        evidence = whole.log_evidence + self.log_prior(name)
+        if np.isnan(evidence):
+            raise FloatingPointError("the log evidence is not a number")
+        return Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)

@@ -9,7 +9,7 @@ that acts much like it.
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -65,17 +65,18 @@ class Compositions:
         """
         seeds = [s for s in seeds if not any(hides(c.cause) for c in s.chosen)]
         found = [
-            self._promise(seed, name, cause)
+            self.weighing.faults.attempt(" and ".join((*seed.names, name)), partial(self._promise, seed, name, cause))
             for seed in itertools.chain(seeds, *(self._elsewhere(seed) for seed in seeds if len(seed.chosen) == 1))
             for name, cause in self.weighing.causes.items()
             if not hides(cause) and not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
         ]
-        return sorted(found, key=lambda p: -p.log_evidence)
+        return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
 
     def at_once(self) -> list[Candidate]:
         """Fit the two causes that explain most together to first order, wherever the one that does alone may be."""
-        pair = likeliest_pair(self.weighing)
-        return [] if pair is None else [self._at_rest(self.settled(pair))]
+        pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, self.weighing))
+        found = None if pair is None else self._at_rest(self.settled(pair))
+        return [] if found is None else [found]
 
     @cached_property
     def _same_factor(self) -> list[Cause]:
@@ -125,16 +126,20 @@ class Compositions:
         return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence, seed.log_evidence)
 
     def together(self, promises: Sequence[Promise]) -> list[Candidate]:
-        """Fit the best of what was foreseen; two causes of one kind are two."""
+        """Fit the best of what was foreseen; two causes of one kind are two, and those that fail are left out."""
         found: dict[tuple[str, ...], Candidate] = {}
 
-        def keep(fitted: Candidate) -> None:
+        def keep(fitted: Candidate | None) -> None:
+            if fitted is None:
+                return
             key = tuple(sorted(fitted.names))
             if key not in found or found[key].log_evidence < fitted.log_evidence:
                 found[key] = fitted
 
         for promise in self._worth_fitting(promises):
             keep(self.settled(promise.chosen))
+        if not found:
+            return []
         best = max(found.values(), key=lambda c: c.log_evidence)
         keep(self._at_rest(best))
         for other in self._elsewhere(best):
@@ -157,10 +162,14 @@ class Compositions:
         plain = common(best.names)
         return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
 
-    def _at_rest(self, fitted: Candidate) -> Candidate:
+    def _at_rest(self, fitted: Candidate | None) -> Candidate | None:
         """Fit again, each cause beside the others where these have come to, while that is better."""
+        if fitted is None:
+            return None
         for _ in range(_TURNS):
             again = self.settled(fitted.chosen)
+            if again is None:
+                return fitted
             if again.log_evidence < fitted.log_evidence + _STILL:
                 return max(fitted, again, key=lambda c: c.log_evidence)
             fitted = again
@@ -195,8 +204,15 @@ class Compositions:
                 found.append((*others, Chosen(other, 0, np.zeros(len(other.prior_std)))))
         return found
 
-    def settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
-        """Return causes fitted in turn, all alternatives of each beside the best of the others, the last one first."""
+    def settled(self, chosen: tuple[Chosen, ...]) -> Candidate | None:
+        """Return causes fitted in turn, all alternatives of each beside the best of the others, the last one first.
+
+        None where a fit fails.
+        """
+        names = " and ".join(self.weighing.label(c.cause.name) for c in chosen)
+        return self.weighing.faults.attempt(names, partial(self._settled, chosen))
+
+    def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
         parts: list[Fit[Cause]] = []
         for _ in chosen:
             *others, last = chosen
@@ -207,4 +223,6 @@ class Compositions:
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
         open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
         evidence = found.log_evidence - open_ones + sum(self.weighing.log_prior(c.cause.name) for c in chosen)
+        if np.isnan(evidence):
+            raise FloatingPointError("the log evidence is not a number")
         return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))

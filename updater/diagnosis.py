@@ -33,7 +33,7 @@ from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.statistics import ModalMean
 from updater.structure import Structure
-from updater.verdict import Diagnosis, Verdict
+from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest, rejected_causes
 from updater.written_structure import rounded, simplified
 
@@ -126,6 +126,8 @@ def diagnose(
             f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
         )
     singles = plain.singles(() if reference.filed is None else (OF_THE_FILE,))
+    if not singles:
+        raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = _one_sided(plain, singles)
     case = _Case(reference, event, search.data, singles, search)
     if not circumstances.steady:
@@ -156,8 +158,8 @@ def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, li
     if singles[0].p_value >= _WELL and common.log_evidence < singles[0].log_evidence - _RIVAL:
         return search, singles
     apart = _let_apart(search)
-    (found,) = apart.singles((_STRETCH,))
-    if found.log_evidence < common.log_evidence + _MUCH:
+    found = next(iter(apart.singles((_STRETCH,))), None)
+    if found is None or found.log_evidence < common.log_evidence + _MUCH:
         return search, singles
     return apart, ranked([found, *(c for c in singles if c is not common)])
 
@@ -170,7 +172,7 @@ def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighin
     apart = _let_apart(search)
     beside = sorted(common.chosen, key=lambda c: c.cause.name == _STRETCH)  # what is last is fitted first
     other = Compositions(apart).settled(tuple(beside))
-    if other.log_evidence < common.log_evidence + _MUCH:
+    if other is None or other.log_evidence < common.log_evidence + _MUCH:
         return search, found
     return apart, ranked([other, *(c for c in found if c is not common)])
 
@@ -182,7 +184,7 @@ def _one_factor_beside(plain: Weighing, search: Weighing, found: list[Candidate]
         return search, found
     beside = sorted(apart.chosen, key=lambda c: c.cause.name == _STRETCH)
     other = Compositions(plain).settled(tuple(beside))
-    if apart.log_evidence >= other.log_evidence + _MUCH:
+    if other is None or apart.log_evidence >= other.log_evidence + _MUCH:
         return search, found
     return plain, ranked([other, *(c for c in found if c is not apart)])
 
@@ -231,7 +233,9 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
     if _hidden(near[0]):
         near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
-    again = [several.settled(c.chosen) for c in near]
+    again = [fitted for fitted in (several.settled(c.chosen) for c in near) if fitted is not None]
+    if not again:
+        return case, found
     judged = _stepwise(weighing, ranked(again), rough=False)
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
@@ -286,8 +290,14 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
         modes=modes_of(case.reference, case.event, case.data, None),
         gain=None,
         next_measurement=advice,
+        failed=_failed(case),
     )
     return Explained(diagnosis, None)
+
+
+def _failed(case: _Case) -> tuple[Failed, ...]:
+    """Return what was left out because of an internal fault."""
+    return tuple(Failed(part=name, error=text) for name, text in case.weighing.faults.found.items())
 
 
 def _nearer(case: _Case, heldout: ModalMean | None) -> Nearer:
@@ -323,13 +333,16 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
-    gained = _gained(case, chosen, heldout)
+    faults = case.weighing.faults
+    gained = faults.attempt("the gain", lambda: _gained(case, chosen, heldout))
+    decisive = faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
         causes=named,
         rejected=rejected_causes(case.singles, accepted, searched),
         modes=modes_of(case.reference, case.event, case.data, chosen),
-        gain=gained.gain if gained.significant else None,
-        next_measurement=_next(case, left_open) or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
+        gain=gained.gain if gained and gained.significant else None,
+        next_measurement=decisive or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
+        failed=_failed(case),
         **settings,
     )
     return Explained(diagnosis, extended, gained, best.parts)

@@ -83,6 +83,13 @@ class Rejected(_Part):
     why: str
 
 
+class Failed(_Part):
+    """One cause, several together, or another part of the answer, left out because of an internal fault."""
+
+    part: str
+    error: str  #: type and message of the fault
+
+
 class FrequencyFit(_Part):
     """A frequency as measured, and as predicted without and with the causes [Hz]."""
 
@@ -125,3 +132,4 @@ class Diagnosis(_Part):
     gain: Gain | None
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
     next_measurement: str
+    failed: tuple[Failed, ...] = ()  #: what internal faults left out

@@ -13,6 +13,7 @@ from monitor.words import (
     MARK,
     NOT_COMPARED,
     cause_text,
+    failed_text,
     gain_text,
     left_over_text,
     missed_text,
@@ -131,9 +132,11 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
 
 
 def _refused(console: Console, diagnosis: Diagnosis) -> None:
-    """Print the causes that were refused, the nearest first; the hopeless ones only by name."""
+    """Print the causes that were refused, the nearest first; the hopeless ones only by name, and those that failed."""
     nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
     for rejected in nearest[:_MOST]:
         console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
     if len(nearest) > _MOST:
         console.print(f"  nor {', '.join(plain(r.cause) for r in nearest[_MOST:])}", style="dim")
+    for failed in diagnosis.failed:
+        console.print(escape(failed_text(failed)), style="yellow")

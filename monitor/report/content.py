@@ -21,6 +21,7 @@ from monitor.words import (
     accepted_text,
     cause_text,
     diagnosis_text,
+    failed_text,
     fit_text,
     gain_text,
     headline,
@@ -246,6 +247,7 @@ def diagnosis_content(
             for c in diagnosis.causes
         ],
         "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
+        "failed": [failed_text(failed) for failed in diagnosis.failed],
         "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
         "gain": _gain(diagnosis, found.gain_std if found else None),
         "extended_model": diagnosis.extended_model,

@@ -5,7 +5,7 @@ import rerun as rr
 from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
 from monitor.viewer.draw import at, clock
-from monitor.words import cause_text, diagnosis_text, fit_text, mass_text, plain, share_text
+from monitor.words import cause_text, diagnosis_text, failed_text, fit_text, mass_text, plain, share_text
 from updater import Diagnosis
 
 _MOST_REFUSED = 6  # causes whose refusal is told one by one
@@ -111,6 +111,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         lines = [f"- {plain(r.cause)}: {r.why}" for r in nearest[:_MOST_REFUSED]]
         rest = ", ".join(plain(r.cause) for r in nearest[_MOST_REFUSED:])
         parts.append("\n".join(["Refused:", "", *lines, *([f"- {rest}"] if rest else [])]))
+    parts += [failed_text(failed) for failed in diagnosis.failed]
     return "\n\n".join(parts)
 
 

@@ -17,7 +17,7 @@ from scipy.stats import multivariate_normal
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.common_factor import stiffened
-from updater.causes.springs import Springs, propose_joint_stiffness, propose_support_stiffness
+from updater.causes.springs import LOOSE, Springs, propose_joint_stiffness, propose_support_stiffness
 from updater.circumstances import Trend
 from updater.comparison import Comparison
 from updater.reanalysis import Effect, in_modes, no_effect
@@ -137,8 +137,10 @@ def propose_amplitude_softening(reference: Reference, comparison: Comparison) ->
     couple = np.concatenate([np.empty((0, n_modes + comparison.n_stress)), *(_turning(c) for c in connections)])
     by_axis = -0.5 * ((2 * np.pi * comparison.frequency) ** 2 * couple[:, :n_modes] ** 2).T[comparison.paired]
     scale = _FALL / trend.spread
-    flexible = (scale / np.maximum(np.abs(by_axis).max(0), 1e-300)) ** 2
-    prior = scipy.linalg.block_diag(np.diag(flexible), scale**2 * ((1 - _OWN) * np.ones((n, n)) + _OWN * np.eye(n)))
+    # an axis that moves no compared mode would be free to grow without end: at most it comes loose over the spread
+    loose = np.concatenate([np.empty(0), *(_loose(c) for c in connections)]) / trend.spread
+    flexible = 1 / np.maximum(np.abs(by_axis).max(0) / scale, 1 / loose)
+    prior = scipy.linalg.block_diag(np.diag(flexible**2), scale**2 * ((1 - _OWN) * np.ones((n, n)) + _OWN * np.eye(n)))
     onto = np.concatenate([by_axis, np.eye(n)], axis=1)[known]
     variance = trend.slope_std[tracks][known] ** 2 + (_BIAS / trend.spread) ** 2
     covariance = np.linalg.inv(np.linalg.inv(prior) + (onto.T / variance) @ onto)
@@ -187,6 +189,13 @@ def _stiffest(connection: Connection) -> FloatArray:
     springs, number = connection
     turning = springs.couple[number].any(1)
     return np.asarray(_STIFFEST * (springs.lower[number] / springs.unit[number])[turning])
+
+
+def _loose(connection: Connection) -> FloatArray:
+    """Return the flexibilities (n_axes,) that connections add about those axes as they come loose [rad/(N m)]."""
+    springs, number = connection
+    turning = springs.couple[number].any(1)
+    return np.asarray(LOOSE / springs.unit[number, turning])
 
 
 def _combined(value: FloatArray, std: FloatArray, prior: float) -> tuple[float, float]:

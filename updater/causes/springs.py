@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 BoolArray = npt.NDArray[np.bool_]
 TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
 SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
-_STD = 0.1  # of c E I / L: a connection that has come loose
+LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a connection that has come loose
 _SOFTER = 10.0  # likewise of a bearing, of its own flexibility
 _GIVES = 1e-2  # and at least of c E I / L^3
 
@@ -183,7 +183,7 @@ def _springs(
     return Springs(
         name=name,
         advice=advice,
-        prior_std=np.full(3, _STD),
+        prior_std=np.full(3, LOOSE),
         lower=np.tile(lower, (2, 1)),
         drifting=True,
         comparison=comparison,
@@ -203,14 +203,14 @@ def _stiffness_and_unit(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (n, 3) stiffness about or along three axes, infinite where held, E I / L, and 1 / c of a parameter of one.
 
-    One that is loose gives so much more (`_STD`): where it turns by E I / L, where it slides by its own spring.
+    One that is loose gives so much more (`LOOSE`): where it turns by E I / L, where it slides by its own spring.
     What turns freely may lock.
     """
     stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
     bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
     turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
-    usual = np.where(turning, np.maximum(_STD, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
-    return stiffness, bending, bending * _STD / usual
+    usual = np.where(turning, np.maximum(LOOSE, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
+    return stiffness, bending, bending * LOOSE / usual
 
 
 def _together(stiffness: FloatArray) -> tuple[IndexArray, BoolArray]:
@@ -234,6 +234,6 @@ def _first_order(comparison: Comparison, couple: FloatArray, unit: FloatArray) -
     square = (2 * np.pi * comparison.frequency[comparison.paired]) ** 2
     whitener = comparison.drifting.matrix
     slope = (-0.5 / unit[:, :, None] * square * couple[:, :, comparison.paired] ** 2) @ whitener.T
-    normal = slope @ slope.transpose(0, 2, 1) + np.eye(3) / _STD**2
+    normal = slope @ slope.transpose(0, 2, 1) + np.eye(3) / LOOSE**2
     score = slope @ (whitener @ comparison.log_ratio)
     return np.asarray(np.linalg.solve(normal, score[:, :, None])[:, :, 0])
