@@ -21,7 +21,7 @@ from monitor.detection import (
     shifted,
     start,
 )
-from monitor.results import DetectorFigure, Novelty
+from monitor.results import DetectorFigure, Novelty, SingleMode
 from monitor.settings import Settings
 from monitor.window import Window
 from updater import TrackedModes, stack_tracks
@@ -111,7 +111,20 @@ class Detector:
             for name, value, limit in zip(DETECTORS, judged.value[:, 0], judged.limit[:, 0], strict=True)
         ]
         first = max(figures, key=lambda figure: figure.value / figure.limit)
-        return Novelty(t2=first.value, limit=first.limit, modes=(seen + 1).tolist(), detectors=figures)
+        return Novelty(
+            t2=first.value,
+            limit=first.limit,
+            modes=(seen + 1).tolist(),
+            detectors=figures,
+            single_mode=self._single_mode(int(judged.waiting[0])),
+        )
+
+    def _single_mode(self, waiting: int) -> SingleMode | None:
+        runs = self._watched.runs
+        if waiting < 0:
+            return None
+        needed = int(runs.hold(self._watched.watching.rate))
+        return SingleMode(mode=waiting + 1, windows=int(runs.length), needed=needed)
 
     def settle(self, *, calm: bool) -> None:
         """Learn from windows that have been followed by enough calm ones; forget those that have not been."""

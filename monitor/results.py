@@ -76,6 +76,14 @@ class Unsure(_Result):
         return self.temperature < self.coldest or self.temperature > self.warmest
 
 
+class SingleMode(_Result):
+    """Mode that alone would put windows over a limit, which a wrong pole does, too, for some windows."""
+
+    mode: int  #: identity
+    windows: int  #: in a row so far
+    needed: int  #: from which on it is taken for a change
+
+
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
@@ -84,6 +92,7 @@ class Novelty(_Result):
     modes: list[int]  #: identities of the modes that entered
     detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
     unsure: Unsure | None = None  #: where changes must be at least three times what they must be by a sure law
+    single_mode: SingleMode | None = None  #: where one mode alone is inconsistent, not for long enough to be a change
 
     @property
     def level(self) -> float:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import takewhile
 
-from monitor.results import Novelty, Unsure
+from monitor.results import Novelty, SingleMode, Unsure
 from monitor.story import Story
 
 
@@ -22,16 +22,26 @@ def unsure_text(found: Sequence[Unsure]) -> str:
     return f"{where} {told}".lstrip()
 
 
+def single_mode_text(single: SingleMode) -> str:
+    """Return as part of a sentence that one mode alone is inconsistent, and for how long that is waited."""
+    return (
+        f"mode {single.mode} alone has been inconsistent for {single.windows} window{'s' * (single.windows != 1)} "
+        f"(wrong pole?), which is taken for a change after {single.needed}"
+    )
+
+
 def _between(lowest: float, highest: float) -> str:
     low, high = f"{lowest:.1f}", f"{highest:.1f}"
     return low if low == high else f"{low} to {high}"
 
 
 def unsure_now(story: Story) -> str:
-    """Say what could be told in the last windows; empty where the law was sure in the newest one that was judged."""
+    """Return what could be found in the last windows; empty where the law was sure in the newest one."""
     judged = _judged(story)
     last = list(takewhile(lambda unsure: unsure is not None, (novelty.unsure for novelty in reversed(judged))))
-    return _of([unsure for unsure in last if unsure], f"the last {len(last)} of {len(judged)} windows")
+    unsure = _of([unsure for unsure in last if unsure], f"the last {len(last)} of {len(judged)} windows")
+    single = judged[-1].single_mode if judged else None
+    return "; ".join(part for part in (unsure, single_mode_text(single) if single else "") if part)
 
 
 def unsure_ever(story: Story) -> str:

@@ -17,7 +17,8 @@ from daq import FloatArray
 from monitor.detection.environment import Climate, first_climate, follow, terms
 from monitor.detection.law import Law, first_law, learn
 from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
-from monitor.detection.scores import distance, tamed
+from monitor.detection.scores import alone, clipped, distance, tamed
+from monitor.detection.single_mode import SingleModeRuns, most_inconsistent, no_runs, wait
 
 WEIGHTS = (0.2, 0.02)  #: of the newest window, in the quick and the slow average
 DetectorName = Literal["jump", "quick drift", "slow drift"]
@@ -35,6 +36,7 @@ class Watched:
     watching: Watching
     climate: Climate  #: temperatures so far
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
+    runs: SingleModeRuns  #: of windows in which one mode alone is inconsistent
     age: float = 0.0  #: since the baseline [s]
 
 
@@ -47,6 +49,9 @@ class Judged:
     terms: FloatArray  #: (..., n_windows, 3, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
     carried: npt.NDArray[np.bool_]  #: (..., n_windows) whether temperatures are unsure for want of readings
+    waiting: npt.NDArray[
+        np.intp
+    ]  #: (..., n_windows) mode that alone would be over a limit, not for long enough; else -1
 
     @property
     def over(self) -> npt.NDArray[np.bool_]:
@@ -81,7 +86,7 @@ def start(
         step=float(np.median(seconds)),
     )
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
-    return Watched(law=law, watching=watching, climate=climate, average=average)
+    return Watched(law=law, watching=watching, climate=climate, average=average, runs=no_runs(law.freedom.shape))
 
 
 def judge(
@@ -104,22 +109,58 @@ def judge(
     at = (law.lasting_directions(known, age) * p + np.maximum(n - 1, 0))[..., None]
     values = [squared / np.maximum(n, 1)]
     limits = [np.take_along_axis(jump[..., None, :], at, axis=-1)[..., 0]]
-    taken = np.where(((values[0] > limits[0]) | temperatures.carried)[..., None], np.nan, deviation)
+    score = alone(deviation, lasting + new)
+    single = [most_inconsistent(squared, score, n)]
+    taken = _entering(deviation, lasting + new, values[0] > limits[0], *single[0])
+    taken = np.where(temperatures.carried[..., None], np.nan, taken)
     averages = []
     for i, weight in enumerate(WEIGHTS):
         path = _averaged(watched.average[i], taken, weight)
         covariance = lasting + averaged(weight, watched.watching.overlap)[0] * new
-        values.append(distance(path, covariance)[0] / p)
-        limits.append(np.broadcast_to(drift[..., i : i + 1], values[0].shape))
+        squared = distance(path, covariance)[0]
+        values.append(squared / p)
+        limits.append(np.broadcast_to(drift[..., i : i + 1], squared.shape))
+        single.append(most_inconsistent(squared, alone(path, covariance), np.full(squared.shape, p)))
         averages.append(path[..., -1, :])
+    value, limit = np.array(values), np.array(limits)
+    mode = _single(value > limit, np.array([s[0] for s in single]), np.array([s[1] for s in single]))
+    waits, runs = wait(watched.runs, mode, score, watched.watching.rate)
     judged = Judged(
-        value=np.array(values),
-        limit=np.array(limits),
+        value=np.where(waits, np.minimum(value, limit), value),
+        limit=limit,
         terms=known,
         whitened=whitened,
         carried=temperatures.carried,
+        waiting=np.where(waits, mode, -1),
     )
-    return judged, replace(watched, climate=climate, average=np.array(averages), age=float(age[-1]))
+    return judged, replace(watched, climate=climate, average=np.array(averages), age=float(age[-1]), runs=runs)
+
+
+def _entering(
+    deviation: FloatArray,
+    covariance: FloatArray,
+    over: npt.NDArray[np.bool_],
+    single: npt.NDArray[np.bool_],
+    mode: npt.NDArray[np.intp],
+) -> FloatArray:
+    """Return what enters the averages: no window that is a jump, or all but its mode if that alone is inconsistent.
+
+    Below the limit, too, what one mode deviates by given the others is clipped: a wrong pole is no drift.
+    """
+    most = np.arange(deviation.shape[-1]) == mode[..., None]
+    left_out = over[..., None] & (most | ~single[..., None])
+    return np.where(left_out, np.nan, clipped(deviation, covariance, most))
+
+
+def _single(
+    over: npt.NDArray[np.bool_], single: npt.NDArray[np.bool_], mode: npt.NDArray[np.intp]
+) -> npt.NDArray[np.intp]:
+    """Return the mode that alone brings each window over limits, -1 where none or more than one does.
+
+    Parameters are (3, ..., n_windows), by detector: over its limit, one mode alone inconsistent, the most inconsistent.
+    """
+    highest, lowest = np.where(over, mode, -1).max(0), np.where(over, mode, np.iinfo(np.intp).max).min(0)
+    return np.where(over.any(0) & (single | ~over).all(0) & (highest == lowest), highest, -1)
 
 
 def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched:

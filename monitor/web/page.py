@@ -11,8 +11,8 @@ from markupsafe import Markup
 from monitor.alarm_words import duration_text
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
-from monitor.results import Unsure
-from monitor.unsure_words import unsure_text
+from monitor.results import SingleMode, Unsure
+from monitor.unsure_words import single_mode_text, unsure_text
 from monitor.web.drawings import course_svg, structure_svg
 from monitor.web.source import Past, Source, problems, self_test_said
 from monitor.words import utc
@@ -71,8 +71,12 @@ def _so_far(vitals: dict[str, Any]) -> str:
 
 def _unsure(vitals: dict[str, Any]) -> str:
     """Say what the last window could tell, if the law was unsure of itself."""
-    found = (vitals["window"].get("novelty") or {}).get("unsure")
-    return f"in the last window, {unsure_text([Unsure.model_validate(found)])}" if found else ""
+    novelty = vitals["window"].get("novelty") or {}
+    found, single = novelty.get("unsure"), novelty.get("single_mode")
+    unsure = f"in the last window, {unsure_text([Unsure.model_validate(found)])}" if found else ""
+    return "; ".join(
+        part for part in (unsure, single_mode_text(SingleMode.model_validate(single)) if single else "") if part
+    )
 
 
 def _alarm(alarm: AlarmRow) -> dict[str, Any]:

@@ -1,0 +1,104 @@
+"""One mode alone: wrong poles that stay for some windows raise no alarm, a change that moves one mode does in time."""
+
+import numpy as np
+import pytest
+from scipy.stats import poisson
+
+from daq import FloatArray
+from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
+from monitor.detection.single_mode import MAX_HOLD_WINDOWS, no_runs, wait
+
+P, STD, STEP, DAY = 6, 5e-4, 600.0, 144
+YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+
+
+def noise(random: np.random.Generator, n_sites: int, n: int) -> FloatArray:
+    return STD * random.standard_normal((n_sites, n, P))
+
+
+def bursts(random: np.random.Generator, n_sites: int, n: int) -> FloatArray:
+    """Wrong poles in 1 % of the windows: three to six windows of one mode, 1 % to 2 % off."""
+    off = np.zeros((n_sites, n, P))
+    for site in range(n_sites):
+        for first in np.flatnonzero(random.random(n) < 0.01 / 4.5):
+            length, mode = random.integers(3, 7), random.integers(P)
+            off[site, first : first + length, mode] = random.choice([-1, 1]) * random.uniform(0.01, 0.02)
+    return off
+
+
+def watched_days(y: FloatArray, watched: Watched) -> tuple[list[Judged], Watched]:
+    """Judge, and learn from all that is calm."""
+    found = []
+    for first in range(0, y.shape[1], CHUNK):
+        piece = y[:, first : first + CHUNK]
+        judged, watched = judge(watched, piece, np.full(piece.shape[:2], 15.0), np.full(piece.shape[1], STEP))
+        watched = accept(watched, judged.terms, np.where(judged.over[..., None], np.nan, judged.teaching))
+        found.append(judged)
+    return found, watched
+
+
+def learnt(random: np.random.Generator, n_sites: int) -> Watched:
+    y = noise(random, n_sites, DAY)
+    return start(y, np.full(y.shape, STD), np.full(y.shape[:2], 15.0), np.full(DAY, STEP), YEARLY)
+
+
+def over(found: list[Judged]) -> FloatArray:
+    return np.concatenate([judged.over for judged in found], axis=-1).astype(float)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bursts_of_one_wrong_pole_raise_no_alarm(seed: int) -> None:
+    """290 bursts at 30 sites in 30 days; 1.5 false alarms per year would be 3.7: Poisson bound at 1e-3."""
+    random = np.random.default_rng(seed)
+    n = 30 * DAY
+    found, watched = watched_days(noise(random, 30, n) + bursts(random, 30, n), learnt(random, 30))
+    passed = over(found)
+    alarms = int(((passed[:, 1:-1] * passed[:, 2:]) * (1 - passed[:, :-2])).sum())
+    print(f"seed {seed}: {alarms} alarms from {watched.runs.n_ended.sum():.0f} bursts")
+    assert watched.runs.n_ended.sum() > 150
+    assert alarms <= poisson.ppf(1 - 1e-3, 1.5 * 30 * 30 / 365)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("busy", [False, True])
+def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, *, busy: bool) -> None:
+    """0.5 % of one mode, ten deviations, on sites without wrong poles and on sites with bursts of them."""
+    random, n_sites, n = np.random.default_rng(seed), 30, 20 * DAY
+    wrong = bursts(random, n_sites, n) if busy else 0.0
+    _, watched = watched_days(noise(random, n_sites, n) + wrong, learnt(random, n_sites))
+    changed = noise(random, n_sites, DAY)
+    changed[..., 2] -= 5e-3
+    passed = over(watched_days(changed, watched)[0])
+    first = passed.argmax(-1)
+    print(f"seed {seed}: found after {np.median(first) + 1:.0f} windows, at most {first.max() + 1}")
+    assert passed.any(-1).all()
+    assert first.max() < MAX_HOLD_WINDOWS
+    assert busy or np.median(first) < 14
+
+
+def test_a_change_of_all_modes_is_not_waited_for() -> None:
+    random = np.random.default_rng(3)
+    watched = watched_days(noise(random, 30, DAY), learnt(random, 30))[1]
+    found, _ = judge(
+        watched, noise(random, 30, 3) + 5e-3 * (-1.0) ** np.arange(P), np.full((30, 3), 15.0), np.full(3, STEP)
+    )
+    assert found.over.all()
+
+
+def test_runs_go_on_while_their_mode_is_missing_or_not_ordinary() -> None:
+    single = np.array([-1, 2, 2, -1, 2, -1, 2, -1, 1, 2, -1])
+    score = np.zeros((11, P))
+    score[3, 2], score[5, 2] = np.nan, 4.0
+    waiting, runs = wait(no_runs(()), single, score, 1e-6)
+    assert waiting.tolist() == (single >= 0).tolist()
+    assert [float(v) for v in (runs.n_ended, runs.in_ended, runs.n_windows, runs.mode)] == [3, 7, 11, -1]
+
+
+def test_long_runs_are_waited_for_longer_and_none_for_ever() -> None:
+    rate = 6e-6
+    short, long = (
+        wait(no_runs(()), np.tile([*[0] * n, *[-1] * 40], 50), np.zeros((50 * (n + 40), P)), rate)[1] for n in (1, 12)
+    )
+    hold = [int(runs.hold(rate)) for runs in (short, long)]
+    print(f"runs of 1 and of 12 windows: waited for {hold}")
+    assert hold[0] < 8 < hold[1] <= MAX_HOLD_WINDOWS
