@@ -120,7 +120,7 @@ def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str])
     tracks = [watch.modes_of(window.in_time) for window in pure]
     try:
         found, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
-    except ValueError:
+    except ModalDataError:
         return "", "not explained"
     extended = found.extended if found.diagnosis.verdict == "explained" else None
     return dump_structure(extended) if extended else "", change_text(found.diagnosis)

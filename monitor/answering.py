@@ -11,7 +11,7 @@ from monitor.learning import Watch
 from monitor.results import MassIncrements
 from monitor.window import Window
 from monitor.words import is_one_mass
-from updater import ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
+from updater import ModalDataError, ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
 
 
 def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> InTime:
@@ -39,7 +39,7 @@ def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], str
     now, lateness = seen_in(pure), in_time_of(pure, devices)
     try:
         explained, beside = explain_windows(watch.reference, watch.before, now, lateness, tracks)
-    except ValueError:
+    except ModalDataError:
         return found  # fewer than three modes left to compare: there is an alarm, but no cause
     found |= {"diagnosis": explained.diagnosis, "discrepancy": beside}
     if is_one_mass(explained.diagnosis):
@@ -58,5 +58,5 @@ def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) ->
 def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
     try:
         return increment_result(watch.updater.update(event), n_windows)
-    except (PairingError, ValueError):
+    except (PairingError, ModalDataError):
         return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments

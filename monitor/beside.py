@@ -23,6 +23,7 @@ from updater import (
     Discrepancy,
     Explained,
     ForceBalance,
+    ModalDataError,
     ModalMean,
     Reference,
     Structure,
@@ -125,7 +126,7 @@ def _heard(
             virtual_sensing(recording, expected, measured, [after]),
             virtual_sensing(recording, after, measured, [expected]),
         ), ""
-    except ValueError as error:
+    except ModalDataError as error:
         return None, f"sensors are not predicted from each other: {error}"
 
 

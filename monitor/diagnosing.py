@@ -10,13 +10,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
 from monitor.acting import with_acting
-from monitor.errors import State, StateError
+from monitor.errors import RecordLengthError, State, StateError
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
 from oma import ChannelFault, IdentificationError, ModalEstimate, aligned
 from updater import (
     Circumstances,
     Explained,
+    ModalDataError,
     ModalMean,
     PairingError,
     Reference,
@@ -79,7 +80,7 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
 
     Raises
     ------
-    ValueError
+    RecordLengthError
         If there is too little for three windows.
     """
     first = float(build_model(structure, shear_flexible=True, mass="consistent").modes(1).frequency[0])
@@ -88,7 +89,7 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
     if n * n_logs < _LEAST_WINDOWS:
         less = int(shortest / -(-_LEAST_WINDOWS // n_logs))
         way_out = f"; --window {less} takes shorter ones, which are less sure" if less * first > _FEWEST_PERIODS else ""
-        raise ValueError(
+        raise RecordLengthError(
             f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
             f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
         )
@@ -281,7 +282,7 @@ def _all_fixed(structure: Structure) -> Structure:
 def _blamed_on(state: State) -> Iterator[None]:
     try:
         yield
-    except (ValueError, PairingError) as error:
+    except (ModalDataError, PairingError) as error:
         raise StateError(state, str(error)) from error
 
 

@@ -5,6 +5,7 @@ MonitorError
     ArgumentError   an argument that makes no sense; names it
     ResultsError    a log, folder or file of which nothing can be shown; names it
     StartError      it could not start: a device, a port, a folder
+    RecordLengthError   logs too short for the windows that an analysis needs (a ValueError as well)
 StateError          modes of one state of the structure that cannot be compared; a ValueError, as what it comes from
 """
 
@@ -44,6 +45,10 @@ class ResultsError(MonitorError):
 
 class StartError(MonitorError):
     """Something needed to start is not there."""
+
+
+class RecordLengthError(MonitorError, ValueError):
+    """Logs too short for the windows that an analysis needs."""
 
 
 class StateError(ValueError):

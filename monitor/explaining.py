@@ -17,6 +17,7 @@ from oma import ChannelFault, ModalEstimate
 from updater import (
     Circumstances,
     Explained,
+    ModalDataError,
     ModalMean,
     PairingError,
     Reference,
@@ -87,7 +88,7 @@ def explain_windows(
     found = diagnose(reference, event, circumstances=circumstances)
     try:
         beside = discrepancy_result(reference, measured, found).model_copy(update={"places": ()})  # the answer has them
-    except (PairingError, ValueError):
+    except (PairingError, ModalDataError):
         beside = None  # what can be compared is enough to diagnose, not to draw
     return found, beside
 
@@ -103,7 +104,7 @@ def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexAr
         return health_result(
             sensor_health(reference, event, Circumstances(devices=windows.devices, wander=windows.delays.wander))
         )
-    except ValueError:
+    except ModalDataError:
         return {}
 
 

@@ -24,7 +24,16 @@ from monitor.self_test import with_mass
 from monitor.settings import Settings
 from monitor.window import Window
 from monitor.words import change_text, is_one_mass
-from updater import Diagnosis, MassChange, ModalDataError, ModalMean, Structure, locate_and_sharpen, stack_tracks
+from updater import (
+    Diagnosis,
+    MassChange,
+    ModalDataError,
+    ModalMean,
+    PairingError,
+    Structure,
+    locate_and_sharpen,
+    stack_tracks,
+)
 
 _SIGMAS = 3.0  # that place and mass may be off by
 _TELLS = 0.5  # of a mode's scale: one that is known no better is not told
@@ -133,7 +142,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     try:
         explained, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
         found, _ = locate_and_sharpen(watch.reference, event)
-    except (ValueError, ModalDataError) as error:
+    except (ModalDataError, PairingError) as error:
         raise ProofError(f"the change cannot be explained: {error}") from error
     return Evidence(
         structure=structure,

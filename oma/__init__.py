@@ -3,7 +3,16 @@
 from oma.alignment import aligned, channel_delays, device_delays
 from oma.conditioning import channel_faults
 from oma.efdd import EFDD
-from oma.errors import IdentificationError, NoCommonModes, OmaError, TooFewChannels, TooFewModes, TooShort
+from oma.errors import (
+    IdentificationError,
+    InputError,
+    NoCommonModes,
+    NumericalFault,
+    OmaError,
+    TooFewChannels,
+    TooFewModes,
+    TooShort,
+)
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.faults import SAME_AS, ChannelFault, FaultKind
 from oma.fdd import FDD
@@ -45,9 +54,11 @@ __all__ = [
     "Identification",
     "IdentificationError",
     "IdentificationStream",
+    "InputError",
     "Method",
     "ModalEstimate",
     "NoCommonModes",
+    "NumericalFault",
     "OmaError",
     "Place",
     "Resonance",

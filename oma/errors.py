@@ -4,8 +4,10 @@ OmaError
 ├── IdentificationError     the recording does not allow an estimate
 │   ├── TooFewChannels      fewer usable channels than needed
 │   ├── TooShort            fewer samples than needed
-│   └── TooFewModes         nothing in the recording passed for a mode
-└── NoCommonModes           set-ups have no mode in common that could be merged
+│   ├── TooFewModes         nothing in the recording passed for a mode
+│   └── NumericalFault      a decomposition failed: an internal fault, not the recording's
+├── NoCommonModes           set-ups have no mode in common that could be merged
+└── InputError              arguments that do not fit the recordings (a ValueError as well)
 """
 
 
@@ -68,6 +70,17 @@ class TooFewModes(IdentificationError):  # noqa: N818
     def __init__(self, n_poles: int) -> None:
         super().__init__(f"none of {n_poles} poles is a mode: no resonance stands out in the recording")
         self.n_poles = n_poles
+
+
+class NumericalFault(IdentificationError):  # noqa: N818
+    """A matrix could not be decomposed."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(f"internal error in the identification: {message}")
+
+
+class InputError(OmaError, ValueError):
+    """Arguments that do not fit the recordings: a band, the channels of set-ups."""
 
 
 class NoCommonModes(OmaError):  # noqa: N818

@@ -11,7 +11,7 @@ from oma.alignment import aligned, delays_of_clean
 from oma.bandwidth import usable_share
 from oma.conditioning import BoolArray, cleaned, enough
 from oma.efdd import EFDD
-from oma.errors import TooFewModes, TooShort
+from oma.errors import InputError, NumericalFault, TooFewModes, TooShort
 from oma.estimate import ModalEstimate
 from oma.faults import ChannelFault
 from oma.fdd import FDD
@@ -98,7 +98,7 @@ def identify(
     ------
     TooFewChannels, TooShort, TooFewModes
         If the recording does not allow an estimate; all are `IdentificationError`.
-    ValueError
+    InputError
         If the band is empty or begins above 0.48 of the rate.
     """
     return identify_all(recording, method, band).estimate
@@ -108,7 +108,13 @@ def identify_all(
     recording: Recording, method: Method | None = None, band: tuple[float, float] | None = None
 ) -> Identification:
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
-    method = method or DataSSI()
+    try:
+        return _identify_all(recording, method or DataSSI(), band)
+    except np.linalg.LinAlgError as error:  # a ValueError, but no wrong argument
+        raise NumericalFault(str(error)) from error
+
+
+def _identify_all(recording: Recording, method: Method, band: tuple[float, float] | None) -> Identification:
     low, high = _band(recording, method, band)
     recorded = tuple(channel.name for channel in recording.channels)
     delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
@@ -274,7 +280,7 @@ def _band(recording: Recording, method: Method, band: tuple[float, float] | None
             raise TooShort(duration, method.min_cycles * method.decimation / PASS / rate)
         return low, TOP * rate
     if not 0 < band[0] < band[1] <= 0.5 * rate:
-        raise ValueError(f"band: expected 0 < low < high <= {0.5 * rate} Hz, found {band}")
+        raise InputError(f"band: expected 0 < low < high <= {0.5 * rate} Hz, found {band}")
     if band[0] >= TOP * rate:
-        raise ValueError(f"band: expected low < {TOP * rate:g} Hz ({TOP:g} of the rate), found {band[0]:g} Hz")
+        raise InputError(f"band: expected low < {TOP * rate:g} Hz ({TOP:g} of the rate), found {band[0]:g} Hz")
     return band

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from oma.errors import NoCommonModes
+from oma.errors import InputError, NoCommonModes
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.mac import mac_matrix, normalise
 from oma.pairing import assign
@@ -53,7 +53,7 @@ def merge(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> Moda
 
     Raises
     ------
-    ValueError
+    InputError
         If a set-up lacks a reference or two of them share another channel.
     NoCommonModes
         If no mode is seen in all set-ups.
@@ -106,15 +106,15 @@ def match_setups(estimates: Sequence[ModalEstimate], references: Sequence[str]) 
 def _check(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> None:
     """Refuse channels that do not fit."""
     if len(estimates) < 2 or not references:
-        raise ValueError(f"merge: expected two set-ups and a reference, found {len(estimates)} and {len(references)}")
+        raise InputError(f"merge: expected two set-ups and a reference, found {len(estimates)} and {len(references)}")
     for k, estimate in enumerate(estimates):
         lacking = [name for name in references if name not in estimate.channels]
         if lacking:
-            raise ValueError(f"set-up {k + 1}: expected the references {', '.join(references)}, lacks {lacking[0]}")
+            raise InputError(f"set-up {k + 1}: expected the references {', '.join(references)}, lacks {lacking[0]}")
     count = Counter(name for e in estimates for name in e.channels if name not in references)
     twice = [name for name, n in count.items() if n > 1]
     if twice:
-        raise ValueError(f"channel {twice[0]}: expected in one set-up, or among the references; found in more")
+        raise InputError(f"channel {twice[0]}: expected in one set-up, or among the references; found in more")
 
 
 def _matched(seed: ModalEstimate, estimate: ModalEstimate, references: Sequence[str]) -> IndexArray:

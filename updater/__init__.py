@@ -11,7 +11,15 @@ from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delay
 from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
 from updater.discrepancy import Discrepancy, as_before, as_extended, set_beside
-from updater.errors import MechanismError, ModalDataError, ModelError, PairingError, StructureError, UpdaterError
+from updater.errors import (
+    MechanismError,
+    ModalDataError,
+    ModelError,
+    PairingError,
+    SelectionError,
+    StructureError,
+    UpdaterError,
+)
 from updater.expected_noise import Record
 from updater.expected_reference import UNSEEN, largest_motion, motion, seen_by
 from updater.fe.assembly import build_model
@@ -149,6 +157,7 @@ __all__ = [
     "Scatter",
     "Section",
     "Segment",
+    "SelectionError",
     "SensitivityFit",
     "Sensor",
     "SensorHealth",

@@ -12,6 +12,7 @@ from updater.causes.catalogue import CATALOGUE, RARITY
 from updater.causes.composite import Chosen
 from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
+from updater.errors import SelectionError
 from updater.faults import Faults
 from updater.fit import Fit, fit
 from updater.keys import meant
@@ -36,17 +37,17 @@ def allowed_causes(only: Collection[str] = (), without: Collection[str] = ()) ->
 
     Raises
     ------
-    ValueError
+    SelectionError
         If the catalogue has no cause of a name, or none is left.
     """
     for name in (*only, *without):
         if name not in CATALOGUE:
-            raise ValueError(
+            raise SelectionError(
                 f"no cause is named {name!r}{meant(name, CATALOGUE)}; the causes are {', '.join(CATALOGUE)}"
             )
     allowed = tuple(name for name in CATALOGUE if (not only or name in only) and name not in without)
     if not allowed:
-        raise ValueError("no cause is left to consider")
+        raise SelectionError("no cause is left to consider")
     return allowed
 
 

@@ -27,6 +27,7 @@ from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparing import MODEL_ERROR, compare
 from updater.comparison import Comparison
 from updater.compositions import Compositions, common
+from updater.errors import SelectionError
 from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.next_measurement import next_measurement
@@ -113,16 +114,18 @@ def diagnose(
 
     Raises
     ------
-    ValueError
-        If fewer than three modes can be compared, or the catalogue has no cause of a name.
+    ModalDataError
+        If fewer than three modes can be compared.
+    SelectionError
+        If the catalogue has no cause of a name, or none of those that are left applies.
     """
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
     rough = compare(reference, event, circumstances=circumstances, model_error=less)
     plain = Weighing(reference, rough, on_cause, allowed=allowed_causes(only, without))
     if reference.filed is not None and OF_THE_FILE not in plain.causes:
-        raise ValueError(f"{OF_THE_FILE} cannot be left out: the structure file is too far from the measured modes")
+        raise SelectionError(f"{OF_THE_FILE} cannot be left out: the structure file is too far from the measured modes")
     if not plain.causes:
-        raise ValueError(
+        raise SelectionError(
             f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
         )
     singles = plain.singles(() if reference.filed is None else (OF_THE_FILE,))

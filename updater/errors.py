@@ -5,7 +5,8 @@ UpdaterError
     ModelError          the model built from it (a point that lies on no member)
         MechanismError  one that can move without deforming
     PairingError        measured modes that no model modes answer to
-    ModalDataError      measured modes that cannot be right or are too few (a ValueError as well)
+    ModalDataError      measured modes or signals that cannot be right or are too few (a ValueError as well)
+    SelectionError      causes or parameters that were chosen and do not exist or apply (a ValueError as well)
 """
 
 from pathlib import Path
@@ -37,3 +38,7 @@ class PairingError(UpdaterError):
 
 class ModalDataError(UpdaterError, ValueError):
     """Measured modes that cannot be compared: too few, doubled, a shape of zeros, frequencies in a wrong unit."""
+
+
+class SelectionError(UpdaterError, ValueError):
+    """Causes or model parameters that were chosen and do not exist, or do not apply."""

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.errors import PairingError
+from updater.errors import ModalDataError, PairingError
 from updater.expansion import LARGEST_CLUSTER, ExpandedChange, expand_change, expand_shape, well_posed_cluster
 from updater.flags import moderated_variance, z_limit
 from updater.modal_checks import check_event
@@ -148,7 +148,9 @@ def seen_tracks(reference: Reference, paired: IndexArray, event: ModalMean) -> I
     """
     expected = reference.baseline.channels
     if event.channels != expected:
-        raise ValueError(f"channels: expected the baseline's {', '.join(expected)}, found {', '.join(event.channels)}")
+        raise ModalDataError(
+            f"channels: expected the baseline's {', '.join(expected)}, found {', '.join(event.channels)}"
+        )
     shaped = np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1) & event.shape.any(1)
     tracks = np.flatnonzero(shaped & (paired >= 0))
     if not len(tracks):

@@ -10,6 +10,7 @@ import numpy as np
 
 from daq import FloatArray
 from updater.entry import Vector
+from updater.errors import SelectionError
 from updater.structure import AXES, Axis, Joint, Member, Segment, Structure, Support
 from updater.structure_checks import ON_MEMBER
 
@@ -109,19 +110,19 @@ def check_updating(structure: Structure) -> None:
 
     Raises
     ------
-    ValueError
+    SelectionError
         Naming the parameter, and the ones that there are.
     """
     knobs = all_knobs(structure)
     for pattern in (*structure.updating.fixed, *structure.updating.bounds):
         if not any(_matches(structure, knob, pattern) for knob in knobs):
             known = ", ".join(knob.key for knob in knobs)
-            raise ValueError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
+            raise SelectionError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
     for pattern, (least, greatest) in structure.updating.bounds.items():
         for knob in (k for k in knobs if _matches(structure, k, pattern) and not is_rigid(k)):
             filed = physical_value(structure, knob, knob.mean)
             if not least * (1 - _OUTSIDE) <= filed <= greatest * (1 + _OUTSIDE):
-                raise ValueError(
+                raise SelectionError(
                     f"updating: bounds of {pattern!r}: expected to contain the file's value {filed:.6g}, "
                     f"found [{least:g}, {greatest:g}]"
                 )

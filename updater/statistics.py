@@ -9,6 +9,7 @@ from scipy.stats import f as f_distribution
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from updater.delays import split_shape
+from updater.errors import ModalDataError
 from updater.modal_checks import check_windows
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
@@ -214,16 +215,16 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
 
     Raises
     ------
-    ValueError
+    ModalDataError
         With fewer than three windows, or no mode seen in two of them.
     """
     if len(modes.log_frequency) < 3:
-        raise ValueError(f"baseline: expected at least 3 windows, found {len(modes.log_frequency)}")
+        raise ModalDataError(f"baseline: expected at least 3 windows, found {len(modes.log_frequency)}")
     stated = np.sqrt(_mean(modes.log_frequency_std**2))
     z = (modes.log_frequency - _mean(modes.log_frequency)) / stated
     freedom = int(np.maximum(np.isfinite(z).sum(0) - 1, 0).sum())
     if not freedom:
-        raise ValueError("baseline: expected a mode seen in at least two windows, found none")
+        raise ModalDataError("baseline: expected a mode seen in at least two windows, found none")
     factor = float(np.sqrt(np.nansum(z**2) / freedom))
     shape_factor, shape_overdispersion = _spread_of_shapes(modes.shape, modes.shape_std)
     phase_factor, phase_overdispersion = _spread_of_shapes(modes.imaginary, modes.shape_std)

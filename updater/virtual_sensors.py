@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from daq import FloatArray, IndexArray, Recording
 from updater.discrepancy import known
+from updater.errors import ModalDataError
 from updater.matching import match_modes
 from updater.statistics import ModalMean
 
@@ -65,12 +66,12 @@ def virtual_sensing(
 
     Raises
     ------
-    ValueError
+    ModalDataError
         If fewer than three channels are common, or the recording is too short.
     """
     channels = tuple(c.name for c in recording.channels if c.name in simulated.channels and c.name in measured.channels)
     if len(channels) < 3:
-        raise ValueError(f"channels to predict from each other: expected at least 3, found {len(channels)}")
+        raise ModalDataError(f"channels to predict from each other: expected at least 3, found {len(channels)}")
     first, data = _gapless(recording, channels)
     lines: FloatArray = np.fft.rfftfreq(len(data), 1 / recording.rate).astype(np.float64)
     measured = known(measured.at(channels))
@@ -79,7 +80,7 @@ def virtual_sensing(
         paired = np.union1d(paired, _modes(other.at(channels), measured)[1])
     parts = _about(_resonances(measured, paired), lines, 2 * _LINES * len(channels))
     if not parts:
-        raise ValueError(
+        raise ModalDataError(
             f"recording: {len(data) / recording.rate:.3g} s are too short, or its rate too low, for a mode"
         )
     spectrum: ComplexArray = np.fft.rfft(data - data.mean(0), axis=0)
@@ -109,7 +110,7 @@ def _gapless(recording: Recording, channels: tuple[str, ...]) -> tuple[int, Floa
     data = recording.data[:, [names.index(c) for c in channels]]
     edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
     if not len(edges):
-        raise ValueError("recording: no sample without a gap")
+        raise ModalDataError("recording: no sample without a gap")
     starts, stops = edges[::2], edges[1::2]
     longest = int(np.argmax(stops - starts))
     first = max(int(starts[longest]), int(stops[longest]) - _MOST)

@@ -17,7 +17,7 @@ from monitor.cli.parameter_table import changes_table
 from monitor.describe import bare_reference
 from monitor.diagnosing import Explanation, Observation, explain, given_up, observe, window_seconds
 from monitor.discrepancy import DiscrepancyResult
-from monitor.errors import ArgumentError, StateError
+from monitor.errors import ArgumentError, RecordLengthError, StateError
 from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
 from monitor.optional import run_optional
@@ -26,11 +26,12 @@ from monitor.selection import EVERYTHING, Selection
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
 from monitor.words import cause_text, gain_text, plain, share_text
-from oma import IdentificationError
+from oma import OmaError
 from updater import (
     Diagnosis,
     Explained,
     Reference,
+    SelectionError,
     Structure,
     allowed_causes,
     dump_structure,
@@ -182,7 +183,7 @@ def selected_structure(path: Path, selection: Selection) -> Structure:
     structure = load_structure(path)
     try:
         allowed_causes(selection.only, selection.without)
-    except ValueError as error:
+    except SelectionError as error:
         raise ArgumentError("--only, --without", str(error)) from error
     try:
         return selection.of_structure(structure)
@@ -208,7 +209,7 @@ def _observe(
         seconds = window or _window(structure, [log_held(log) for log in logs])
         recordings = _recordings(structure, logs, seconds, selection.without_channels)
         return observe(recordings, lambda _: on_window(next(number)), structure.delays)
-    except (IdentificationError, ValueError) as error:
+    except (OmaError, RecordLengthError) as error:
         raise LogError(_named(paths), str(error)) from error
 
 

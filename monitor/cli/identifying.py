@@ -156,7 +156,7 @@ def _identify(
         if not windows.estimates:
             raise LogError(named, windows.problems[0])
         return windows, fuse(windows.estimates)
-    except (IdentificationError, ValueError) as error:
+    except OmaError as error:
         raise LogError(named, str(error)) from error
 
 
@@ -171,7 +171,7 @@ def _merged(
     parts = [_identify([log], window, method, band) for log in logs]
     try:
         return merge_setups(parts, references)
-    except (OmaError, ValueError) as error:
+    except OmaError as error:
         raise LogError(", ".join(map(str, logs)), str(error)) from error
 
 
