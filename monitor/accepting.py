@@ -8,7 +8,7 @@ import numpy as np
 from monitor.accepted import Accepted, Wanted
 from monitor.answering import in_time_of
 from monitor.detection import Shift
-from monitor.explaining import explain_windows, seen_in
+from monitor.explaining import conditions_of, explain_windows
 from monitor.fusion import LEAST_PRESENCE
 from monitor.learning import Watch, learn_watch
 from monitor.settings import Settings
@@ -117,9 +117,8 @@ def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], se
 def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
     """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
     late = in_time_of(pure, devices)
-    tracks = [watch.modes_of(window.in_time) for window in pure]
     try:
-        found, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
+        found, _ = explain_windows(watch.reference, watch.before, conditions_of(pure), late)
     except ModalDataError:
         return "", "not explained"
     extended = found.extended if found.diagnosis.verdict == "explained" else None

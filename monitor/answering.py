@@ -5,7 +5,7 @@ from typing import Any
 
 from monitor.describe import increment_result, mass_answer
 from monitor.discrepancy import ChannelHealth
-from monitor.explaining import explain_windows, seen_in, sensors_seen
+from monitor.explaining import conditions_of, explain_windows, sensors_seen
 from monitor.lateness import InTime
 from monitor.learning import Watch
 from monitor.results import MassIncrements
@@ -36,9 +36,9 @@ def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], str
     tracks = [watch.modes_of(window.in_time) for window in pure]
     event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
     found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
-    now, lateness = seen_in(pure), in_time_of(pure, devices)
+    now, lateness = conditions_of(pure), in_time_of(pure, devices)
     try:
-        explained, beside = explain_windows(watch.reference, watch.before, now, lateness, tracks)
+        explained, beside = explain_windows(watch.reference, watch.before, now, lateness)
     except ModalDataError:
         return found  # fewer than three modes left to compare: there is an alarm, but no cause
     found |= {"diagnosis": explained.diagnosis, "discrepancy": beside}

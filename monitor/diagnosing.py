@@ -11,6 +11,7 @@ import numpy as np
 from daq import FloatArray, IndexArray, Recording
 from monitor.acting import with_acting
 from monitor.errors import RecordLengthError, State, StateError
+from monitor.event import Conditions, Event, event_of
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
 from oma import ChannelFault, IdentificationError, ModalEstimate, aligned
@@ -28,22 +29,16 @@ from updater import (
     allowed_causes,
     build_model,
     diagnose,
-    is_steady,
     learn_reference,
-    matched_and_new,
-    matched_surely,
     nominal_reference,
     sensor_health,
     stack_tracks,
-    tone_ratios,
-    trend_of,
 )
 
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
-THERMOMETER_STD = 0.5  # K, of the mean of a log
 _FILE_MAY_BE_OFF = "model_parameters"
 _IN_TIME: Mapping[str, float] = MappingProxyType({})
 
@@ -66,6 +61,13 @@ class Observation:
     def modes(self) -> TrackedModes:
         """In the order of the tracks."""
         return stack_tracks(self.estimates, self.tracks)
+
+    @property
+    def conditions(self) -> Conditions:
+        """In the windows that gave modes."""
+        return Conditions(
+            temperature=self.temperature, rms=self.rms, tones=self.windows.harmonics, left_out=given_up(self)
+        )
 
 
 def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, record: float = math.inf) -> float:
@@ -253,14 +255,14 @@ def explain(
             filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else _all_fixed(structure)
             reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
     with _blamed_on("heldout"):
-        unused = _event(reference, heldout) if heldout else None
+        unused = _event(reference, heldout, before).modes if heldout else None
     with _blamed_on("current"):
-        event, circumstances = _event(reference, now), circumstances_of(reference, before, now)
+        event = _event(reference, now, before)
         explained = diagnose(
             reference,
-            event,
+            event.modes,
             heldout=unused,
-            circumstances=circumstances,
+            circumstances=event.circumstances,
             on_cause=on_cause,
             only=only,
             without=without,
@@ -268,9 +270,9 @@ def explain(
     return Explanation(
         explained=explained,
         sought=reference,
-        measured=reference.mean_of(now.modes),
-        event=event,
-        circumstances=circumstances,
+        measured=event.measured,
+        event=event.modes,
+        circumstances=event.circumstances,
     )
 
 
@@ -293,38 +295,18 @@ def explain_change(
     return explain(structure, before, after, heldout).explained
 
 
-def circumstances_of(reference: Reference, before: Observation | None, now: Observation) -> Circumstances:
-    """Return what logs say beside their tracked modes; without logs from before only what they say by themselves."""
-    event = reference.mean_of(now.modes)
-    found, new = matched_and_new(reference, event)
-    earlier = (reference.windows, before.rms) if before else None
-    return Circumstances(
-        warmer=_mean(now.temperature) - _mean(before.temperature) if before else float("nan"),
-        warmer_std=THERMOMETER_STD * 2**0.5,
-        tones=tone_ratios(before.windows.harmonics, now.windows.harmonics) if before else np.empty(0),
-        extra=event.only(new) if len(new) else None,
-        trend=trend_of(now.modes.tracks(found), now.rms, earlier),
-        devices=now.lateness.devices,
-        wander=now.lateness.delays.wander,
-        faults={c: f for c, f in given_up(now).items() if not before or c not in given_up(before)},
-        steady=is_steady(now.modes, reference.scatter, now.rms, now.temperature),
-    )
-
-
 def given_up(observation: Observation) -> dict[str, ChannelFault]:
     """Return the faults of the channels that no window gave shapes of."""
     there = {c for e in observation.estimates for c in e.channels}
     return {c: fault for c, fault in observation.windows.faults.items() if c not in there}
 
 
-def _mean(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")
-
-
-def _event(reference: Reference, observation: Observation) -> ModalMean:
-    """Return the modes in the order of the baseline's, each device as late as it is beyond what it was."""
-    heard = observation.lateness.heard(reference.delays)
-    late = reference.mean_of(stack_tracks(heard, observation.tracks)) if heard else None
-    event = matched_surely(reference, reference.mean_of(observation.modes), late)
-    return event if observation.shaped else event.without_shapes()
+def _event(reference: Reference, observation: Observation, before: Observation | None) -> Event:
+    event = event_of(
+        reference,
+        replace(observation.lateness, estimates=observation.estimates),
+        observation.tracks,
+        observation.conditions,
+        before.conditions if before else None,
+    )
+    return event if observation.shaped else replace(event, modes=event.modes.without_shapes())

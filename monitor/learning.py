@@ -9,7 +9,8 @@ import numpy as np
 
 from daq import IndexArray
 from monitor.accepted import Accepted
-from monitor.explaining import Seen, seen_in
+from monitor.event import Conditions
+from monitor.explaining import conditions_of
 from monitor.fusion import choose_tracks
 from monitor.lateness import in_time
 from monitor.novelty import Detector, DetectorState, first_state
@@ -48,7 +49,7 @@ class Watch:
 
     baseline: tuple[Window, ...]
     accepted: tuple[Accepted, ...]  #: changes of the structure since, in order
-    before: Seen  #: what went with the windows that the reference is learnt from
+    before: Conditions  #: in the windows that the reference is learnt from
     tracker: Tracker
     watched: IndexArray  #: (n_watched,) tracks whose modes the reference has, in its order: all but hidden ones
     reference: Reference
@@ -117,7 +118,7 @@ def learn_watch(
     return Watch(
         baseline=tuple(baseline),
         accepted=tuple(accepted),
-        before=seen_in(accepted[-1].windows if accepted else baseline),
+        before=conditions_of(accepted[-1].windows if accepted else baseline),
         tracker=tracker,
         watched=watched,
         reference=reference,

@@ -17,7 +17,7 @@ import numpy as np
 from daq import FloatArray
 from monitor.answering import in_time_of
 from monitor.errors import MonitorError
-from monitor.explaining import explain_windows, seen_in
+from monitor.explaining import conditions_of, explain_windows
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory
 from monitor.self_test import with_mass
@@ -140,7 +140,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
     late = in_time_of(pure, devices)
     try:
-        explained, _ = explain_windows(watch.reference, watch.before, seen_in(pure), late, tracks)
+        explained, _ = explain_windows(watch.reference, watch.before, conditions_of(pure), late)
         found, _ = locate_and_sharpen(watch.reference, event)
     except (ModalDataError, PairingError) as error:
         raise ProofError(f"the change cannot be explained: {error}") from error

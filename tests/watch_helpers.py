@@ -13,7 +13,7 @@ from monitor.pipeline import Pipeline
 from monitor.results import Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from oma import ChannelFault, Identification, ModalEstimate, Stabilization, WindowQuality
-from updater import Body, parse_structure, t_structure_toml
+from updater import Body, ModalDataError, parse_structure, t_structure_toml
 
 STEP = 600  # s
 START = 1_767_225_600_000_000_000
@@ -137,7 +137,7 @@ def without_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no window be diagnosed, which takes seconds: as where fewer than three modes can be compared."""
 
     def none(*_: object) -> None:
-        raise ValueError("fewer than three modes")
+        raise ModalDataError("fewer than three modes")
 
     for module in ("answering", "accepting"):
         monkeypatch.setattr(f"monitor.{module}.explain_windows", none)

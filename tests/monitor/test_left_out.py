@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.explaining import seen_in
+from monitor.explaining import conditions_of
 from monitor.left_out import left_out_texts, told_apart
 from oma import ChannelFault
 
@@ -48,5 +48,5 @@ def window(left_out: dict[str, ChannelFault], heard: str) -> Any:
 
 def test_a_channel_is_left_out_where_no_window_has_it() -> None:
     constant, clipped = ChannelFault(kind="no_signal", text="constant"), ChannelFault(kind="clipped", text="clipped")
-    seen = seen_in([window({"b": clipped, "c": constant}, "a"), window({"c": constant}, "ab")])
+    seen = conditions_of([window({"b": clipped, "c": constant}, "a"), window({"c": constant}, "ab")])
     assert seen.left_out == {"c": constant}
