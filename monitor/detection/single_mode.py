@@ -62,7 +62,8 @@ def no_runs(shape: tuple[int, ...]) -> SingleModeRuns:
 def most_inconsistent(squared: FloatArray, score: FloatArray, n: IndexArray) -> tuple[BoolArray, IndexArray]:
     """Return whether one mode alone is inconsistent, and which one is the most inconsistent.
 
-    It must be beyond what noise makes of one mode, and the others ordinary without it.
+    It must be beyond what noise makes of one mode, and the others ordinary without it. With at most half of the modes
+    seen, the others are too few to be evidence of an unchanged structure.
 
     Parameters
     ----------
@@ -73,7 +74,8 @@ def most_inconsistent(squared: FloatArray, score: FloatArray, n: IndexArray) -> 
     size = np.nan_to_num(score**2)
     rest = squared - size.max(-1)
     ordinary = rest <= chi2.ppf(_ORDINARY, np.maximum(n - 1, 1))
-    return ordinary & (size.max(-1) > _INCONSISTENT_SCORE**2), size.argmax(-1)
+    enough = 2 * n > score.shape[-1]
+    return enough & ordinary & (size.max(-1) > _INCONSISTENT_SCORE**2), size.argmax(-1)
 
 
 def wait(runs: SingleModeRuns, single: IndexArray, score: FloatArray, rate: float) -> tuple[BoolArray, SingleModeRuns]:
