@@ -32,6 +32,7 @@ from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
 from updater.increments import Expansion, expand_changes, expand_shapes
 from updater.knobs import check_updating
+from updater.known_places import BodyRecord, BodySelection, select_bodies
 from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.mass_update import Flag, MassUpdate, MassUpdater
 from updater.matching import match_modes, matched
@@ -100,6 +101,8 @@ __all__ = [
     "Ambient",
     "AmbientResponse",
     "Body",
+    "BodyRecord",
+    "BodySelection",
     "BodyShape",
     "Calibration",
     "Cause",
@@ -225,6 +228,7 @@ __all__ = [
     "remove_delays",
     "save_matrices",
     "seen_by",
+    "select_bodies",
     "sensor_health",
     "set_beside",
     "sharpening",
