@@ -43,6 +43,8 @@ class Windows:
     delays: tuple[Mapping[str, float], ...] = ()  #: of the windows that gave modes: taken out of each device [s]
     may_be_tones: FloatArray = field(default_factory=lambda: np.empty(0))
     """(n,) frequencies of modes that may be tones in most of these windows [Hz]"""
+    frequency_moves: tuple[FloatArray, ...] = ()
+    """Of the windows that gave modes: (n_modes, n_blocks) influence of each block of time on each frequency [Hz]"""
     band: tuple[float, float] | None = None  #: band analysed in all these windows [Hz]; None: modes from elsewhere
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: most frequent fault of each faulty channel
 
@@ -99,6 +101,7 @@ def identify_windows(
     delays: list[Mapping[str, float]] = []
     bands: list[tuple[float, float]] = []
     doubtful: list[FloatArray] = []
+    moves: list[FloatArray] = []
     for recording in recordings:
         on_window(recording)
         spans.append((recording.start, recording.end, recording.rate))
@@ -115,6 +118,7 @@ def identify_windows(
         estimates.append(found.estimate)
         delays.append(found.delays)
         bands.append(found.band)
+        moves.append(found.frequency_moves)
         doubtful.append(found.estimate.frequency[found.may_be_tone])
         tones.append(found.harmonics)
     if not spans:
@@ -133,6 +137,7 @@ def identify_windows(
         band=common_band(bands),
         faults=usual,
         may_be_tones=common_tones(doubtful),
+        frequency_moves=tuple(moves),
     )
 
 

@@ -219,6 +219,7 @@ class SpectralLevel:
             shape_std=np.hypot(shape_std, reading.shape_resolution),
             support=one.coherence,
             law_ratio=float(block_std(bell.frequency_moves)) / floor[0],
+            frequency_moves=bell.frequency_moves,
         )
 
 

@@ -41,6 +41,7 @@ class Identification:
     poles: Stabilization
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
     may_be_tone: BoolArray  #: (n_modes,) modes that a tone would explain as well: the record is too short to tell
+    frequency_moves: FloatArray  #: (n_modes, n_blocks) influence of each block of time on each frequency [Hz]
     quality: WindowQuality
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
     recorded: tuple[str, ...]
@@ -71,7 +72,12 @@ class Identification:
         if self.may_be_tone.all():
             raise TooFewModes(len(self.poles))
         sure = ~self.may_be_tone
-        return replace(self, estimate=self.estimate[sure], may_be_tone=self.may_be_tone[sure])
+        return replace(
+            self,
+            estimate=self.estimate[sure],
+            may_be_tone=self.may_be_tone[sure],
+            frequency_moves=self.frequency_moves[sure],
+        )
 
 
 def identify(
@@ -223,6 +229,7 @@ class IdentificationStream:
             poles=poles,
             harmonics=np.sort(lines.frequency[lines.tone]),
             may_be_tone=lines.uncertain[is_mode],
+            frequency_moves=np.array([mode.frequency_moves for mode in modes])[is_mode],
             quality=window_quality(self._blocks, self._rate, float(estimate.frequency[0])),
             band=self._band,
             recorded=self._channels,

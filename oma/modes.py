@@ -28,6 +28,7 @@ class Mode:
     shape_std: FloatArray  #: (n_channels,)
     support: float  #: [-]
     law_ratio: float  #: [-]
+    frequency_moves: FloatArray  #: (n_blocks,) influence of each block of time on the frequency [Hz]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +110,8 @@ def _mode(group: _Group, n_orders: int, duration: float, selection: Selection) -
     weight = _weights(influences)
     turned = weight * np.sign(np.real(members.shape @ members.shape[-1].conj()))
     frequency, damping = float(weight @ members.frequency), float(weight @ members.damping)
-    frequency_std = float(block_std(weight @ np.stack([i.frequency for i in influences])))
+    frequency_moves = weight @ np.stack([i.frequency for i in influences])
+    frequency_std = float(block_std(frequency_moves))
     damping_std = float(block_std(weight @ np.stack([i.damping for i in influences])))
     shape_move = np.tensordot(turned, np.stack([i.shape for i in influences]), axes=1)
     floor = uncertainty_law(frequency, max(damping, selection.min_damping), duration)
@@ -122,6 +124,7 @@ def _mode(group: _Group, n_orders: int, duration: float, selection: Selection) -
         shape_std=block_std(shape_move.real),
         support=len(members) / n_orders,
         law_ratio=frequency_std / floor[0],
+        frequency_moves=frequency_moves,
     )
 
 

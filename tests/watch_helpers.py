@@ -115,6 +115,7 @@ class Played:
             poles=_NO_POLES,
             harmonics=np.array([50.0]),
             may_be_tone=np.zeros(true.n_modes - len(self.hidden), np.bool_),
+            frequency_moves=np.zeros((true.n_modes - len(self.hidden), 30)),
             quality=WindowQuality(complete=1.0, rms_variation=0.1, cycles=1000.0),
             band=(1.0, 400.0),
             recorded=true.channels,

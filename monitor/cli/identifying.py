@@ -20,6 +20,7 @@ from monitor.model_modes import ModelModes, model_modes
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_settings
 from monitor.setups import merge_setups
+from monitor.stationarity import frequency_change
 from monitor.synchrony import LOW_MPC, Asynchrony, asynchrony
 from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
@@ -59,7 +60,8 @@ def identify_command(
     partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
     windows_of = partial(_recordings, logs[:1] if options.references else logs, window)
     late = None if options.references else _asynchrony(windows_of(), windows, fused.estimate)
-    shown = Findings(windows=windows, fused=fused, partners=partners, asynchrony=late)
+    change = None if options.references else frequency_change(windows, windows_of, method, band)
+    shown = Findings(windows=windows, fused=fused, partners=partners, asynchrony=late, change=change)
     say_modes(logs, shown, setups=bool(options.references))
     about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
     content = as_json(shown) | {"method": about | {"options": asdict(method)}}

@@ -14,6 +14,7 @@ from rich.table import Table
 from daq import AnyLog
 from monitor.fusion import FusedModes, Windows, are_near
 from monitor.model_modes import ModelPartner
+from monitor.stationarity import FrequencyChange
 from monitor.synchrony import LOW_MPC, Asynchrony
 from oma import mpc, mpd
 
@@ -29,6 +30,7 @@ class Findings:
     fused: FusedModes
     partners: Sequence[ModelPartner | None]  #: the model's mode of each mode, if any
     asynchrony: Asynchrony | None  #: delays between the channels, if the shapes show any
+    change: FrequencyChange | None  #: of the structure within the records, if the frequencies show any
 
     @property
     def may_be_tone(self) -> npt.NDArray[np.bool_]:
@@ -53,10 +55,22 @@ def as_json(found: Findings) -> dict[str, Any]:
             "end": windows.end,
             "rate": windows.rate,
             "band": windows.band,
+            "change": _change_json(found.change) if found.change else None,
             "delays": {channel: {"value": value, "std": std} for channel, (value, std) in late.items()},
             "quality": asdict(windows.worst_quality) | {"remarks": windows.worst_quality.remarks},
         },
     }
+
+
+def _change_json(change: FrequencyChange) -> dict[str, Any]:
+    sides = {
+        name: [
+            {"value": value, "std": std}
+            for value, std in zip(side.frequency.tolist(), side.frequency_std.tolist(), strict=True)
+        ]
+        for name, side in (("before", change.before), ("after", change.after))
+    }
+    return {"time": change.time, "time_std": change.time_std, "frequencies": sides}
 
 
 def _mode_json(found: Findings, i: int) -> dict[str, Any]:
@@ -121,12 +135,15 @@ def _marks(found: Findings) -> Iterator[str]:
         yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
     if found.asynchrony:
         yield escape(found.asynchrony.words)
+    if found.change:
+        yield found.change.words
 
 
 def _table(title: str, found: Findings) -> Table:
     fused, partners = found.fused, found.partners
     estimate, compared = fused.estimate, any(partners)
     uncertain, complex_shape = found.may_be_tone, found.is_complex
+    shaped = len(estimate.channels) > 1  # one channel has no shapes
     table = Table(box=SIMPLE_HEAD, title=title)
     for name in (
         "mode",
@@ -143,15 +160,14 @@ def _table(title: str, found: Findings) -> Table:
             f"{'? ' if uncertain[i] else ''}{i + 1}",
             f"{estimate.frequency[i]:.4f} ± {estimate.frequency_std[i]:.4f}",
             f"{100 * estimate.damping[i]:.3f} ± {100 * estimate.damping_std[i]:.3f}",
-            f"{'! ' if complex_shape[i] else ''}{float(mpc(estimate.shape[i])):.3f}",
-            *([] if compared else [f"{np.degrees(float(mpd(estimate.shape[i]))):.1f}"]),
+            f"{'! ' if complex_shape[i] else ''}{float(mpc(estimate.shape[i])):.3f}" if shaped else "-",
+            *([] if compared else [f"{np.degrees(float(mpd(estimate.shape[i]))):.1f}" if shaped else "-"]),
             str(int(fused.n[i])),
         ]
-        if compared:
-            cells += (
-                [f"{partner.frequency:.3f}", f"{'! ' if partner.mac < LOW_MAC else ''}{partner.mac:.3f}"]
-                if partner
-                else ["-", "-"]
-            )
+        if compared and partner:
+            assurance = f"{'! ' if partner.mac < LOW_MAC else ''}{partner.mac:.3f}"
+            cells += [f"{partner.frequency:.3f}", assurance if shaped else "-"]
+        elif compared:
+            cells += ["-", "-"]
         table.add_row(*cells)
     return table

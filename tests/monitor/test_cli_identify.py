@@ -62,6 +62,18 @@ def test_identify_writes_what_other_programs_read(modalwatch: Commands, log: Pat
         assert set(mode["shape_std"]) == set(CHAIN.channels)
 
 
+def test_one_channel_has_frequencies_and_no_shapes(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
+    write_recording(tmp_path / "one.mcap", replace(ambient, channels=ambient.channels[3:], data=ambient.data[:, 3:]))
+    done = modalwatch("identify", tmp_path / "one.mcap", "--json", tmp_path / "modes.json")
+    assert (done.code, done.err) == (0, "")
+    found = json.loads((tmp_path / "modes.json").read_text())
+    frequency = [mode["frequency"]["value"] for mode in found["modes"]]
+    np.testing.assert_allclose(frequency, CHAIN.frequency, rtol=5e-3)
+    assert done.out.count(" - ") == 2 * len(frequency)  # MPC and MPD
+    assert found["window"]["band"] == pytest.approx([100 / 600, 0.48 * RATE])
+    assert "band: 0.1667 to 19.2 Hz (0.48 of the rate)" in done.out
+
+
 def test_modes_are_drawn(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
     done = modalwatch("identify", log, "--window", 200, "--picture", tmp_path / "modes.png")
     assert (done.code, done.err) == (0, "")

@@ -19,6 +19,7 @@ def mode(frequency: float, shape: np.ndarray, support: float) -> Mode:
         shape_std=np.full(3, 0.1),
         support=support,
         law_ratio=1.0,
+        frequency_moves=np.zeros(30),
     )
 
 
