@@ -22,6 +22,7 @@ from updater.causes.added_mass import AddedMass
 from updater.causes.attached_oscillator import hides
 from updater.causes.base import Cause, Parametric
 from updater.causes.composite import Chosen
+from updater.causes.local_stiffness import LocalStiffness
 from updater.causes.one_sided_stiffness import propose_one_sided_stiffness
 from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparing import MODEL_ERROR, compare
@@ -32,8 +33,10 @@ from updater.fit import Fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
+from updater.significance import significant_only
 from updater.statistics import ModalMean
 from updater.structure import Structure
+from updater.touching import merged
 from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest, rejected_causes
 from updater.written_structure import rounded, simplified
@@ -57,6 +60,11 @@ _STREWN = (
     "Mass has come or gone at more places than these modes can tell apart: that some of it is spread out and some is "
     "not is one way of many to say it. Look at the structure, or measure with more sensors and up to higher modes."
 )
+_WORN = (
+    "Stiffness has changed along most of several members: corrosion, another material or other sections, of which a "
+    "loss of stiffness alone is a part. Measure the members' sections, and correct the structure file."
+)
+_NOTHING = "None: the data are what the reference says."
 _UNSTEADY = "Record while nothing changes: the frequencies of these windows are not of one state."
 
 
@@ -136,7 +144,7 @@ def diagnose(
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if reference.filed is None and _nothing(search, singles):
-        return _refused("nothing_to_explain", case, search.log_nothing, "None: the data are what the reference says.")
+        return _refused("nothing_to_explain", case, search.log_nothing, _NOTHING)
     alone = [c for c in singles if c.effective]
     found = _stepwise(search, ranked([*alone, *_beside_the_file(search, alone)]), rough=True)
     search, found = _one_sided_beside(search, found) if search is plain else _one_factor_beside(plain, search, found)
@@ -144,12 +152,17 @@ def diagnose(
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and _fits(found[0]):
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
+        found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
+        if not found and reference.filed is None and case.weighing.nothing.p_value >= LEAST_P:
+            return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
     if not found or not _fits(found[0]):
         odd = found[0] if found else best
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
         return refused if reference.filed is None else replace(refused, nearer=_nearer(case, heldout))
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
+    if sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in found[0].parts) > 1:
+        return _refused("unexplained", case, best.log_evidence, _WORN)
     return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
 
 

@@ -69,6 +69,19 @@ class Placed(Protocol):
         ...
 
 
+@runtime_checkable
+class Sized(Protocol):
+    """A cause with magnitudes that may be found within their standard deviations of no change."""
+
+    def deviations(self, fit: "Fit[Any]") -> float:
+        """Return by how many standard deviations the best alternative differs from no change.
+
+        Of several magnitudes the most; parameters that mean nothing where a magnitude is zero - a place, a length -
+        are held.
+        """
+        ...
+
+
 C = TypeVar("C", bound=Cause, covariant=True)
 
 

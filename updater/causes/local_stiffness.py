@@ -37,6 +37,13 @@ LENGTHS = Kinds(
     step={8: 10, 30: 14, 90: 28},
     about={8: (4, 6, 8, 10, 12, 14), 30: (18, 22, 26, 30, 36, 44, 52), 90: (62, 74, 88, 106, 126, 150)},
 )
+#: and on to all of it
+ALL_LENGTHS = Kinds(
+    size=LENGTHS.size | {220: 220},
+    step=LENGTHS.step | {220: 40},
+    about=LENGTHS.about | {220: (180, 216, 260, 300)},
+    whole=True,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,18 +113,23 @@ class LocalStiffness(Spread):
 
 
 def propose_local_stiffness(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
-    """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
+    """Return stretches of a few lengths every few centimetres; none of very many members or of matrices.
+
+    Against a structure file alone they are no longer than half the longest member: the stiffness of a whole member is
+    one of the file's own parameters then (`model_parameters`).
+    """
     structure = reference.calibration.structure
     if not may_be_cut(structure):
         return None
     cells, compliance = _flexibility(reference)
+    kinds = ALL_LENGTHS if reference.calibration.fitted else LENGTHS
     found = LocalStiffness(
         reference=reference,
         comparison=comparison,
         cells=cells,
-        kinds=LENGTHS,
+        kinds=kinds,
         compliance=compliance,
-        **everywhere(cells, LENGTHS, 4),
+        **everywhere(cells, kinds, 4),
     )
     return begun(found, first_order(found))
 

@@ -105,10 +105,18 @@ class ModelParameters(Discrete):
 
         Left out are those whose posterior is as wide as their prior, and those within two deviations of the file.
         """
+        return tuple(self._change(k, float(fit.theta[0, k]), std) for k, std in self._significant(fit))
+
+    def deviations(self, fit: "Fit[Cause]") -> float:
+        """Return by how many standard deviations the parameter that changed most differs from the file's."""
+        return max((abs(fit.theta[0, k]) / std for k, std in self._significant(fit)), default=0.0)
+
+    def _significant(self, fit: "Fit[Cause]") -> list[tuple[int, float]]:
+        """Return the parameters that differ significantly from the file's, with their standard deviations."""
         std = np.sqrt(np.diagonal(fit.covariance[0]))
         significant = np.abs(fit.theta[0]) > SIGNIFICANT * std
         found = np.flatnonzero((std < _TOLD * self.prior_std) & significant & (fit.theta[0] > self.lower[0]))
-        return tuple(self._change(k, float(fit.theta[0, k]), float(std[k])) for k in found.tolist())
+        return [(k, float(std[k])) for k in found.tolist()]
 
     def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
         """Return the standard deviations of all parameters."""

@@ -29,11 +29,11 @@ _SHARE = 0.3  # of the compliance about the axis, about the other and in twist: 
 _ABOUT_Z = 1000  # beyond the kinds about y, those about z
 _BEGUN = 0.05  # the least that a fit begins with: at its bound it would not know the way
 _SHORT = (8, 30)  # kinds of lengths
+_ALTERNATIVES = tuple((kind, kind + axis) for axis in (0, _ABOUT_Z) for kind in _SHORT)
 _KINDS = Kinds(
-    **{
-        name: {kind + axis: getattr(LENGTHS, name)[kind] for axis in (0, _ABOUT_Z) for kind in _SHORT}
-        for name in ("size", "step", "about")
-    }
+    size={own: LENGTHS.size[kind] for kind, own in _ALTERNATIVES},
+    step={own: LENGTHS.step[kind] for kind, own in _ALTERNATIVES},
+    about={own: LENGTHS.about[kind] for kind, own in _ALTERNATIVES},
 )
 
 

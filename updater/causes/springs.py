@@ -20,7 +20,7 @@ from updater.knobs import all_knobs, flexibility_unit, is_of
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import AXES, Axis, Joint, Structure, Support
-from updater.verdict import ParameterChange, Quantity, Where
+from updater.verdict import SIGNIFICANT, ParameterChange, Quantity, Where
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -74,11 +74,19 @@ class Springs(Discrete):
         member = found.member if isinstance(found, Joint) else None
         return Where(member=member, position=found.at, position_std=0.0, region=((found.at, found.at),))
 
+    def deviations(self, fit: "Fit[Cause]") -> float:
+        """Return by how many standard deviations the spring that changed most differs from what it was."""
+        std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
+        return float(np.max(np.abs(fit.theta[fit.best]) / std, where=self.active[fit.best], initial=0.0))
+
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return the stiffness about or along each axis."""
+        """Return the stiffness about or along each axis in which it differs significantly from what it was."""
         found = {}
         for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
-            more = float(fit.covariance[fit.best, a, a] ** 0.5) / self.unit[fit.best, a]
+            own = float(fit.covariance[fit.best, a, a] ** 0.5)
+            if abs(fit.theta[fit.best, a]) < SIGNIFICANT * own:
+                continue
+            more = own / self.unit[fit.best, a]
             std = float(np.hypot(more, self.before_std[fit.best, a])) * now**2
             found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
         return found

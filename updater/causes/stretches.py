@@ -38,6 +38,7 @@ class Kinds:
     size: dict[int, int]  #: of each kind, the length that is looked at first [cells, even]
     step: dict[int, int]  #: then cells between middles
     about: dict[int, tuple[int, ...]]  #: lengths that it stands for, looked at where the first is likely
+    whole: bool = False  #: whether all of a member is a length, where it is not much longer than the longest that fits
 
     def span(self, kind: int) -> float:
         """Return how far the lengths reach that a kind stands for, of their logarithm."""
@@ -48,7 +49,12 @@ class Kinds:
         """Return the lengths of each kind that fit on `count` cells; all of them where none does."""
         fitting = {kind: tuple(s for s in sizes if s <= count) for kind, sizes in self.about.items()}
         found = {kind: sizes for kind, sizes in fitting.items() if sizes}
-        return found or {min(self.size): (count,)}
+        if not found:
+            return {min(self.size): (count,)}
+        kind = max(found, key=lambda k: found[k][-1])
+        longest = found[kind][-1]
+        near = self.whole and longest < count <= RATIO * longest
+        return found | {kind: (*found[kind], count)} if near else found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,12 +113,28 @@ class Stretches:
         extent = self.sizes(fit.theta, np.arange(len(self.member))) * self.cells.length[self.member]
         return extent, extent * self.span * np.sqrt(fit.covariance[:, 2, 2])
 
+    def along_most(self, fit: "Fit[Any]") -> bool:
+        """Return whether the best alternative is longer than half of its member."""
+        row = np.array([fit.best])
+        return bool(self.sizes(fit.theta[row], row)[0] > self.cells.count[self.member[fit.best]] / 2)
+
     def stretch(self, row: int, theta: FloatArray) -> tuple[str, Vector, float]:
         """Return member, middle and length [m] of an alternative with parameters (n_parameters,)."""
         this, member = np.array([row]), self.cells.members[self.member[row]]
         cell = float(self.cells.length[self.member[row]])
         middle, size = (float(of(theta[None], this)[0]) for of in (self.middles, self.sizes))
         return member.name, vector(member.point(middle * cell)), size * cell
+
+    def over(self, row: int, theta: FloatArray, start: float, stop: float) -> Self:
+        """Return one alternative from start to stop [m] of the member of alternative `row`, as strong as by theta."""
+        member = int(self.member[row])
+        count, length = int(self.cells.count[member]), float(self.cells.length[member])
+        begin, end = max(round(start / length), 0), min(round(stop / length), count)
+        kind = int(self.kind[row])
+        rows = np.array([[member, begin, end - begin, kind, float(self.kinds.step[kind])]], float)
+        own = theta[None].copy()
+        own[0, 1:3] = 0.0
+        return replace(self, **_fields(self.cells, self.kinds, rows, first=False) | {"start": own})
 
     def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return parameters (n, n_parameters) that do about the same over stretches `ratio` (n,) times as long."""
@@ -180,6 +202,15 @@ class Stretches:
         """Return the probability of each alternative (n,), given that it lies in the most probable place."""
         inside = self.by_place(fit)[0]
         return np.asarray(inside / inside.sum())
+
+    def deviations(self, fit: "Fit[Any]") -> float:
+        """Return by how many standard deviations the strength of the best alternative differs from zero.
+
+        With place and length held: a loss is known badly where its length is, for it is their product that data show,
+        and both mean nothing where there is no loss.
+        """
+        precision = np.linalg.inv(fit.covariance[fit.best])[0, 0]
+        return float(abs(fit.theta[fit.best, 0]) * np.sqrt(precision))
 
     def points(self, fit: "Fit[Any]") -> FloatArray:
         """Return the middle of each alternative (n, 3) [m]."""
