@@ -14,6 +14,7 @@ from monitor.errors import RecordLengthError, State, StateError
 from monitor.event import Conditions, Event, event_of
 from monitor.fusion import Windows, choose_tracks, identify_windows
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
+from monitor.reference_windows import of_one_state
 from oma import ChannelFault, IdentificationError, ModalEstimate, aligned
 from updater import (
     Circumstances,
@@ -22,6 +23,7 @@ from updater import (
     ModalMean,
     PairingError,
     Reference,
+    ReferenceStep,
     SensorHealth,
     Structure,
     TrackedModes,
@@ -67,6 +69,16 @@ class Observation:
         """In the windows that gave modes."""
         return Conditions(
             temperature=self.temperature, rms=self.rms, tones=self.windows.harmonics, left_out=given_up(self)
+        )
+
+    def chosen(self, windows: IndexArray) -> "Observation":
+        """Return some of the windows that gave modes."""
+        return replace(
+            self,
+            estimates=tuple(self.estimates[w] for w in windows),
+            tracks=tuple(self.tracks[w] for w in windows),
+            temperature=self.temperature[windows],
+            rms=self.rms[windows],
         )
 
 
@@ -234,7 +246,8 @@ def explain(
     Parameters
     ----------
     structure : as its file says
-    before, now : the reference logs, if there are any, and those to explain
+    before, now : the reference logs, if there are any, and those to explain; of the reference logs, the windows of
+        the state that most of them show are used
     heldout : logs that the fit must not see, to measure the gain on
     on_cause : called with the name of each cause before it is weighed
     only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
@@ -245,8 +258,10 @@ def explain(
     StateError
         If fewer than three modes can be compared, or modes cannot be right; says of which state.
     """
+    steps: tuple[ReferenceStep, ...] = ()
     with _blamed_on("reference" if before else "current"):
         if before:
+            before, steps = of_one_state(before)
             reference = learn_reference(
                 structure, before.estimates, before.tracks, before.lateness.delays, stated=before.stated
             )
@@ -267,8 +282,9 @@ def explain(
             only=only,
             without=without,
         )
+    diagnosis = explained.diagnosis.model_copy(update={"reference_steps": steps})
     return Explanation(
-        explained=explained,
+        explained=replace(explained, diagnosis=diagnosis),
         sought=reference,
         measured=event.measured,
         event=event.modes,

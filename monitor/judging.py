@@ -19,6 +19,7 @@ from monitor.alarm_words import (
 )
 from monitor.alarms import Alarm, Change, Kind
 from monitor.answering import answer, sensors
+from monitor.baseline_change import MAX_RESTARTS, change_in_baseline
 from monitor.describe import mode_results, reference_result
 from monitor.extras import Extras
 from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
@@ -49,6 +50,7 @@ class Judge:
         self._alarm = Alarm(rules=settings.alarm.rules)
         self.n_windows = 0  #: that have come, also those that are left out or show nothing
         self._baseline: list[Window] = []  # until there are enough
+        self._restarts = 0  # of learning, by changes of the structure within the baseline
         self._watch: Watch | None = None
         self._out: list[Window] = []  # windows over the limit, without a break
         self._calm: list[Window] = []  # windows under it since the sensors were last looked at
@@ -63,7 +65,7 @@ class Judge:
         self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
         self._out, self._calm, self._wanted = list(memory.out), list(memory.calm), memory.wanted
         if memory.detector is None:
-            self._baseline = list(memory.baseline)
+            self._baseline, self._restarts = list(memory.baseline), memory.restarts
         else:
             self._watch = learn_watch(
                 self._structure, memory.baseline, self._devices, self._settings, memory.detector, memory.accepted
@@ -77,6 +79,7 @@ class Judge:
             matters=matters(self._structure, self._settings),
             n_windows=self.n_windows,
             baseline=watch.baseline if watch else tuple(self._baseline),
+            restarts=self._restarts,
             detector=watch.detector.state if watch else None,
             alarm=self._alarm,
             accepted=watch.accepted if watch else (),
@@ -138,14 +141,21 @@ class Judge:
         if len(self._baseline) < self._settings.analysis.baseline_windows:
             return
         try:
-            self._watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
+            watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
         except PairingError as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
             yield self._said(window, str(error))
             return
-        self._baseline = []
-        yield self._reference(self._watch, window.end)
-        yield self._said(window, f"baseline learnt from {len(self._watch.baseline)} windows")
+        change = change_in_baseline(watch.baseline, watch.reference.windows)
+        if change and self._restarts < MAX_RESTARTS:
+            self._restarts += 1
+            self._baseline = self._baseline[change[0] :]
+            yield self._said(window, change[1])
+            return
+        self._watch, self._baseline, self._restarts = watch, [], 0
+        yield self._reference(watch, window.end)
+        unsteady = f", though {change[1].partition(';')[0]}" if change else ""
+        yield self._said(window, f"baseline learnt from {len(watch.baseline)} windows{unsteady}")
 
     def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
         score = watch.judge(window)

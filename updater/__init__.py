@@ -4,6 +4,7 @@ from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.candidates import allowed_causes
 from updater.causes.base import Discrete
+from updater.change_point import ChangePoint, find_change, windows_of_one_state
 from updater.channel_health import SensorHealth, sensor_health
 from updater.circumstances import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
 from updater.comparison import Comparison
@@ -87,6 +88,7 @@ from updater.verdict import (
     Pair,
     ParameterChange,
     Quantity,
+    ReferenceStep,
     Rejected,
     Verdict,
     Where,
@@ -106,6 +108,7 @@ __all__ = [
     "BodyShape",
     "Calibration",
     "Cause",
+    "ChangePoint",
     "Choice",
     "Circumstances",
     "Comparison",
@@ -156,6 +159,7 @@ __all__ = [
     "Record",
     "Recorder",
     "Reference",
+    "ReferenceStep",
     "Rejected",
     "Scatter",
     "Section",
@@ -194,6 +198,7 @@ __all__ = [
     "ever_fewer",
     "expand_changes",
     "expand_shapes",
+    "find_change",
     "fit_parameters",
     "force_balance",
     "foresee",
@@ -239,5 +244,6 @@ __all__ = [
     "trend_of",
     "vagueness",
     "virtual_sensing",
+    "windows_of_one_state",
     "with_sensors",
 ]

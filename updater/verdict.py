@@ -122,6 +122,19 @@ class Gain(_Part):
     log_likelihood: Pair
 
 
+class ReferenceStep(_Part):
+    """Windows of the reference logs that are left out because the structure was in another state."""
+
+    start: int  #: of the first of them [ns UTC]
+    end: int  #: of the last one [ns UTC]
+    n_windows: int  #: that are left out
+    of_windows: int  #: that the reference logs have
+    frequency: tuple[float, ...]  #: of each mode seen on both sides [Hz]
+    shift_percent: tuple[float, ...]  #: of these modes, against the windows that are used [%]
+    shift_std_percent: tuple[float, ...]  #: [%]
+    p_value: float  #: probability of as clear a step in windows of one state [-]
+
+
 class Diagnosis(_Part):
     """What the simulation gets wrong, or what has changed."""
 
@@ -133,3 +146,4 @@ class Diagnosis(_Part):
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
     next_measurement: str
     failed: tuple[Failed, ...] = ()  #: what internal faults left out
+    reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs

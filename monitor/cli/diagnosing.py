@@ -22,6 +22,7 @@ from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
 from monitor.optional import run_optional
 from monitor.recordings import Held, log_channels, log_held
+from monitor.reference_windows import step_text
 from monitor.selection import EVERYTHING, Selection
 from monitor.sensors_said import health_result
 from monitor.trends_beside import trends_beside
@@ -92,6 +93,10 @@ def diagnose_command(
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
         for text in left_out_texts({c: str(fault) for c, fault in given_up(one).items()}) if one else ():
             console.print(f"warning: {_names(paths)}: {text}", style="yellow", markup=False, soft_wrap=True)
+    for step in diagnosis.reference_steps:
+        console.print(
+            f"note: {_names(logs.reference)}: {step_text(step)}", style="yellow", markup=False, soft_wrap=True
+        )
     say_answer(console, diagnosis)
     with console.status("comparing measured with simulated ..."):
         compared = run_optional(

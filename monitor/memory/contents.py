@@ -27,6 +27,7 @@ class Memory:
     matters: dict[str, str]  #: what it depends on, each as words (see `matters`)
     n_windows: int  #: so far
     baseline: tuple[Window, ...]  #: learnt from, or so far
+    restarts: int  #: of learning, by changes of the structure within the baseline
     detector: DetectorState | None  #: None while the baseline is being learnt
     alarm: Alarm
     accepted: tuple[Accepted, ...]  #: changes of the structure since the baseline
