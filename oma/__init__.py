@@ -25,7 +25,7 @@ from oma.merging import match_setups, merge
 from oma.methods import Method
 from oma.pairing import mac_of_moving, pair_modes
 from oma.plscf import PLSCF
-from oma.pyramid import PASS, TOP
+from oma.pyramid import ALIAS_FREE, PASS, TOP
 from oma.quality import WindowQuality
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import singular_values
@@ -36,6 +36,7 @@ from oma.tracks import Tracks
 from oma.universal import Place, places_by_name, write_universal
 
 __all__ = [
+    "ALIAS_FREE",
     "EFDD",
     "FDD",
     "FSDD",

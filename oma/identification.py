@@ -20,7 +20,7 @@ from oma.harmonics import LineClasses, classify
 from oma.methods import LevelModes, Method
 from oma.modes import Mode, distinct, physical, repeats_of_tones
 from oma.plscf import PLSCF
-from oma.pyramid import PASS, TOP, Decimator, HighPass, levels
+from oma.pyramid import ALIAS_FREE, PASS, TOP, Decimator, HighPass, levels
 from oma.quality import BlockQuality, WindowQuality, window_quality
 from oma.ssi import CovarianceSSI, DataSSI
 from oma.stabilization import Stabilization, join
@@ -48,6 +48,7 @@ class Identification:
     """Names of all channels; those that were left out are not in the estimate."""
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)
     """Of channels that were left out or mended (`channel_faults`)."""
+    alias_from: float = np.inf  #: frequency above which modes may be aliases; infinite where the band was chosen [Hz]
     delays: Mapping[str, float] = field(default_factory=dict)
     """Device -> how late it was, 0 if that does not matter (`device_delays`) [s]."""
 
@@ -62,16 +63,16 @@ class Identification:
         return {name: fault for name, fault in self.faults.items() if name not in self.estimate.channels}
 
     def without_uncertain(self) -> "Identification":
-        """Return the identification without modes that may be tones.
+        """Return the identification without modes that may be tones or aliases.
 
         Raises
         ------
         TooFewModes
             If no other is left.
         """
-        if self.may_be_tone.all():
+        sure = ~self.may_be_tone & (self.estimate.frequency <= self.alias_from)
+        if not sure.any():
             raise TooFewModes(len(self.poles))
-        sure = ~self.may_be_tone
         return replace(
             self,
             estimate=self.estimate[sure],
@@ -120,13 +121,13 @@ def identify_all(
         raise NumericalFault(str(error)) from error
 
 
-def _identify_all(recording: Recording, method: Method, band: tuple[float, float] | None) -> Identification:
-    low, high = _band(recording, method, band)
+def _identify_all(recording: Recording, method: Method, chosen: tuple[float, float] | None) -> Identification:
+    low, high = _band(recording, method, chosen)
     recorded = tuple(channel.name for channel in recording.channels)
     delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
     clean = cleaned(recording)
     recording = enough(clean)
-    if band is None:
+    if chosen is None:
         high = usable_share(recording.data) * recording.rate
     delays |= delays_of_clean(recording)
     if any(delays.values()):
@@ -136,7 +137,8 @@ def _identify_all(recording: Recording, method: Method, band: tuple[float, float
     for block in np.array_split(recording.data, method.n_blocks):
         stream.add(block)
     found = stream.identify(recording.data)
-    return replace(found, delays=delays, recorded=recorded, faults=clean.faults)
+    alias_from = ALIAS_FREE * recording.rate if chosen is None else np.inf
+    return replace(found, delays=delays, recorded=recorded, faults=clean.faults, alias_from=alias_from)
 
 
 class IdentificationStream:

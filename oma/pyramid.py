@@ -13,6 +13,7 @@ from daq import FloatArray
 from oma.gaps import bridged
 
 PASS = 0.40  #: upper end of the band kept at each lower rate, as a share of that rate [-]
+ALIAS_FREE = 0.45  #: up to here converters let no aliases of what is above half their rate pass, as a share of it [-]
 TOP = 0.48  #: the same of the recording's own rate, unless an anti-alias filter shows (`oma.bandwidth`) [-]
 HALF_LENGTH = 12  #: of the decimating filter [samples of the new rate]
 NOISE_LAGS = 4  #: left out after decimation: 3 % of white sensor noise is left beyond; 24 cost close modes [samples]

@@ -16,7 +16,7 @@ from monitor.fusion import FusedModes, Windows, are_near
 from monitor.model_modes import ModelPartner
 from monitor.stationarity import FrequencyChange
 from monitor.synchrony import LOW_MPC, Asynchrony
-from oma import mpc, mpd
+from oma import ALIAS_FREE, mpc, mpd
 
 console = Console(highlight=False)
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
@@ -36,6 +36,11 @@ class Findings:
     def may_be_tone(self) -> npt.NDArray[np.bool_]:
         """Modes that the records cannot tell from tones (n_modes,)."""
         return are_near(self.fused.estimate.frequency, self.windows.may_be_tones)
+
+    @property
+    def may_be_alias(self) -> npt.NDArray[np.bool_]:
+        """Modes so near half the rate that they may be aliases of what is above it (n_modes,)."""
+        return np.asarray(self.fused.estimate.frequency > ALIAS_FREE * self.windows.rate)
 
     @property
     def is_complex(self) -> npt.NDArray[np.bool_]:
@@ -83,6 +88,7 @@ def _mode_json(found: Findings, i: int) -> dict[str, Any]:
         "mpd": float(mpd(estimate.shape[i])),
         "windows": int(found.fused.n[i]),
         "may_be_tone": bool(found.may_be_tone[i]),
+        "may_be_alias": bool(found.may_be_alias[i]),
     }
     if partner:
         quality["model"] = {"frequency": partner.frequency, "mac": partner.mac}
@@ -126,6 +132,11 @@ def _marks(found: Findings) -> Iterator[str]:
     """Yield the meaning of the marks in the table, and delays of channels."""
     if found.may_be_tone.any():
         yield "? may be a tone of a machine: the record is too short to tell it from a lightly damped mode"
+    if found.may_be_alias.any():
+        yield (
+            f"~ above {ALIAS_FREE:g} of the rate: may be an alias of vibration above half the rate; left out by "
+            "`diagnose` and the monitor unless the band is set"
+        )
     if found.is_complex.any():
         yield (
             f"! MPC below {LOW_MPC:g}: the channels do not move in phase, as where they are not synchronous, "
@@ -157,7 +168,7 @@ def _table(title: str, found: Findings) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     for i, partner in enumerate(partners):
         cells = [
-            f"{'? ' if uncertain[i] else ''}{i + 1}",
+            f"{'? ' if uncertain[i] else ''}{'~ ' if found.may_be_alias[i] else ''}{i + 1}",
             f"{estimate.frequency[i]:.4f} ± {estimate.frequency_std[i]:.4f}",
             f"{100 * estimate.damping[i]:.3f} ± {100 * estimate.damping_std[i]:.3f}",
             f"{'! ' if complex_shape[i] else ''}{float(mpc(estimate.shape[i])):.3f}" if shaped else "-",

@@ -63,7 +63,9 @@ def test_its_modes_are_those_of_the_rig(folder: Path, modalwatch: Commands) -> N
     found = json.loads(out.read_text(encoding="utf-8"))["modes"]
     true = build_model(Rig(seed=SEED).structure(), shear_flexible=True, mass="consistent").modes(12).frequency
     assert len(found) >= 6
-    for mode in found:
+    for mode in (
+        mode for mode in found if not mode["quality"]["may_be_alias"]
+    ):  # the rig has modes above half the rate
         frequency, std = mode["frequency"]["value"], mode["frequency"]["std"]
         assert np.abs(true - frequency).min() < 4 * std
 

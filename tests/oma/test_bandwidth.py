@@ -50,3 +50,15 @@ def test_without_a_filter_there_is_no_slope(seed: int) -> None:
     assert usable_share(steep) == PASS
     gap = replace(simulate(BUILDING, 600.0, RATE, seed), data=np.full((6000, 3), np.nan))
     assert usable_share(gap.data) == TOP
+
+
+def test_modes_near_half_the_rate_may_be_aliases_and_are_left_out_of_what_is_sure() -> None:
+    """A mode at 4.6 Hz of a 10 Hz record, where converters let aliases pass; a band that is chosen keeps it."""
+    print("seed 14")
+    high = replace(BUILDING, frequency=np.array([0.9, 2.6, 4.6]))
+    recording = simulate(high, 1200.0, RATE, 14, noise=0.2)
+    found = identify_all(recording)
+    assert np.abs(found.estimate.frequency - 4.6).min() < 0.05
+    assert np.abs(found.without_uncertain().estimate.frequency - 4.6).min() > 1
+    chosen = identify_all(recording, band=(0.5, 4.79)).without_uncertain()
+    assert np.abs(chosen.estimate.frequency - 4.6).min() < 0.05
