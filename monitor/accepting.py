@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from monitor.accepted import Accepted, Wanted
-from monitor.answering import in_time_of
+from monitor.answering import diagnosis_of
 from monitor.detection import Shift
-from monitor.explaining import conditions_of, explain_windows
 from monitor.fusion import LEAST_PRESENCE
 from monitor.learning import Watch, learn_watch
+from monitor.optional import run_optional
 from monitor.settings import Settings
 from monitor.window import Window
 from monitor.words import change_text
-from updater import ModalDataError, PairingError, Structure, dump_structure, stack_tracks
+from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
 
 LEAST_WINDOWS = 5  #: since the change, from which a reference is learnt: as many as a baseline has at least
 
@@ -68,7 +68,7 @@ def accept_change(
     for tried in (change, replace(change, structure="")) if text else (change,):
         try:
             return learn_watch(structure, watch.baseline, devices, settings, known, (*watch.accepted, tried))
-        except (PairingError, ModalDataError) as error:
+        except (UpdaterError, np.linalg.LinAlgError) as error:
             last = error
     raise CannotAcceptError(str(last)) from last
 
@@ -116,10 +116,9 @@ def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], se
 
 def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
     """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
-    late = in_time_of(pure, devices)
-    try:
-        found, _ = explain_windows(watch.reference, watch.before, conditions_of(pure), late)
-    except ModalDataError:
+    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(watch, pure, devices))
+    if both is None:
         return "", "not explained"
+    found, _ = both
     extended = found.extended if found.diagnosis.verdict == "explained" else None
     return dump_structure(extended) if extended else "", change_text(found.diagnosis)

@@ -5,13 +5,24 @@ from typing import Any
 
 from monitor.describe import increment_result, mass_answer
 from monitor.discrepancy import ChannelHealth
-from monitor.explaining import conditions_of, explain_windows, sensors_seen
+from monitor.event import Event
+from monitor.explaining import compare_windows, conditions_of, explain_windows, sensors_seen
+from monitor.extras import Extras
 from monitor.lateness import InTime
 from monitor.learning import Watch
-from monitor.results import MassIncrements
+from monitor.results import MassAnswer, MassIncrements
 from monitor.window import Window
-from monitor.words import is_one_mass
-from updater import ModalDataError, ModalMean, PairingError, Structure, locate_and_sharpen, stack_tracks
+from monitor.words import failed_text, is_one_mass
+from updater import (
+    Explained,
+    ModalDataError,
+    ModalMean,
+    PairingError,
+    Reference,
+    Structure,
+    locate_and_sharpen,
+    stack_tracks,
+)
 
 
 def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> InTime:
@@ -19,10 +30,13 @@ def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> InTime:
     return InTime(tuple(w.in_time for w in windows), devices, tuple(w.removed for w in windows))
 
 
-def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], structure: Structure) -> dict[str, Any]:
+def answer(
+    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], structure: Structure, extras: Extras
+) -> dict[str, Any]:
     """Return the fields of a `WindowResult` that explain a change; none without windows.
 
-    A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them.
+    A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them. A fault in one part
+    costs that part alone.
 
     Parameters
     ----------
@@ -30,22 +44,43 @@ def answer(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], str
     pure : windows over the limit that begin after the first one: that one may hold both states
     devices : of each channel
     structure : of the site
+    extras : collects what fails
     """
     if not pure:
         return {}
+    reference = watch.reference
     tracks = [watch.modes_of(window.in_time) for window in pure]
-    event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
-    found: dict[str, Any] = {"increments": _increments(watch, event, len(pure))}
-    now, lateness = conditions_of(pure), in_time_of(pure, devices)
-    try:
-        explained, beside = explain_windows(watch.reference, watch.before, now, lateness)
-    except ModalDataError:
-        return found  # fewer than three modes left to compare: there is an alarm, but no cause
-    found |= {"diagnosis": explained.diagnosis, "discrepancy": beside}
+    modes = reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
+    found: dict[str, Any] = {}
+    found["increments"] = extras.found("the one-step update", lambda: _increments(watch, modes, len(pure)))
+    both = extras.found("the diagnosis", lambda: diagnosis_of(watch, pure, devices))
+    if both is None:
+        return found
+    explained, event = both
+    for failed in explained.diagnosis.failed:
+        extras.note(failed_text(failed))
+    found["diagnosis"] = explained.diagnosis
+    found["discrepancy"] = extras.found(
+        "the comparison with simulated modes", lambda: compare_windows(reference, event, explained)
+    )
     if is_one_mass(explained.diagnosis):
-        change, outlook = locate_and_sharpen(watch.reference, event)
-        found["answer"] = mass_answer(structure, change, len(pure), outlook.said)
+        found["answer"] = extras.found(
+            "the location of the mass", lambda: _location(reference, modes, structure, len(pure))
+        )
     return found
+
+
+def diagnosis_of(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[Explained, Event] | None:
+    """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
+    try:
+        return explain_windows(watch.reference, watch.before, conditions_of(pure), in_time_of(pure, devices))
+    except ModalDataError:
+        return None  # there is an alarm, but no cause
+
+
+def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
+    change, outlook = locate_and_sharpen(reference, modes)
+    return mass_answer(structure, change, n_windows, outlook.said)
 
 
 def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:

@@ -7,7 +7,7 @@ import numpy as np
 from daq import IndexArray
 from monitor.beside import discrepancy_result
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
-from monitor.event import Conditions, event_of
+from monitor.event import Conditions, Event, event_of
 from monitor.fusion import choose_tracks, common_tones
 from monitor.lateness import InTime
 from monitor.sensors_said import health_result
@@ -37,8 +37,8 @@ def conditions_of(windows: Sequence[Window]) -> Conditions:
 
 def explain_windows(
     reference: Reference, before: Conditions, now: Conditions, windows: InTime
-) -> tuple[Explained, DiscrepancyResult | None]:
-    """Diagnose windows since the baseline, and compare their modes with the model's.
+) -> tuple[Explained, Event]:
+    """Diagnose windows since the baseline; return the diagnosis and the event that was diagnosed.
 
     Parameters
     ----------
@@ -55,12 +55,16 @@ def explain_windows(
     if not len(kept):
         raise ModalDataError("no mode is in most of the windows")
     event = event_of(reference, windows, tracks, now, before)
-    found = diagnose(reference, event.modes, circumstances=event.circumstances)
+    return diagnose(reference, event.modes, circumstances=event.circumstances), event
+
+
+def compare_windows(reference: Reference, event: Event, explained: Explained) -> DiscrepancyResult | None:
+    """Compare the measured modes of a diagnosed event with simulated ones; None where too little can be compared."""
     try:
-        compared = discrepancy_result(reference, event.measured, found)
+        compared = discrepancy_result(reference, event.measured, explained)
     except (PairingError, ModalDataError):
-        return found, None  # what can be compared is enough to diagnose, not to draw
-    return found, compared.model_copy(update={"places": ()})  # the answer has them
+        return None  # enough to diagnose, not to draw
+    return compared.model_copy(update={"places": ()})  # the answer has them
 
 
 def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexArray]) -> dict[str, ChannelHealth]:

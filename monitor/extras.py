@@ -15,6 +15,13 @@ class Extras:
 
     def __init__(self) -> None:
         self._failed: list[str] = []
+        self._noted: set[str] = set()
+
+    def note(self, text: str) -> None:
+        """Report a fault that another part has met and survived, once."""
+        if text not in self._noted:
+            self._noted.add(text)
+            self._failed.append(text)
 
     def found(self, what: str, find: Callable[[], T]) -> T | None:
         """Return what is found, None where that fails."""

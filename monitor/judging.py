@@ -31,7 +31,7 @@ from monitor.self_test import NEVER_TESTED, SelfTests
 from monitor.settings import Settings
 from monitor.window import Window
 from monitor.words import utc
-from updater import NO_DELAYS, DeviceDelays, PairingError, Structure
+from updater import NO_DELAYS, DeviceDelays, Structure, UpdaterError
 
 
 class Judge:
@@ -142,7 +142,7 @@ class Judge:
             return
         try:
             watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
-        except PairingError as error:
+        except (UpdaterError, np.linalg.LinAlgError) as error:
             self._baseline.pop(0)  # go on learning: the oldest window makes room
             yield self._said(window, str(error))
             return
@@ -183,7 +183,7 @@ class Judge:
             yield from self._watch_again(window.end, watch, calm)
 
     def _answer(self, watch: Watch) -> dict[str, Any]:
-        return answer(watch, self._pure(), self._devices, self._structure)
+        return answer(watch, self._pure(), self._devices, self._structure, self._extras)
 
     def _test(self, watch: Watch, window: Window, *, over: bool) -> tuple[Result, ...]:
         return tuple(self._tests.after(watch, self._alarm, window, over=over))
@@ -231,7 +231,10 @@ class Judge:
 
     def _watch_again(self, time: int, watch: Watch, calm: list[Window]) -> Iterator[Result]:
         """Watch modes again that an accepted change hid, if as many windows as a baseline has show them."""
-        again = watch_again(self._structure, watch, calm, self._devices, self._settings)
+        again = self._extras.found(
+            "the look for hidden modes",
+            lambda: watch_again(self._structure, watch, calm, self._devices, self._settings),
+        )
         if again is None:
             return
         self._watch = again

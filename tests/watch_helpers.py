@@ -140,5 +140,4 @@ def without_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     def none(*_: object) -> None:
         raise ModalDataError("fewer than three modes")
 
-    for module in ("answering", "accepting"):
-        monkeypatch.setattr(f"monitor.{module}.explain_windows", none)
+    monkeypatch.setattr("monitor.answering.explain_windows", none)
