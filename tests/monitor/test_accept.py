@@ -14,7 +14,8 @@ from monitor.memory import memory_text, parse_memory
 from monitor.pipeline import Pipeline
 from monitor.result_events import result_event
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
-from updater import Body, t_structure_toml
+from updater import Body, parse_structure, t_structure_toml
+from updater.causes.catalogue import CATALOGUE
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
 SECOND = Body(at=(0.3, 0.0, 1.48), mass=0.2)
@@ -72,6 +73,40 @@ def test_accepted_change_is_watched_by_and_undone(monkeypatch: pytest.MonkeyPatc
     again = run(pipeline, played.windows(2))
     assert min(levels(again)) > 1
     assert any(isinstance(r, AlarmResult) and r.raised for r in again)
+
+
+def test_a_body_that_was_taken_off_is_accepted_remembered_and_found_when_it_returns(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """200 g beside the crossbeam, more than one of its elements weighs: the accepted structure has a negative body."""
+    causes = {name: CATALOGUE[name] for name in ("added_mass", "local_stiffness")}
+    monkeypatch.setattr(CATALOGUE, "_all", causes)
+    box = Body(at=(-0.2, 0.0, 1.48), mass=0.2, offset=(0.0, 0.03, 0.04), inertia=(8e-5, 8e-5, 8e-5))
+    played = Played(14, monkeypatch)
+    played.put(box)
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE))
+    played.put(None)
+    with monkeypatch.context() as patched:
+        without_answers(patched)
+        run(pipeline, played.windows(6))
+    found = judged(run(pipeline, played.windows(1)))[-1]
+    assert found.answer is not None
+    assert found.answer.mass < 0
+    assert [r.payload().get("kind") for r in accept(pipeline)][-1] == "accepted"
+    (body,) = parse_structure(pipeline.memory.accepted[0].structure).body
+    assert abs(body.mass + 0.2) < 0.04
+    assert max(levels(run(pipeline, played.windows(3)))) < 1
+    restored = played.pipeline(parse_memory(memory_text(pipeline.memory)))
+    played.put(box)
+    with monkeypatch.context() as patched:
+        without_answers(patched)
+        back = run(restored, played.windows(3))
+    assert any(isinstance(r, AlarmResult) and r.raised for r in back)
+    last = judged(run(restored, played.windows(1)))[-1]
+    assert last.answer is not None
+    assert abs(last.answer.position[0] + 0.2) < 0.02
+    assert abs(last.answer.mass - 0.2) < 4 * last.answer.mass_std
 
 
 @pytest.mark.parametrize("seed", [12, 13])
