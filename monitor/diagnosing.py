@@ -263,7 +263,12 @@ def explain(
         if before:
             before, steps = of_one_state(before)
             reference = learn_reference(
-                structure, before.estimates, before.tracks, before.lateness.delays, stated=before.stated
+                structure,
+                before.estimates,
+                before.tracks,
+                before.lateness.delays,
+                stated=before.stated,
+                shaped=before.shaped,
             )
         else:
             devices = sorted(set(now.lateness.devices.values()))

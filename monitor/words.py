@@ -10,7 +10,7 @@ from monitor.discrepancy import BalanceResult, SensorBeside, Vector
 from monitor.results import AcceptedShift, MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from monitor.unsure_words import unsure_now
-from updater import Cause, Diagnosis, Failed, Pair, ParameterChange, Quantity, Where
+from updater import CalibrationSummary, Cause, Diagnosis, Failed, Pair, ParameterChange, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
@@ -204,6 +204,15 @@ def change_text(diagnosis: Diagnosis) -> str:
 
 def _aliases(cause: Cause) -> str:
     return "".join(f" or {plain(name)}" for name in cause.cannot_be_told_from)
+
+
+def calibration_text(summary: CalibrationSummary) -> str:
+    """Return how many modes were paired with the model before and after its calibration, and its frequency errors."""
+    paired, error = summary.modes_paired, summary.frequency_error_percent
+    return (
+        f"model calibrated: {paired.before} of {summary.modes_measured} measured modes paired before, {paired.after} "
+        f"after; frequency error {error.before:.3g} -> {error.after:.3g} % rms"
+    )
 
 
 def gain_text(pair: Pair, std: Pair | None, form: str) -> tuple[str, str]:

@@ -1,6 +1,7 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
 from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
+from updater.baseline import learn_reference
 from updater.calibration import Calibration, Parameter, calibrate, channel_rows
 from updater.candidates import allowed_causes
 from updater.causes.base import Discrete
@@ -45,7 +46,7 @@ from updater.nominal import nominal_reference
 from updater.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
 from updater.place_density import Density, densities
 from updater.reanalysis import Effect, no_effect
-from updater.reference import Reference, learn_reference
+from updater.reference import Reference
 from updater.residual_forces import ForceBalance, force_balance
 from updater.section import Section
 from updater.sensitivity import Prior, SensitivityFit, fit_parameters
@@ -79,6 +80,7 @@ from updater.structure import (
 )
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.verdict import (
+    CalibrationSummary,
     Cause,
     Diagnosis,
     Failed,
@@ -107,6 +109,7 @@ __all__ = [
     "BodySelection",
     "BodyShape",
     "Calibration",
+    "CalibrationSummary",
     "Cause",
     "ChangePoint",
     "Choice",

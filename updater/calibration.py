@@ -46,7 +46,7 @@ _MOST_MODES = 120  # of the model
 _REACH = 6.0  # times the highest frequency that was measured, that modes should go to ...
 _MOST_FOR_REACH = 60  # ... as far as so many do
 _ALIKE = 0.9  # share of a shape from which on it answers to the model's modes as the file has them, no doubt
-_UNLIKE = 0.7  # under which it does not, once the model is nearly right
+UNLIKE = 0.7  #: under which it does not, once the model is nearly right
 _CLOSE = 0.03  # of ln f: modes that turn into each other
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
@@ -70,6 +70,7 @@ class Calibration:
     modes: Modes
     tracks: IndexArray  #: (n_tracks,) measured modes that have a partner
     paired: IndexArray  #: (n_tracks,) model mode of each
+    n_nominal: int  #: measured modes that have a partner before calibration
     nominal_frequency: FloatArray  #: (n_tracks,) before calibration [Hz]
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
@@ -118,8 +119,8 @@ class Calibration:
         """Return the standard deviation of each fitted parameter by its name, in physical units."""
         return {change.name: change.std for change in self.changes() if change.std > 0}
 
-    def only(self, kept: npt.NDArray[np.bool_]) -> "Calibration":
-        """Return the same with some of the tracks (n_tracks,)."""
+    def only(self, kept: npt.NDArray[np.bool_] | IndexArray) -> "Calibration":
+        """Return the same with some of the tracks: a mask (n_tracks,), or indices."""
         names = ("tracks", "paired", "nominal_frequency", "nominal_mac")
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
@@ -149,20 +150,21 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     frequency = np.exp(measured.log_frequency)
     answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
     check_unit(frequency, measured.shape, modes.frequency, seen)
-    if (answers >= 0).sum() < 3:
+    n_nominal = int((answers >= 0).sum())
+    if n_nominal < 3:
         raise PairingError(
-            f"only {(answers >= 0).sum()} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "
+            f"only {n_nominal} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "
             f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
             "mapped rightly?"
         )
-    knobs, alike = knobs_of(structure), np.flatnonzero(_within(measured, answers, modes.frequency, seen) > _ALIKE)
-    if 3 <= len(alike) < (answers >= 0).sum():  # what else answers is told better by a model that is nearly right
+    knobs, alike = knobs_of(structure), np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE)
+    if 3 <= len(alike) < n_nominal:  # what else answers is told better by a model that is nearly right
         first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
         nearer = best_model(apply_knobs(structure, knobs, first.value))
         close = nearer.modes(len(modes.frequency))
         read = (channel_rows(nearer, measured.channels) @ close.shape).T
         answers = pair_modes(frequency, measured.shape, close.frequency, read)
-        answers = np.where(_within(measured, answers, close.frequency, read) > _UNLIKE, answers, -1)
+        answers = np.where(share_within(measured, answers, close.frequency, read) > UNLIKE, answers, -1)
     tracks = np.flatnonzero(answers >= 0)
     misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
     fit = fit_parameters(misfit, _prior(knobs))
@@ -175,6 +177,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         modes=model.modes(len(modes.frequency)),
         tracks=tracks,
         paired=misfit.partners(fit.value),
+        n_nominal=n_nominal,
         nominal_frequency=modes.frequency[answers[tracks]],
         nominal_mac=_likeness(measured, answers, seen)[tracks],
         parameters=tuple(
@@ -186,7 +189,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     )
 
 
-def _within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
+def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
     """Return the share (n_tracks,) of each shape that is of the model's modes about the one that answers to it.
 
     Close modes turn into each other by what no model knows; 0 where none answers.

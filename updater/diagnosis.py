@@ -38,7 +38,7 @@ from updater.statistics import ModalMean
 from updater.structure import Structure
 from updater.touching import merged
 from updater.verdict import Diagnosis, Failed, Verdict
-from updater.wording import LEAST_P, as_written, modes_of, named_causes, oddest, rejected_causes
+from updater.wording import LEAST_P, as_written, calibration_summary, modes_of, named_causes, oddest, rejected_causes
 from updater.written_structure import rounded, simplified
 
 _SURE = 0.8  # posterior at which a cause is named
@@ -305,6 +305,7 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
         rejected=rejected_causes(case.singles, (), best),
         modes=modes_of(case.reference, case.event, case.data, None),
         gain=None,
+        calibration=calibration_summary(case.reference),
         next_measurement=advice,
         failed=_failed(case),
     )
@@ -357,6 +358,7 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
         rejected=rejected_causes(case.singles, accepted, searched),
         modes=modes_of(case.reference, case.event, case.data, chosen),
         gain=gained.gain if gained and gained.significant else None,
+        calibration=calibration_summary(case.reference),
         next_measurement=decisive or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
         failed=_failed(case),
         **settings,

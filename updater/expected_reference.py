@@ -92,6 +92,7 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
         modes=modes,
         tracks=own,
         paired=seen,
+        n_nominal=len(seen),
         nominal_frequency=frequency,
         nominal_mac=np.ones(len(seen)),
         parameters=(),

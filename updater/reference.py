@@ -1,20 +1,18 @@
 """The reference: a calibrated model, one-step updated to the baseline's modes, and the baseline's own statistics."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
-from oma import ModalEstimate, mac_matrix, pair_modes
-from updater.calibration import Calibration, calibrate, channel_rows
-from updater.delays import NO_DELAYS, DeviceDelays
+from oma import pair_modes
+from updater.calibration import Calibration, channel_rows
+from updater.delays import DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.fe.model import Model
 from updater.fe.modes import Modes
-from updater.statistics import ModalMean, Scatter, TrackedModes, learn_scatter, mean_modes, stack_tracks, stated_scatter
-from updater.structure import Structure
+from updater.statistics import ModalMean, Scatter, TrackedModes
 
 SAME_SHAPE = 0.9  #: MAC, and
 NEAR = 0.05  #: of ln f: modes that may be taken for each other
@@ -96,65 +94,7 @@ class Filed:
 
     reference: Reference  #: the model as it is in the file
     value: FloatArray  #: (n_knobs,) of the nearer model's parameters
-
-
-def learn_reference(
-    structure: Structure,
-    estimates: Sequence[ModalEstimate],
-    tracks: Sequence[IndexArray],
-    delays: DeviceDelays = NO_DELAYS,
-    *,
-    stated: bool = False,
-) -> Reference:
-    """Learn from baseline windows: average, calibrate, then the one-step update's first stage.
-
-    The measured modes are expanded in clusters of the paired modes only and orthonormalised, so that the mass is not
-    altered (eqs 7, 9 to 12) and the change is one of stiffness (eq. 8).
-
-    Measured modes without a partner in the model are only kept so that no other is taken for them;
-    `calibration.tracks` says which have one. `delays` are kept for the windows to come: they have been removed from
-    these. With `stated` the windows' own standard
-    deviations are taken at their word; else how far they really scatter is learnt from three or more of them.
-
-    Raises
-    ------
-    PairingError
-        If fewer than three measured modes have a partner in the model.
-    ValueError
-        With fewer than three windows, unless `stated`.
-    """
-    tracked = stack_tracks(estimates, tracks)
-    every = mean_modes(tracked)
-    calibration = calibrate(structure, every)
-    calibration = calibration.only(~_mistakable(every, calibration.tracks))
-    kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
-    scatter = stated_scatter(kept) if stated else learn_scatter(kept)
-    baseline = scatter.mean(kept)
-    updated = first_stage(calibration.model, calibration.modes, calibration.paired, baseline)
-    others = np.setdiff1d(np.flatnonzero(np.isfinite(every.log_frequency)), calibration.tracks)
-    return Reference(
-        calibration=calibration,
-        baseline=baseline,
-        scatter=scatter,
-        frequency=updated.frequency,
-        shape=updated.shape,
-        windows=kept,
-        delays=delays,
-        unanswered=every.only(others) if len(others) else None,
-    )
-
-
-def _mistakable(measured: ModalMean, tracks: IndexArray) -> npt.NDArray[np.bool_]:
-    """Tell which tracks (n_tracks,) the sensors cannot tell from a mode that was measured too and the model has not.
-
-    After a change either may be the other: a twist that they see as the bending beside it, since it has a little of
-    that. Three are left at least.
-    """
-    others = np.setdiff1d(np.flatnonzero(np.isfinite(measured.log_frequency)), tracks)
-    alike = mac_matrix(measured.shape[tracks], measured.shape[others]) > SAME_SHAPE
-    near = np.abs(measured.log_frequency[tracks, None] - measured.log_frequency[others]) < NEAR
-    found = np.asarray((alike & near).any(1))
-    return found if (~found).sum() >= 3 else np.zeros(len(tracks), bool)
+    far: bool  #: whether the file is so far off that its parameters are believed less
 
 
 def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalMean) -> Modes:

@@ -135,6 +135,21 @@ class ReferenceStep(_Part):
     p_value: float  #: probability of as clear a step in windows of one state [-]
 
 
+class PairedModes(_Part):
+    """Numbers of measured modes that have a partner in the model, as filed and as calibrated."""
+
+    before: int
+    after: int
+
+
+class CalibrationSummary(_Part):
+    """Calibration of the model that causes are sought about, to the reference or to the measured modes."""
+
+    modes_measured: int
+    modes_paired: PairedModes
+    frequency_error_percent: Pair  #: root mean square over the modes that are paired afterwards
+
+
 class Diagnosis(_Part):
     """What the simulation gets wrong, or what has changed."""
 
@@ -144,6 +159,7 @@ class Diagnosis(_Part):
     modes: tuple[ModeFit, ...]
     gain: Gain | None
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
+    calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
     next_measurement: str
     failed: tuple[Failed, ...] = ()  #: what internal faults left out
     reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs

@@ -22,7 +22,18 @@ from updater.shape_errors import beside
 from updater.size import size
 from updater.statistics import ModalMean
 from updater.structure import Joint, Structure, Support
-from updater.verdict import Cause, FrequencyFit, ModeFit, Pair, ParameterChange, Quantity, Rejected, Vector
+from updater.verdict import (
+    CalibrationSummary,
+    Cause,
+    FrequencyFit,
+    ModeFit,
+    Pair,
+    PairedModes,
+    ParameterChange,
+    Quantity,
+    Rejected,
+    Vector,
+)
 
 if TYPE_CHECKING:
     from updater.candidates import Candidate
@@ -255,6 +266,29 @@ def _extra(modes: ModalMean | None) -> list[ModeFit]:
 
 def _said(values: FloatArray) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def calibration_summary(reference: Reference) -> CalibrationSummary | None:
+    """Return the modes paired and the frequency error before and after calibration; None without one."""
+    calibration, filed = reference.calibration, reference.filed
+    if filed is not None:
+        measured = reference.scatter.mean(reference.windows)
+        n_measured, n_nominal = len(measured.n), filed.reference.calibration.n_nominal
+        log_measured = measured.log_frequency[calibration.tracks]
+        of_file = answers_of_file(reference, filed, reference.baseline.channels)[calibration.paired]
+        nominal = filed.reference.frequency[of_file]
+    elif calibration.fitted:
+        n_measured, n_nominal = len(reference.known.n), calibration.n_nominal
+        log_measured, nominal = reference.baseline.log_frequency, calibration.nominal_frequency
+    else:
+        return None
+    off = (np.log(f) - log_measured for f in (nominal, calibration.modes.frequency[calibration.paired]))
+    before, after = (100 * float(np.sqrt(np.mean(one**2))) for one in off)
+    return CalibrationSummary(
+        modes_measured=n_measured,
+        modes_paired=PairedModes(before=n_nominal, after=len(calibration.paired)),
+        frequency_error_percent=Pair(before=before, after=after),
+    )
 
 
 def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:

@@ -12,6 +12,7 @@ from monitor.sensors_said import health_text
 from monitor.words import (
     MARK,
     NOT_COMPARED,
+    calibration_text,
     cause_text,
     failed_text,
     gain_text,
@@ -48,6 +49,8 @@ def say_evidence(
     found : comparison of measured with simulated modes; None: not known
     nodes : of the model [m]
     """
+    if diagnosis.calibration is not None:
+        console.print(calibration_text(diagnosis.calibration), markup=False)
     if found is not None:
         _compared(console, diagnosis, found, nodes)
     if line := _gain(diagnosis, found.gain_std if found else None):

@@ -70,7 +70,7 @@ def test_track_that_the_baseline_never_showed_is_left_out() -> None:
 
 
 def test_coarse_mesh_has_fewer_modes_and_still_finds_the_body() -> None:
-    coarse = t_frame().with_mesh(0.3)
+    coarse = t_frame().with_mesh(0.5)
     truth = t_truth(5)
     bare, loaded = truth.model(), truth.model(Body(at=(0, 0, 0.92), mass=0.3))
     learnt = learn_reference(coarse, truth.windows(bare.modes(8), bare.sensor_rows, 4, 1), unmoved(4))

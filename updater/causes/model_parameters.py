@@ -157,7 +157,7 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     value = filed.value if filed else said
     lower = np.array([knob.lower for knob in knobs]) - said
     return ModelParameters(
-        prior_std=np.array([_prior(knob, _LESS_BELIEVED if filed else 1.0) for knob in knobs]),
+        prior_std=np.array([_prior(knob, _LESS_BELIEVED if filed and filed.far else 1.0) for knob in knobs]),
         lower=np.minimum(lower, 0.0)[None],
         drifting=False,
         comparison=comparison,
