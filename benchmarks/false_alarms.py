@@ -120,7 +120,7 @@ def accept_change(sites: WatchedSites, source: Changed, shift: FloatArray, n_win
     b = source.batch(n_windows)
     never = ~np.isfinite(b.log_frequency).any(axis=1, keepdims=True)  # a mode in no window: it would wait for it
     y = np.where(never, shift[:, None, :], b.log_frequency)
-    judged, sites.watched = judge(sites.watched, y, b.temperature, b.seconds)
+    judged, sites.watched = judge(sites.watched, y, b.temperature, b.seconds, b.std, b.rms)
     sites.watched = shifted(sites.watched, shift_of(sites.watched, [judged]))
     sites.waiting.clear()
     sites.reset_alarms()

@@ -49,7 +49,7 @@ class WatchedSites:
         b = self.source.batch(self.n_baseline)
         rate = self.source.step / YEAR_SECONDS / len(DETECTORS)
         watching = Watching(rate=rate, overlap=0.0, hold=self.rules.hold_windows)
-        self.watched: Watched = start(b.log_frequency, b.std, b.temperature, b.seconds, watching)
+        self.watched: Watched = start(b.log_frequency, b.std, b.temperature, b.seconds, watching, b.rms)
         self.alarms = [Alarm(rules=self.rules) for _ in b.log_frequency]
         self.waiting: list[Judged] = []
         self.raised: list[tuple[int, int, str]] = []  # site, window, detector
@@ -58,14 +58,14 @@ class WatchedSites:
     def watch(self) -> None:
         """Judge and learn from one chunk of windows."""
         b = self.source.batch(CHUNK)
-        judged, self.watched = judge(self.watched, b.log_frequency, b.temperature, b.seconds)
+        judged, self.watched = judge(self.watched, b.log_frequency, b.temperature, b.seconds, b.std, b.rms)
         calm = self._alarm(judged)
         for waiting in (*self.waiting, judged):
             waiting.whitened[~calm] = np.nan
         self.waiting.append(judged)
         if len(self.waiting) > GUARD // CHUNK:
             first = self.waiting.pop(0)
-            self.watched = accept(self.watched, first.terms, first.teaching)
+            self.watched = accept(self.watched, first.terms, first.teaching, first.variance)
 
     def reset_alarms(self) -> None:
         """Forget alarms."""

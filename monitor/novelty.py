@@ -98,7 +98,14 @@ class Detector:
         passed = (window.start - self._before) / 1e9
         seconds = np.array([passed if passed > 0 else self._step])  # a clock that was set back tells nothing
         temperature = np.array([window.temperature])
-        judged, self._watched = judge(self._watched, modes.log_frequency, temperature, seconds)
+        judged, self._watched = judge(
+            self._watched,
+            modes.log_frequency,
+            temperature,
+            seconds,
+            std=modes.log_frequency_std,
+            rms=np.array([window.rms]),
+        )
         self.least = least_unsure(self._watched, judged)
         self._before = window.start
         self._calm.append(judged)
@@ -133,7 +140,8 @@ class Detector:
         elif len(self._calm) >= GUARD + CHUNK:
             chunk, self._calm = self._calm[:CHUNK], self._calm[CHUNK:]
             known = np.concatenate([j.terms for j in chunk])
-            self._watched = accept(self._watched, known, np.concatenate([j.teaching for j in chunk]))
+            variance = np.concatenate([j.variance for j in chunk])
+            self._watched = accept(self._watched, known, np.concatenate([j.teaching for j in chunk]), variance)
 
 
 def watching_of(settings: Settings) -> Watching:
@@ -161,5 +169,6 @@ def first_state(modes: TrackedModes, windows: Sequence[Window], settings: Settin
         np.array([window.temperature for window in windows]),
         np.diff(starts / 1e9, prepend=starts[0] / 1e9 - settings.step_seconds),
         watching_of(settings),
+        rms=np.array([window.rms for window in windows]),
     )
     return DetectorState(watched=watched, before=int(starts[-1]))

@@ -17,6 +17,7 @@ from daq import FloatArray
 from monitor.detection.environment import Climate, first_climate, follow, terms
 from monitor.detection.law import Law, first_law, learn
 from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
+from monitor.detection.scatter import Scatter, ScatterState, first_scatter, follow_scatter, regressors
 from monitor.detection.scores import alone, clipped, distance, tamed
 from monitor.detection.single_mode import SingleModeRuns, most_inconsistent, no_runs, wait
 
@@ -36,6 +37,8 @@ class Watched:
     watching: Watching
     climate: Climate  #: temperatures so far
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
+    scatter: ScatterState  #: variance common to all modes
+    average_variance: FloatArray  #: (2, ...) the same as averaged in `average`
     runs: SingleModeRuns  #: of windows in which one mode alone is inconsistent
     age: float = 0.0  #: since the baseline [s]
 
@@ -48,6 +51,7 @@ class Judged:
     limit: FloatArray  #: (3, ..., n_windows)
     terms: FloatArray  #: (..., n_windows, 3, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
+    variance: FloatArray  #: (..., n_windows) of what is new in a window, over the stated one of the law
     carried: npt.NDArray[np.bool_]  #: (..., n_windows) whether temperatures are unsure for want of readings
     waiting: npt.NDArray[
         np.intp
@@ -65,7 +69,12 @@ class Judged:
 
 
 def start(
-    log_frequency: FloatArray, std: FloatArray, temperature: FloatArray, seconds: FloatArray, watching: Watching
+    log_frequency: FloatArray,
+    std: FloatArray,
+    temperature: FloatArray,
+    seconds: FloatArray,
+    watching: Watching,
+    rms: FloatArray | None = None,
 ) -> Watched:
     """Learn from baseline windows.
 
@@ -75,53 +84,77 @@ def start(
     temperature : (..., n_windows) [degC], NaN where no device has a sensor
     seconds : (n_windows,) since the window before [s]
     watching : how the next windows will be judged
+    rms : (..., n_windows) of the acceleration [m/s2], NaN where unknown
     """
     temperatures, climate = follow(first_climate(temperature), temperature, seconds)
-    law = first_law(
-        np.where(temperatures.carried[..., None], np.nan, log_frequency),
-        std,
-        terms(temperatures),
-        measured=np.isfinite(temperature).mean(-1) > 0.5,
-        lag=_lag(watching),
-        step=float(np.median(seconds)),
-    )
+    known, lag = terms(temperatures), _lag(watching)
+    taught = np.where(temperatures.carried[..., None], np.nan, log_frequency)
+    measured = np.isfinite(temperature).mean(-1) > 0.5
+    step = float(np.median(seconds))
+    even = first_law(taught, std, known, measured=measured, lag=lag, step=step)
+    x = regressors(std, even.scale, _or_unknown(rms, temperature))
+    before = first_scatter(x, log_frequency.shape[-1], even.fast, lag)
+    scatter, state = follow_scatter(before, even.residual(known, even.whiten(taught)), x, seconds)
+    law = first_law(taught, std, known, measured=measured, lag=lag, step=step, variance=scatter.variance)
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
-    return Watched(law=law, watching=watching, climate=climate, average=average, runs=no_runs(law.freedom.shape))
+    level = np.repeat(scatter.variance[None, ..., -1], len(WEIGHTS), axis=0)
+    return Watched(
+        law=law,
+        watching=watching,
+        climate=climate,
+        average=average,
+        scatter=state,
+        average_variance=level,
+        runs=no_runs(law.freedom.shape),
+    )
 
 
 def judge(
-    watched: Watched, log_frequency: FloatArray, temperature: FloatArray, seconds: FloatArray
+    watched: Watched,
+    log_frequency: FloatArray,
+    temperature: FloatArray,
+    seconds: FloatArray,
+    std: FloatArray | None = None,
+    rms: FloatArray | None = None,
 ) -> tuple[Judged, Watched]:
     """Judge windows by the law; a window over the jump's limit, or whose temperature is unsure, enters no average.
 
-    Parameters are those of `start`. The law is not changed: `accept` does that.
+    Parameters are those of `start`; without `std`, windows state what the law's baseline did. The law is not changed:
+    `accept` does that.
     """
     law, p = watched.law, log_frequency.shape[-1]
     temperatures, climate = follow(watched.climate, temperature, seconds)
     known = terms(temperatures)
     whitened = law.whiten(log_frequency)
+    residual = law.residual(known, whitened)
+    x = regressors(_or_unknown(std, log_frequency), law.scale, _or_unknown(rms, temperature))
+    scatter, state = follow_scatter(watched.scatter, residual, x, seconds)
     age = watched.age + np.cumsum(seconds)
     lasting = law.lasting(known, age)
-    new = law.fast[..., None, None, None] * np.eye(p)
-    deviation = tamed(law.residual(known, whitened), lasting + new, law.tail[..., None, None])
-    squared, n = distance(deviation, lasting + new)
-    jump, drift = _limits(law, watched.watching)
-    at = (law.lasting_directions(known, age) * p + np.maximum(n - 1, 0))[..., None]
+    fast = law.fast[..., None] * scatter.variance
+    covariance = lasting + _even(fast, p)
+    deviation = tamed(residual, covariance, law.tail[..., None, None])
+    squared, n = distance(deviation, covariance)
+    jump, drift = _limits(law, scatter, watched.watching)
+    at = (law.lasting_directions(known, age, scatter.variance) * p + np.maximum(n - 1, 0))[..., None]
     values = [squared / np.maximum(n, 1)]
-    limits = [np.take_along_axis(jump[..., None, :], at, axis=-1)[..., 0]]
-    score = alone(deviation, lasting + new)
+    limits = [np.take_along_axis(jump, at, axis=-1)[..., 0]]
+    score = alone(deviation, covariance)
     single = [most_inconsistent(squared, score, n)]
-    taken = _entering(deviation, lasting + new, values[0] > limits[0], *single[0])
+    taken = _entering(deviation, covariance, values[0] > limits[0], *single[0])
     taken = np.where(temperatures.carried[..., None], np.nan, taken)
-    averages = []
+    averages, levels = [], []
     for i, weight in enumerate(WEIGHTS):
         path = _averaged(watched.average[i], taken, weight)
-        covariance = lasting + averaged(weight, watched.watching.overlap)[0] * new
+        level = _averaged_variance(watched.average_variance[i], scatter.variance, taken, weight)
+        fast = law.fast[..., None] * averaged(weight, watched.watching.overlap)[0] * level
+        covariance = lasting + _even(fast, p)
         squared = distance(path, covariance)[0]
         values.append(squared / p)
-        limits.append(np.broadcast_to(drift[..., i : i + 1], squared.shape))
+        limits.append(drift[..., i])
         single.append(most_inconsistent(squared, alone(path, covariance), np.full(squared.shape, p)))
         averages.append(path[..., -1, :])
+        levels.append(level[..., -1])
     value, limit = np.array(values), np.array(limits)
     mode = _single(value > limit, np.array([s[0] for s in single]), np.array([s[1] for s in single]))
     waits, runs = wait(watched.runs, mode, score, watched.watching.rate)
@@ -130,10 +163,29 @@ def judge(
         limit=limit,
         terms=known,
         whitened=whitened,
+        variance=scatter.variance,
         carried=temperatures.carried,
         waiting=np.where(waits, mode, -1),
     )
-    return judged, replace(watched, climate=climate, average=np.array(averages), age=float(age[-1]), runs=runs)
+    after = replace(
+        watched,
+        climate=climate,
+        average=np.array(averages),
+        age=float(age[-1]),
+        scatter=state,
+        average_variance=np.array(levels),
+        runs=runs,
+    )
+    return judged, after
+
+
+def _or_unknown(values: FloatArray | None, like: FloatArray) -> FloatArray:
+    return np.full(like.shape, np.nan) if values is None else values
+
+
+def _even(variance: FloatArray, p: int) -> FloatArray:
+    """Return covariances (..., p, p) of that variance (...,) in every direction."""
+    return variance[..., None, None] * np.eye(p)
 
 
 def _entering(
@@ -163,14 +215,15 @@ def _single(
     return np.where(over.any(0) & (single | ~over).all(0) & (highest == lowest), highest, -1)
 
 
-def accept(watched: Watched, known: FloatArray, whitened: FloatArray) -> Watched:
+def accept(watched: Watched, known: FloatArray, whitened: FloatArray, variance: FloatArray | None = None) -> Watched:
     """Learn from windows that have been judged and stayed calm; NaN for those that have not.
 
     Parameters
     ----------
-    known, whitened : `terms` and `teaching` of `Judged`
+    known, whitened, variance : `terms`, `teaching` and `variance` of `Judged`
     """
-    return replace(watched, law=learn(watched.law, known, whitened, lag=_lag(watched.watching), age=watched.age))
+    law = learn(watched.law, known, whitened, lag=_lag(watched.watching), age=watched.age, variance=variance)
+    return replace(watched, law=law)
 
 
 def _averaged(average: FloatArray, deviation: FloatArray, weight: float) -> FloatArray:
@@ -183,18 +236,38 @@ def _averaged(average: FloatArray, deviation: FloatArray, weight: float) -> Floa
     return out
 
 
+def _averaged_variance(level: FloatArray, variance: FloatArray, taken: FloatArray, weight: float) -> FloatArray:
+    """Return the mean variance (..., n_windows) of an average's windows, each by its share in that of the average."""
+    out, kept = np.empty_like(variance), (1 - weight) ** 2
+    for window in range(variance.shape[-1]):
+        entered = np.isfinite(taken[..., window, :]).any(-1)
+        level = np.where(entered, kept * level + (1 - kept) * variance[..., window], level)
+        out[..., window] = level
+    return out
+
+
 def _lag(watching: Watching) -> int:
     """Return the windows from one to the next that shares no sample with it."""
     return int(np.ceil(1 / (1 - watching.overlap) - 1e-9))
 
 
-def _limits(law: Law, watching: Watching) -> tuple[FloatArray, FloatArray]:
-    """Return limits of jumps (..., (p + 1) p), by lasting directions and modes seen, and of drifts (..., 2)."""
-    p, lead = law.scale.shape[-1], law.freedom.shape
-    rounded = _FREEDOMS ** np.floor(np.log(law.freedom) / np.log(_FREEDOMS))
-    table = np.array([_limits_of(p, freedom, watching) for freedom in rounded.ravel().tolist()])
-    table = table.reshape(*lead, -1)
-    return table[..., : -len(WEIGHTS)], table[..., -len(WEIGHTS) :]
+def _limits(law: Law, scatter: Scatter, watching: Watching) -> tuple[FloatArray, FloatArray]:
+    """Return limits of jumps (..., n_windows, (p + 1) p), by lasting directions and modes seen, and of drifts (..., 2).
+
+    What is open of a window's own variance is so much less of an average's as one window is of that.
+    """
+    known, unsure = 1 / law.freedom[..., None], scatter.log_variance / 2
+    shares = np.array([1.0, *(weight * (2 - weight) for weight in WEIGHTS)])
+    tables = [_table(law.scale.shape[-1], 1 / (known + share * unsure), watching) for share in shares]
+    first = -len(WEIGHTS)
+    return tables[0][..., :first], np.stack([table[..., first + i] for i, table in enumerate(tables[1:])], axis=-1)
+
+
+def _table(p: int, freedom: FloatArray, watching: Watching) -> FloatArray:
+    """Return limits (..., n_limits) for degrees of freedom (...,), rounded down in steps."""
+    steps, back = np.unique(np.floor(np.log(freedom) / np.log(_FREEDOMS)), return_inverse=True)
+    rows = np.array([_limits_of(p, float(_FREEDOMS**step), watching) for step in steps])
+    return rows[back.reshape(freedom.shape)]
 
 
 @lru_cache(maxsize=256)

@@ -58,6 +58,8 @@ class Sums:
     n_product: FloatArray  #: (..., n_tracks, n_tracks)
     of_means: FloatArray  #: (..., n_tracks, n_tracks) products of residuals' means over `CHUNK` windows, summed
     n_means: FloatArray  #: (...,)
+    weight: FloatArray  #: (...,) inverse variances by which windows' products were weighted, summed
+    weight_of_means: FloatArray  #: (...,) the same of means
     tail: FloatArray  #: (..., n_tails) log likelihood of each tail
 
 
@@ -72,7 +74,7 @@ class Law:
     sums: Sums
     coefficient: FloatArray  #: (..., q, n_tracks)
     unknown: FloatArray  #: (..., 2, q, q) covariance of the coefficients: common, own
-    fast: FloatArray  #: (...,) variance new in every window, whitened
+    fast: FloatArray  #: (...,) variance new in every window, over the one predicted for it (`scatter`)
     freedom: FloatArray  #: (...,) degrees of freedom it is known with
     slow: FloatArray  #: (..., n_tracks, n_tracks) covariance that lasts, whitened
     feared: FloatArray  #: (..., n_tracks, n_tracks) the same of what the baseline was too short to see
@@ -122,18 +124,18 @@ class Law:
         """Return what the thermometer's deviation and missing readings make of modes (..., n_windows, 2, n_tracks)."""
         return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * [[THERMOMETER_STD], [1.0]])
 
-    def lasting_directions(self, terms: FloatArray, age: FloatArray) -> npt.NDArray[np.intp]:
+    def lasting_directions(self, terms: FloatArray, age: FloatArray, variance: FloatArray) -> npt.NDArray[np.intp]:
         """Return in how many directions (..., n_windows) successive windows differ from the law alike.
 
-        Arguments are those of `lasting`.
+        Arguments are those of `lasting`, and the variance (..., n_windows) predicted for each.
         """
-        least = _LASTING * self.fast[..., None]
+        least = _LASTING * self.fast[..., None] * variance
         unknown = self.unsure(terms)
         rank = np.repeat(self.rank[..., None], terms.shape[-3], axis=-1)
         young = np.flatnonzero(np.broadcast_to(_come(age), terms.shape[-3]) < 1.0)  # less is feared than rank counts
         come = _come(age)[young, None, None] * self.feared[..., None, :, :]
         value = np.linalg.eigvalsh(self.slow[..., None, :, :] + come)
-        rank[..., young] = (value > least[..., None]).sum(-1)
+        rank[..., young] = (value > least[..., young, None]).sum(-1)
         some = rank + ((self.by_temperature(terms) ** 2).sum(-1) > least[..., None]).sum(-1) + (unknown[..., 0] > least)
         p = self.scale.shape[-1]
         return np.asarray(np.where(unknown[..., 1] > least, p, np.minimum(some, p)), dtype=np.intp)
@@ -150,7 +152,14 @@ def common_direction(scale: FloatArray) -> FloatArray:
 
 
 def first_law(
-    log_frequency: FloatArray, std: FloatArray, terms: FloatArray, *, measured: BoolArray, lag: int, step: float
+    log_frequency: FloatArray,
+    std: FloatArray,
+    terms: FloatArray,
+    *,
+    measured: BoolArray,
+    lag: int,
+    step: float,
+    variance: FloatArray | None = None,
 ) -> Law:
     """Learn from baseline windows, values far from the others' left out.
 
@@ -161,63 +170,75 @@ def first_law(
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
     step : from one window to the next [s]
+    variance : (..., n_windows) predicted for each, over the stated one; unless given, that is the same for all
     """
+    variance = np.ones(log_frequency.shape[:-1]) if variance is None else variance
     centre = np.nanmedian(log_frequency, axis=-2)
     stated = np.sqrt(np.nanmedian(std**2, axis=-2))
     blank = _blank(centre, stated, measured, step)
-    even = _first_law(blank, log_frequency, terms, lag)
-    uneven = _uneven(even, log_frequency, terms, lag)
-    return _first_law(_blank(centre, stated * uneven, measured, step), log_frequency, terms, lag)
+    even = _first_law(blank, log_frequency, terms, lag, variance)
+    uneven = _uneven(even, log_frequency, terms, lag, variance)
+    return _first_law(_blank(centre, stated * uneven, measured, step), log_frequency, terms, lag, variance)
 
 
-def _first_law(blank: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) -> Law:
+def _first_law(blank: Law, log_frequency: FloatArray, terms: FloatArray, lag: int, variance: FloatArray) -> Law:
     whitened = blank.whiten(log_frequency)
     usual = 1.4826 * np.nanmedian(np.abs(whitened), axis=(-2, -1))
     cleaned = np.where(np.abs(whitened) > _WILD * usual[..., None, None], np.nan, whitened)
     age = log_frequency.shape[-2] * blank.step
-    law = learn(blank, terms, cleaned, lag=lag, age=age)
+    law = learn(blank, terms, cleaned, lag=lag, age=age, variance=variance)
     for _ in range(2):  # what was rejected about the median is judged again about the law
-        cleaned = np.where(_wild(law, terms, whitened, age), np.nan, whitened)
-        law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag, age=age)
+        cleaned = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
+        law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag, age=age, variance=variance)
     return law
 
 
-def learn(law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: float) -> Law:
+def learn(
+    law: Law, terms: FloatArray, whitened: FloatArray, *, lag: int, age: float, variance: FloatArray | None = None
+) -> Law:
     """Return the law after more windows, whitened by it; a window of NaN teaches nothing.
 
-    The longer ago watching began (`age` [s]), the more of what is feared may be in them.
+    The longer ago watching began (`age` [s]), the more of what is feared may be in them. `variance` (..., n_windows) is
+    predicted for each, over the stated one.
     """
-    kept = np.where(_wild(law, terms, whitened, age), np.nan, whitened)
+    variance = np.ones(whitened.shape[:-1]) if variance is None else variance
+    kept = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
     seen = np.isfinite(kept)
     share = seen.mean(-1)
     filled = _filled(law, terms, kept)
-    weights = share[..., None, :] / _noise(law, age)[..., :, None]
+    weights = share[..., None, :] / _noise(law, age, variance)
     along = law.common[..., None, :] * (filled @ law.common[..., :, None])
     weighted = weights[..., 0, :, None] * along + weights[..., 1, :, None] * (filled - along)
     value = terms[..., 0, :]
     new_information = np.swapaxes(value[..., None, :, :] * weights[..., None], -1, -2) @ value[..., None, :, :]
     moment = np.swapaxes(value, -1, -2) @ weighted
     solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
-    scattered = _scattered(solved, solved.residual(terms, kept), lag)
-    return _tail(scattered, terms, scattered.residual(terms, whitened), age)
+    scattered = _scattered(solved, solved.residual(terms, kept), lag, variance)
+    return _tail(scattered, terms, scattered.residual(terms, whitened), age, variance)
 
 
-def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int) -> FloatArray:
+def _half_squares(residual: FloatArray, lag: int, variance: FloatArray) -> FloatArray:
+    """Return half squared differences (..., n_windows - lag, n_tracks) over the variance predicted for them."""
+    predicted = 0.5 * (variance[..., lag:] + variance[..., :-lag])
+    return np.asarray(0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2 / predicted[..., None])
+
+
+def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int, variance: FloatArray) -> FloatArray:
     """Return how many times the stated deviations each mode scatters by (..., n_tracks), beside what all do alike.
 
     A mode that is now and then taken for its neighbour would else make the others' scatter look large, too.
     """
     whitened = law.whiten(log_frequency)
     age = log_frequency.shape[-2] * law.step
-    residual = law.residual(terms, np.where(_wild(law, terms, whitened, age), np.nan, whitened))
-    half = 0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2
+    residual = law.residual(terms, np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened))
+    half = _half_squares(residual, lag, variance)
     n = np.isfinite(half).sum(-2)
     total = np.nansum(half, axis=-2)
     mean = total.sum(-1, keepdims=True) / np.maximum(n.sum(-1, keepdims=True), 1)
-    variance = np.where(n, total / np.maximum(n, 1), mean)
-    alike = np.median(variance, axis=-1, keepdims=True)
+    each = np.where(n, total / np.maximum(n, 1), mean)
+    alike = np.median(each, axis=-1, keepdims=True)
     worth = _EFFICIENCY * n
-    return np.asarray(np.sqrt((_EVEN_WORTH + worth * variance / np.maximum(alike, 1e-12)) / (_EVEN_WORTH + worth)))
+    return np.asarray(np.sqrt((_EVEN_WORTH + worth * each / np.maximum(alike, 1e-12)) / (_EVEN_WORTH + worth)))
 
 
 def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: float) -> Law:
@@ -233,6 +254,8 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         n_product=np.zeros((*lead, p, p)),
         of_means=np.zeros((*lead, p, p)),
         n_means=np.zeros(lead),
+        weight=np.zeros(lead),
+        weight_of_means=np.zeros(lead),
         tail=np.broadcast_to(_TAILS_PRIOR, (*lead, len(_TAILS))),
     )
     return Law(
@@ -258,13 +281,11 @@ def _with_scatter(blank: Law, law: Law) -> Law:
     )
 
 
-def _wild(law: Law, terms: FloatArray, whitened: FloatArray, age: float) -> BoolArray:
-    return np.asarray(law.residual(terms, whitened) ** 2 > _WILD**2 * _variance(law, terms, age))
-
-
-def _variance(law: Law, terms: FloatArray, age: float) -> FloatArray:
-    """Return the variance (..., n_windows, n_tracks) of values that old, about the law."""
-    return law.fast[..., None, None] + np.diagonal(law.lasting(terms, np.array([age])), axis1=-2, axis2=-1)
+def _wild(law: Law, terms: FloatArray, whitened: FloatArray, age: float, variance: FloatArray) -> BoolArray:
+    """Tell which values (..., n_windows, n_tracks) of that age lie too far from the law to teach it."""
+    lasting = np.diagonal(law.lasting(terms, np.array([age])), axis1=-2, axis2=-1)
+    expected = (law.fast[..., None] * variance)[..., None] + lasting
+    return np.asarray(law.residual(terms, whitened) ** 2 > _WILD**2 * expected)
 
 
 def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
@@ -276,8 +297,8 @@ def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
     return np.where(seen, whitened, terms[..., 0, :] @ law.coefficient + together[..., None] * along)
 
 
-def _noise(law: Law, age: float) -> FloatArray:
-    """Return the variance (..., 2) with which one window tells of the common and of the own part.
+def _noise(law: Law, age: float, variance: FloatArray) -> FloatArray:
+    """Return the variance (..., 2, n_windows) with which one window tells of the common and of the own part.
 
     A slow movement stays for many windows, so that together they tell no more of it than one.
     """
@@ -287,7 +308,8 @@ def _noise(law: Law, age: float) -> FloatArray:
     alike = np.minimum(_SLOW_SECONDS, lasted)[..., None] / law.step
     along = np.einsum("...i,...ij,...j->...", law.common, slow, law.common)
     across = (np.trace(slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
-    return np.asarray(law.fast[..., None] + alike * np.stack([along, np.maximum(across, 0.0)], axis=-1))
+    lasts = alike * np.stack([along, np.maximum(across, 0.0)], axis=-1)
+    return np.asarray((law.fast[..., None] * variance)[..., None, :] + lasts[..., None])
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -302,12 +324,13 @@ def _solve(law: Law, information: FloatArray, moment: FloatArray) -> Law:
     return replace(law, sums=sums, coefficient=coefficient, unknown=unknown)
 
 
-def _scattered(law: Law, residual: FloatArray, lag: int) -> Law:
-    """Return the law with its scatter learnt from the residuals too."""
+def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray) -> Law:
+    """Return the law with its scatter learnt from the residuals too, which are weighted by the inverse variance."""
     seen = np.isfinite(residual)
-    there = np.where(seen, residual, 0.0)
-    means = _means(residual)
-    half = 0.5 * (residual[..., lag:, :] - residual[..., :-lag, :]) ** 2
+    there = np.where(seen, residual, 0.0) / np.sqrt(variance)[..., None]
+    means, weights = _means(residual, variance)
+    counts = means.any(-1)
+    half = _half_squares(residual, lag, variance)
     sums = replace(
         law.sums,
         difference=law.sums.difference + np.nansum(half, axis=(-2, -1)),
@@ -315,7 +338,9 @@ def _scattered(law: Law, residual: FloatArray, lag: int) -> Law:
         product=law.sums.product + np.swapaxes(there, -1, -2) @ there,
         n_product=law.sums.n_product + np.swapaxes(seen, -1, -2).astype(float) @ seen.astype(float),
         of_means=law.sums.of_means + np.swapaxes(means, -1, -2) @ means,
-        n_means=law.sums.n_means + means.any(-1).sum(-1),
+        n_means=law.sums.n_means + counts.sum(-1),
+        weight=law.sums.weight + (seen.mean(-1) / variance).sum(-1),
+        weight_of_means=law.sums.weight_of_means + np.where(counts, weights, 0.0).sum(-1),
     )
     worth = _EFFICIENCY * sums.n_difference
     fast = (_STATED_WORTH + _EFFICIENCY * sums.difference) / (_STATED_WORTH + worth)
@@ -325,12 +350,17 @@ def _scattered(law: Law, residual: FloatArray, lag: int) -> Law:
     return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, feared=feared, rank=rank)
 
 
-def _means(residual: FloatArray) -> FloatArray:
-    """Return means (..., n_chunks, n_tracks) over `CHUNK` windows, zero where a mode was hardly there."""
+def _means(residual: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return weighted means (..., n_chunks, n_tracks) over `CHUNK` windows, and their weights (..., n_chunks).
+
+    A mean is over the root of its windows' mean variance; it is zero where a mode was hardly there.
+    """
     n = residual.shape[-2] // CHUNK
     pieces = residual[..., : n * CHUNK, :].reshape(*residual.shape[:-2], n, CHUNK, residual.shape[-1])
+    weights = 1 / variance[..., : n * CHUNK].reshape(*residual.shape[:-2], n, CHUNK).mean(-1)
     seen = np.isfinite(pieces).sum(-2)
-    return np.where(seen > CHUNK // 3, np.where(np.isfinite(pieces), pieces, 0.0).sum(-2) / np.maximum(seen, 1), 0.0)
+    mean = np.where(np.isfinite(pieces), pieces, 0.0).sum(-2) / np.maximum(seen, 1)
+    return np.where(seen > CHUNK // 3, mean * np.sqrt(weights)[..., None], 0.0), weights
 
 
 def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -339,8 +369,12 @@ def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArra
     What the environment may do that the baseline was too short to see is feared, the less the more was seen.
     """
     n = np.mean(sums.n_product, axis=(-2, -1))
-    hours = _dominant(sums.of_means / np.maximum(sums.n_means, 1)[..., None, None], sums.n_means, fast / CHUNK)
-    windows = _dominant(sums.product / np.maximum(sums.n_product - 1, 1) - hours, n, fast)
+    n_means = np.maximum(sums.n_means, 1)
+    of_means = _dominant(sums.of_means / n_means[..., None, None], sums.n_means, fast / CHUNK)
+    mean_weight = np.maximum(sums.weight, 1e-9) / np.maximum(n, 1)
+    hours = of_means * (n_means / np.maximum(sums.weight_of_means, 1e-9))[..., None, None]
+    beside = sums.product / np.maximum(sums.n_product - 1, 1) - hours * mean_weight[..., None, None]
+    windows = _dominant(beside, n, fast) / mean_weight[..., None, None]
     watched = n * law.step
     share = _FEARED_WORTH / (_FEARED_WORTH + watched)
     unmeasured = np.where(law.measured, 0.0, _YEAR_WORTH / (_YEAR_WORTH + watched))
@@ -379,17 +413,17 @@ def _dominant(covariance: FloatArray, n: FloatArray, noise: FloatArray) -> Float
     return np.asarray((vector * excess[..., None, :]) @ np.swapaxes(vector, -1, -2))
 
 
-def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float) -> Law:
+def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float, variance: FloatArray) -> Law:
     """Return the law with what the residuals tell of their tails: the likelihood of Student's distributions.
 
     What is wild counts as if it were just that: one wrong mode in a short baseline tells of no tail. Nor does what is
     feared and has not come: windows nearer to the law than that allows are not the narrow middle of a heavy tail.
     """
-    new = law.fast[..., None, None, None] * np.eye(residual.shape[-1])
-    value, vector = np.linalg.eigh(law.lasting(terms, np.array([age])) + new)
+    fast = (law.fast[..., None] * variance)[..., None]
+    value, vector = np.linalg.eigh(law.lasting(terms, np.array([age])) + fast[..., None] * np.eye(residual.shape[-1]))
     product = (law.sums.product / np.maximum(law.sums.n_product, 1))[..., None, :, :]
-    seen = (vector * (product @ vector)).sum(-2)
-    come = np.minimum(value, np.maximum(seen, law.fast[..., None, None]))
+    seen = (vector * (product @ vector)).sum(-2) * variance[..., None]
+    come = np.minimum(value, np.maximum(seen, fast))
     covariance = (vector * come[..., None, :]) @ np.swapaxes(vector, -1, -2)
     squared = np.minimum(alone(residual, covariance) ** 2, _WILD**2)[..., None]
     half = (_TAILS + 1) / 2

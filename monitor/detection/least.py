@@ -43,7 +43,7 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
 
 
 def _least(law: Law, age: FloatArray | None, judged: Judged, terms: FloatArray, seen: BoolArray) -> float:
-    covariance = law.lasting(terms, age)[-1] + law.fast * np.eye(len(law.scale))
+    covariance = law.lasting(terms, age)[-1] + law.fast * judged.variance[-1] * np.eye(len(law.scale))
     moved: FloatArray = np.where(seen, _SIZES[:, None] / law.scale, np.nan)
     squared, n = distance(tamed(moved, covariance, law.tail), covariance)
     return float(np.exp(np.interp(np.log(judged.limit[0, -1]), np.log(squared / n), np.log(_SIZES))))

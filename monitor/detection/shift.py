@@ -35,7 +35,8 @@ def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
     seen = np.where(n, n, np.nan)
     lasting = np.diagonal(law.slow + law.feared, axis1=-2, axis2=-1)
     mean = np.where(np.isfinite(residual), residual, 0.0).sum(-2) / seen
-    return Shift(log_frequency=mean * law.scale, std=np.sqrt(law.fast[..., None] / seen + lasting) * law.scale)
+    fast = law.fast * np.concatenate([j.variance for j in judged], axis=-1).mean(-1)
+    return Shift(log_frequency=mean * law.scale, std=np.sqrt(fast[..., None] / seen + lasting) * law.scale)
 
 
 def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
@@ -55,7 +56,8 @@ def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
     if not back:
         variance = (shift.std / law.scale) ** 2
         law = _less_sure(law, np.where(np.isfinite(variance), variance, np.nanmean(variance, axis=-1, keepdims=True)))
-    return replace(watched, law=law, average=np.zeros_like(watched.average))
+    scatter = replace(watched.scatter, residual=np.full_like(watched.scatter.residual, np.nan))
+    return replace(watched, law=law, average=np.zeros_like(watched.average), scatter=scatter)
 
 
 def _less_sure(law: Law, variance: FloatArray) -> Law:
