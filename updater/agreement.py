@@ -5,6 +5,7 @@ error: parameters that take it up foresee that record better, though they are no
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,8 +24,13 @@ _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 
 def agreeing(data: Comparison, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
     """Return the same alternatives as they agree best with the frequencies."""
-    fixed = Beside(Nothing(comparison=data), tuple(chosen))  # type: ignore[type-var]
-    return fixed.best(fit(data.trusting(_SHARE), fixed))[1:]
+    alone = fixed(data, chosen)
+    return alone.best(fit(data.trusting(_SHARE), alone))[1:]
+
+
+def fixed(data: Comparison, chosen: Sequence[Chosen]) -> Beside[Any]:
+    """Return chosen causes as the only alternative, their parameters free."""
+    return Beside(Nothing(comparison=data), tuple(chosen))
 
 
 def drift_beside(data: Comparison, chosen: Sequence[Chosen], factor: Cause | None) -> tuple[Chosen, ...]:

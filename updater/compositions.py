@@ -7,7 +7,7 @@ that acts much like it.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -25,7 +25,7 @@ from updater.pairs import likeliest_pair
 
 _CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
-_DATA_EACH = 8.0  # data of all kinds that each must have, from the second one on
+_DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted ...
 _ERRS = 0.2  # ... and of what the best is foreseen to gain: by how much first order may err
 _TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
@@ -72,9 +72,16 @@ class Compositions:
         ]
         return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
 
-    def at_once(self) -> list[Candidate]:
-        """Fit the two causes that explain most together to first order, wherever the one that does alone may be."""
-        pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, self.weighing))
+    def at_once(self, only: Collection[str] = ()) -> list[Candidate]:
+        """Fit the two causes that explain most together to first order, wherever the one that does alone may be.
+
+        Parameters
+        ----------
+        only : names of the causes to which the pair is limited; all that are considered if empty
+        """
+        allowed = [name for name in self.weighing.causes if not only or name in only]
+        weighing = replace(self.weighing, allowed=allowed) if only else self.weighing
+        pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
         found = None if pair is None else self._at_rest(self.settled(pair))
         return [] if found is None else [found]
 
@@ -110,7 +117,7 @@ class Compositions:
         """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
         most = min(
             max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
-            max(1, int(self.weighing.data.freedom / _DATA_EACH)),
+            max(1, int(self.weighing.data.freedom // _DATA_EACH)),
         )
         return sum(c.cause.drifting for c in seed.chosen) >= most
 

@@ -6,7 +6,8 @@ one more promises much to first order, more together are tried, up to three, whi
 them does not fit (p under 1e-3, of several together 0.03; of the frequencies alone a hundredth of that) the diagnosis
 says so and names nothing. All this is first done with twice the error of a good model: first order misses less where
 less is held against it. What is found so is then judged, and taken on, with that error itself, unless the evidence says
-that the model is worse.
+that the model is worse. A reference in doubt allows more error: what then leaves several times the noise of
+frequencies is no explanation, and others are sought that leave less.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from updater.agreement import agreeing, drift_beside
+from updater.agreement import agreeing, drift_beside, fixed
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.attached_oscillator import hides
@@ -29,7 +30,7 @@ from updater.comparing import MODEL_ERROR, compare
 from updater.comparison import Comparison
 from updater.compositions import Compositions, common
 from updater.errors import SelectionError
-from updater.fit import Fit
+from updater.fit import Fit, fit
 from updater.gain import Gained, gain_left_out, gain_on_heldout
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
@@ -51,6 +52,7 @@ _MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by that much
 _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
+_MOST_LEFT = 3.0  # times what noise and a good model leave of frequencies: what leaves more does not explain them
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
@@ -150,12 +152,14 @@ def diagnose(
     search, found = _one_sided_beside(search, found) if search is plain else _one_factor_beside(plain, search, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
+    good = compare(reference, event, circumstances=circumstances, model_error=MODEL_ERROR / reference.doubt)
     if found and _fits(found[0]):
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
+        found = found if _within_noise(good, found[0]) else _closer(case, found, good)
         found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
         if not found and reference.filed is None and case.weighing.nothing.p_value >= LEAST_P:
             return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
-    if not found or not _fits(found[0]):
+    if not found or not _fits(found[0]) or not _within_noise(good, found[0]):
         odd = found[0] if found else best
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
         return refused if reference.filed is None else replace(refused, nearer=_nearer(case, heldout))
@@ -235,6 +239,36 @@ def _fits(best: Candidate) -> bool:
     return best.p_value >= (LEAST_P if len(best.chosen) == 1 else _LEAST_P_TOGETHER)
 
 
+def _within_noise(good: Comparison, best: Candidate) -> bool:
+    """Return whether the frequencies are left no farther off than several times noise and the error of a good model.
+
+    A reference that is in doubt lets a fit leave more. That may be the reference's error, or another cause.
+
+    Parameters
+    ----------
+    good : the event, compared with the error of a good model
+    """
+    off = fit(good, fixed(good, best.chosen)).off_frequencies[0]
+    freedom = max(len(off) - sum(len(c.theta) for c in best.chosen), 1)
+    return bool(off @ off <= _MOST_LEFT**2 * freedom)
+
+
+def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candidate]:
+    """Return explanations that leave no more than noise, several causes included; those given if there are none.
+
+    They are sought with the error of a good model, and weighed and fitted with the one that is believed.
+
+    Parameters
+    ----------
+    good : the event, compared with the error of a good model
+    """
+    weighing = replace(case.weighing, data=good)
+    sought = _stepwise(weighing, _again(weighing, found), rough=False)
+    closer = [c for c in sought if _within_noise(good, c)][:_MOST_JUDGED]
+    again = [Compositions(case.weighing).settled(c.chosen) for c in closer]
+    return ranked([fitted for fitted in again if fitted is not None]) or found
+
+
 def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Case, list[Candidate]]:
     """Weigh what a search has found anew, and what it leads to, with the model error that is believed.
 
@@ -245,14 +279,10 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     data : with that error
     """
     weighing = replace(case.weighing, data=data)
-    several = Compositions(weighing)
-    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
-    if _hidden(near[0]):
-        near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
-    again = [fitted for fitted in (several.settled(c.chosen) for c in near) if fitted is not None]
+    again = _again(weighing, found)
     if not again:
         return case, found
-    judged = _stepwise(weighing, ranked(again), rough=False)
+    judged = _stepwise(weighing, again, rough=False)
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
         found[0].log_evidence + case.data.log_det_of_shapes,
@@ -260,6 +290,17 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     if evidence < searched + _LOG_ODDS_ROUGH:
         return case, found
     return replace(case, data=data, weighing=weighing), judged
+
+
+def _again(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
+    """Return the best of what a search has found, fitted to other data; mass spread out also as two bodies."""
+    several = Compositions(weighing)
+    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
+    if _hidden(near[0]):
+        near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
+    again = ranked([fitted for fitted in (several.settled(c.chosen) for c in near) if fitted is not None])
+    spread = any(c.names == ("distributed_mass",) for c in again)
+    return ranked([*again, *several.at_once(("added_mass",))]) if spread else again
 
 
 def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> list[Candidate]:
@@ -302,7 +343,7 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
     diagnosis = Diagnosis(
         verdict=verdict,
         causes=(),
-        rejected=rejected_causes(case.singles, (), best),
+        rejected=rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain"),
         modes=modes_of(case.reference, case.event, case.data, None),
         gain=None,
         calibration=calibration_summary(case.reference),

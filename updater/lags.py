@@ -12,6 +12,7 @@ from updater.shape_errors import beside, shape_covariances
 from updater.statistics import ModalMean, Scatter
 
 _PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
+_LARGEST_DAMPING_STD = 1.0  # of log damping: from there on it was not measured, and is no datum
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
 
 
@@ -76,7 +77,7 @@ def dampings_of(base: ModalMean, event: ModalMean) -> dict[str, Any]:
     known = (base.damping > 0) & (event.damping > 0)
     now, before = np.where(known, event.damping, 1.0), np.where(known, base.damping, 1.0)
     std = np.hypot(event.damping_std / now, base.damping_std / before)
-    known &= np.isfinite(std)
+    known &= std < _LARGEST_DAMPING_STD
     return {
         "log_damping": np.where(known, np.log(now / before), 0.0),
         "log_damping_std": np.where(known, std, np.nan),

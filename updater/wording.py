@@ -176,23 +176,31 @@ def shares(found: "Sequence[Candidate]") -> FloatArray:
     return np.asarray(np.exp(log - logsumexp(log)))
 
 
-def rejected_causes(singles: "list[Candidate]", accepted: Collection[str], best: float) -> tuple[Rejected, ...]:
-    """Return the single causes that were not accepted, with the reason."""
+def rejected_causes(
+    singles: "list[Candidate]", accepted: Collection[str], best: float, *, unchanged: bool = False
+) -> tuple[Rejected, ...]:
+    """Return the single causes that were not accepted, with the reason.
+
+    Parameters
+    ----------
+    best : log evidence of the best of the search
+    unchanged : whether that is no change at all
+    """
     return tuple(
-        Rejected(cause=c.names[0], log_evidence=c.log_evidence - best, why=_why(c, c.log_evidence - best))
+        Rejected(cause=c.names[0], log_evidence=c.log_evidence - best, why=_why(c, c.log_evidence - best, unchanged))
         for c in singles
         if c.names[0] not in accepted
     )
 
 
-def _why(candidate: "Candidate", evidence: float) -> str:
+def _why(candidate: "Candidate", evidence: float, unchanged: bool) -> str:
     p = candidate.p_value
     if p < LEAST_P:
         return f"does not fit: p {p:.0e}" if p > _LEAST_TOLD else f"does not fit: p under {_LEAST_TOLD:.0e}"
     if not candidate.effective:
         return "adds nothing to a drift common to all frequencies"
     if evidence >= 0:
-        return "fits, but so does nothing at all"
+        return "fits, but so does nothing at all" if unchanged else "fits only if the model is assumed to be worse"
     return f"fits, but the odds against it are {_odds(-evidence)} to 1"
 
 
