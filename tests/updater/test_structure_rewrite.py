@@ -200,7 +200,9 @@ def edited(draw: st.DrawFn, structure: Structure) -> Structure:
     sensor = [s.model_copy(update={"gain": draw(numbers)}) if draw(st.booleans()) else s for s in sensor]
     if draw(st.booleans()):
         sensor.insert(draw(st.integers(0, len(sensor))), Sensor(channel="new", at=at, direction=(1, 0, 0)))
-    bodies = draw(st.lists(st.builds(Body, at=st.just(at), mass=numbers | numbers.map(lambda m: -m)), max_size=2))
+    bodies = draw(
+        st.lists(st.builds(Body, at=st.just(at), mass=numbers | numbers.map(lambda m: -min(m, 1e-3))), max_size=2)
+    )
     wrong = st.builds(Correction, gain=numbers, sign=st.sampled_from([1, -1]), delay=st.sampled_from([0.0, 1e-5, 5e-4]))
     known = {s.channel: draw(wrong) for s in sensor if draw(st.booleans())}
     if len(sensor) > 1 and draw(st.booleans()):  # two that have taken each other's place

@@ -21,7 +21,8 @@ KINDS = {
 CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from", "changes"}
 WHERE = {"member", "position", "position_std", "region", "channels"}
 GAIN = {"heldout", "frequency_error_percent", "one_minus_mac", "log_likelihood"}
-WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"}
+ADDED = {"calibration", "reference_steps", "failed"}  # since the contract was agreed
+WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"} | ADDED
 PAIR = {"before", "after"}
 
 
