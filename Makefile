@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds soak unit clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -94,10 +94,6 @@ sensors: $(VENV)/.done
 # How often one and two masses are counted rightly, and how near the worse is placed: prints a table, half an hour.
 several: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/several_masses.py
-
-# Stated probability of the number of masses against how often it is right, one to three masses: docs/localization.md, an hour.
-counting: $(VENV)/.done
-	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/count_masses.py $(ARGUMENTS)
 
 # One added mass at 1000 random places a line, from modes with known noise: the table in docs/localization.md, an hour.
 localization: $(VENV)/.done
