@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from daq import FloatArray, IndexArray
+from daq import IndexArray
 from monitor.accepted import Accepted
 from monitor.alarms import Change
 from monitor.detection import Shift
@@ -15,8 +15,8 @@ from monitor.words import change_text, increment_text, utc
 _UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
 
-def change_said(change: Change, result: WindowResult, nodes: FloatArray) -> str:
-    """Say what a window changed, and where, at nodes (n_nodes, 3) [m] of the reference."""
+def change_said(change: Change, result: WindowResult) -> str:
+    """Return what a window changed, and where."""
     score = result.novelty
     figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
     if change.kind == "latched":
@@ -25,7 +25,7 @@ def change_said(change: Change, result: WindowResult, nodes: FloatArray) -> str:
         return _FLAPPING[change.kind]
     if change.state == "alarm":
         again = " still, after a pause" if change.kind == "reopened" else ""
-        return f"ALARM{again}: the structure has changed ({figures}){_where(result, nodes)}"
+        return f"ALARM{again}: the structure has changed ({figures}){_where(result)}"
     if change.state == "watch":
         return f"over the limit once: {figures}"
     after = "" if change.lasted is None else f" after {duration_text(change.lasted * 1e-9)} of alarm"
@@ -99,7 +99,7 @@ _FLAPPING = {
 }
 
 
-def _where(result: WindowResult, nodes: FloatArray) -> str:
+def _where(result: WindowResult) -> str:
     found = [change_text(result.diagnosis)] if result.diagnosis else []
-    found += [increment_text(result.increments, nodes)] if result.increments else []
+    found += [increment_text(result.increments)] if result.increments else []
     return f": {'; '.join(found)}" if found else "; where, the next windows will tell"

@@ -10,6 +10,7 @@ from monitor.accepted import Accepted
 from monitor.results import (
     AcceptedShift,
     FlaggedDof,
+    IncrementPlace,
     Interval,
     MassAnswer,
     MassIncrements,
@@ -22,7 +23,7 @@ from monitor.results import (
     Vector,
 )
 from oma import ModalEstimate, OmaError, Stabilization, singular_values
-from updater import MassChange, MassUpdate, Model, Reference, Structure, build_model, real_shape
+from updater import IncrementLocation, MassChange, MassUpdate, Model, Reference, Structure, build_model, real_shape
 
 _SPECTRUM_POINTS = 1024
 _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
@@ -182,6 +183,7 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int, outloo
 def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
     """Return the one-step update's increments, not-a-number as None."""
     return MassIncrements(
+        place=_place(update.location) if update.location else None,
         increment=[_vector(v) for v in update.increment],
         increment_std=[_vector(v) for v in update.increment_std],
         normalised=[_said(v) for v in update.normalised],
@@ -191,6 +193,19 @@ def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
         z_limit=update.z_limit,
         flagged=[FlaggedDof(node=f.node, direction=_DIRECTIONS[f.direction], z=f.z) for f in update.flagged],
         n_windows=n_windows,
+    )
+
+
+def _place(found: IncrementLocation) -> IncrementPlace:
+    return IncrementPlace(
+        located=found.is_located,
+        fits=found.fits,
+        member=found.member,
+        position=_vector(found.position),
+        radius=found.radius,
+        region=[Interval(member=name, start=_vector(a), end=_vector(b)) for name, a, b in found.region],
+        mass=found.mass,
+        p_value=found.p_value,
     )
 
 

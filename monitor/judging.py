@@ -174,8 +174,7 @@ class Judge:
             health = self._extras.found("the look at the sensors", lambda: sensors(watch, calm, self._devices))
             result = result.model_copy(update={"sensors": health or {}})
         yield result
-        nodes = watch.reference.calibration.model.nodes
-        yield from (self._changed(window.end, c, change_said(c, result, nodes)) for c in changes)
+        yield from (self._changed(window.end, c, change_said(c, result)) for c in changes)
         yield from self._accept(window.end, watch)
         yield from self._extras.found("the self-test", lambda: self._test(watch, window, over=over)) or ()
         yield from (self._notice(window.end, "failed", text) for text in self._extras.failed())

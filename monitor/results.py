@@ -153,9 +153,23 @@ class FlaggedDof(_Result):
     z: float  #: normalised increment over its standard deviation [-]
 
 
+class IncrementPlace(_Result):
+    """Position of one point mass that explains the increments of all nodes best."""
+
+    located: bool  #: whether one mass fits and its 95 % region is short; else no place is claimed
+    fits: bool  #: whether one mass explains the increments
+    member: str
+    position: Vector  #: [m]
+    radius: float  #: distance to the farthest end of the region [m]
+    region: list[Interval]  #: 95 %
+    mass: float  #: of the order of the change [kg]
+    p_value: float  #: probability of a worse fit if one mass is the cause [-]
+
+
 class MassIncrements(_Result):
     """Nodal mass increments of the one-step update (the paper's eqs 3 to 14)."""
 
+    place: IncrementPlace | None = None  #: None if nothing is flagged
     increment: list[Vector]  #: (n_nodes,) by direction, diag(M_u) - diag(M) [kg]
     increment_std: list[Vector]  #: [kg]
     normalised: list[tuple[float | None, float | None, float | None]]  #: eq. 14 [kg]; None where it says nothing
@@ -163,7 +177,7 @@ class MassIncrements(_Result):
     totals: Vector  #: sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: Vector  #: [kg]
     z_limit: float  #: |z| that one undisturbed window in 100 passes anywhere (family-wise 1 %) [-]
-    flagged: list[FlaggedDof]  #: the node first whose normalised increments are largest over its own mass
+    flagged: list[FlaggedDof]  #: by distance from the place
     n_windows: int  #: windows that entered
 
 

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq import FloatArray
 from monitor.discrepancy import BalanceResult, SensorBeside, Vector
-from monitor.results import AcceptedShift, MassAnswer, MassIncrements, OtherPlace, WindowResult
+from monitor.results import AcceptedShift, IncrementPlace, MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from monitor.unsure_words import unsure_now
 from updater import CalibrationSummary, Cause, Diagnosis, Failed, Pair, ParameterChange, Quantity, Where
@@ -263,13 +262,28 @@ def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
     return f"forces left over look like {what}, most at ({x:.2f}, {y:.2f}, {z:.2f}) m; no cause was assumed for that"
 
 
-def increment_text(increments: MassIncrements, nodes: FloatArray) -> str:
-    """Say where the one-step update flags a change; nodes (n_nodes, 3) [m]."""
+def increment_text(increments: MassIncrements) -> str:
+    """Return how many nodes the one-step update flags, and the place of the change or why none is claimed."""
     flagged = len({f.node for f in increments.flagged})
     if not flagged:
         return "one-step update flags no node"
-    x, y, z = nodes[increments.flagged[0].node]
-    return f"one-step update flags {flagged} nodes, strongest near ({x:.2f}, {y:.2f}, {z:.2f})"
+    place = place_text(increments.place)
+    return f"one-step update flags {flagged} node{'s' * (flagged > 1)}{f', {place}' if place else ''}"
+
+
+def place_text(place: IncrementPlace | None) -> str:
+    """Return the place that the increments of all nodes support with its 95 % region, or why they support none."""
+    if place is None:
+        return ""
+    if not place.fits:
+        p = f"p = {place.p_value:.2g}" if place.p_value > _LEAST_P else f"p under {_LEAST_P:.0e}"
+        return f"not located: the increments are not those of one mass ({p})"
+    x, y, z = place.position
+    if place.located:
+        return f"as one mass near ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % within {place.radius:.2f} m"
+    length = sum(math.dist(part.start, part.end) for part in place.region)
+    members = ", ".join(dict.fromkeys(part.member for part in place.region))
+    return f"not located: one mass fits anywhere on {length:.2g} m of {members}"
 
 
 def utc(time: int, *, date: bool = True) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import viewer_helpers as made
 
-from monitor.results import FlaggedDof, MassIncrements
+from monitor.results import FlaggedDof, IncrementPlace, Interval, MassIncrements
 from updater import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Where
 
 DIRECTIONS = ("x", "y", "z")
@@ -28,6 +28,16 @@ def increments(site: made.Site, n_windows: int = 3) -> MassIncrements:
         for n, d in zip(*np.nonzero(np.abs(score) > 4.0), strict=True)
     ]
     return MassIncrements(
+        place=IncrementPlace(
+            located=True,
+            fits=True,
+            member="crossbeam",
+            position=made.vector(site.place),
+            radius=0.03,
+            region=[Interval(member="crossbeam", start=made.vector(site.place), end=made.vector(site.place))],
+            mass=site.mass,
+            p_value=0.4,
+        ),
         increment=[made.vector(v) for v in raw],
         increment_std=[made.vector(v) for v in std],
         normalised=normalised,

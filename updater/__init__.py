@@ -32,6 +32,7 @@ from updater.fe.simulate import Ambient, AmbientResponse
 from updater.fit import Fit
 from updater.foresight import Foresight, Target
 from updater.hinges import Hinges, hinges_of
+from updater.increment_location import IncrementLocation
 from updater.increments import Expansion, expand_changes, expand_shapes
 from updater.knobs import check_updating
 from updater.known_places import BodyRecord, BodySelection, select_bodies
@@ -133,6 +134,7 @@ __all__ = [
     "FrequencyFit",
     "Gain",
     "Hinges",
+    "IncrementLocation",
     "Joint",
     "MassChange",
     "MassChanges",

@@ -101,6 +101,16 @@ class ExpandedChange:
     t: FloatArray  #: (n_modes,)
     by_event: FloatArray  #: (n_modes, n_channels) derivative by the event's shape
     by_base: FloatArray  #: (n_modes, n_channels) derivative by the baseline's
+    inverse: FloatArray  #: (n_modes, n_channels) least squares in the cluster
+    toward: FloatArray  #: (n_modes,) mode that fixes the sign
+    constant: FloatArray  #: (n_modes,) added to the expanded unit shape
+
+    def expand(self, shape: FloatArray) -> FloatArray:
+        """Return t (..., n_modes) of other shapes (..., n_channels) in the same cluster."""
+        after = shape @ self.inverse.T
+        after = after / np.linalg.norm(after, axis=-1, keepdims=True)
+        after = np.where((after @ self.toward)[..., None] < 0, -after, after) + self.constant
+        return np.asarray(after / np.linalg.norm(after, axis=-1, keepdims=True))
 
 
 def expand_change(
@@ -119,10 +129,12 @@ def expand_change(
         before, by_base = -before, -by_base
     if after @ before < 0:
         after, by_event = -after, -by_event
-    changed = after - before
-    changed[paired] += 1
-    t, turn = _unit(changed, np.eye(len(changed)))
-    return ExpandedChange(t=t, by_event=turn @ by_event, by_base=-turn @ by_base)
+    constant = -before
+    constant[paired] += 1
+    t, turn = _unit(after + constant, np.eye(len(before)))
+    return ExpandedChange(
+        t=t, by_event=turn @ by_event, by_base=-turn @ by_base, inverse=inverse, toward=before, constant=constant
+    )
 
 
 def expand_shape(
@@ -136,8 +148,11 @@ def expand_shape(
     inverse = np.zeros((len(model_shape), len(shape)))
     inverse[cluster] = np.linalg.pinv(model_shape[cluster].T)
     t, by_event = _unit(inverse @ shape, inverse)
-    sign = -1.0 if t[paired] < 0 else 1.0
-    return ExpandedChange(t=sign * t, by_event=sign * by_event, by_base=np.zeros_like(by_event))
+    sign, toward = (-1.0 if t[paired] < 0 else 1.0), np.eye(len(t))[paired]
+    none = np.zeros_like(by_event)
+    return ExpandedChange(
+        t=sign * t, by_event=sign * by_event, by_base=none, inverse=inverse, toward=toward, constant=np.zeros(len(t))
+    )
 
 
 def _unit(vector: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -21,7 +21,8 @@ _DRAWS = 4000
 _CHUNK = 500
 _SEED = 1  # a log replayed gives the same limit
 _MOST_PLACES = 2000  # that are simulated; of more every n-th, between which increments are smooth
-_NEGLIGIBLE = 1e-6  # of the largest singular value of the increments' correlation
+_NEGLIGIBLE = 1e-6  # standard deviation of an increment, given those before it
+_PREFERENCE = 0.1  # how much less an increment counts as a pivot from the first to the last: no two are equal
 
 
 def moderated_variance(z: FloatArray) -> FloatArray:
@@ -44,8 +45,7 @@ def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> f
     every = -(-len(noise) // _MOST_PLACES)
     noise, common = noise[::every], common[::every]
     scale = np.linalg.norm(noise, axis=1)
-    left, value, _ = np.linalg.svd(noise / scale[:, None], full_matrices=False)
-    root = (left * value)[:, value > _NEGLIGIBLE * value[0]]
+    root = _correlation_root(noise / scale[:, None])
     random = np.random.default_rng(_SEED)
     largest = []
     for _ in range(_DRAWS // _CHUNK):
@@ -54,3 +54,23 @@ def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> f
         event = z[:, 0] + random.standard_normal((_CHUNK, 1)) * (common / scale)
         largest.append((np.abs(event) / np.sqrt(variance + (common / scale) ** 2)).max(-1))
     return float(np.quantile(np.concatenate(largest), 1 - _FALSE_FLAGS))
+
+
+def _correlation_root(noise: FloatArray) -> FloatArray:
+    """Return (n, rank) with the correlation of (n, n_inputs) by Cholesky's decomposition with pivots.
+
+    Other than singular vectors, which are free in sign and mix where values are equal, it is a smooth function of the
+    correlation, so that the limit simulated with it does not depend on how a processor rounds.
+    """
+    left = noise.copy()  # what the pivots so far leave unexplained
+    preference = np.linspace(1.0, 1.0 - _PREFERENCE, len(noise))
+    columns: list[FloatArray] = []
+    for _ in range(min(noise.shape)):
+        pivot = int(np.argmax(preference * np.linalg.norm(left, axis=1)))
+        length = float(np.linalg.norm(left[pivot]))
+        if length < _NEGLIGIBLE:
+            break
+        direction = left[pivot] / length
+        columns.append(left @ direction)
+        left = left - np.outer(columns[-1], direction)
+    return np.column_stack(columns)

@@ -1,14 +1,17 @@
-"""The one-step update's second stage: nodal mass increments, how sure they are, and which are no chance.
+"""The one-step update's second stage: nodal mass increments, their deviations, flags, and the place of one mass.
 
 What is expanded is the change of each shape since the baseline, in a cluster of modes that the model alone decides:
 what the clusters cannot hold of the baseline's own shapes cancels, and unchanged data give no increment at all.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.expansion import ExpandedChange
+from updater.increment_location import IncrementLocation, IncrementLocator
 from updater.increments import (
     Expansion,
     Increments,
@@ -43,7 +46,8 @@ class MassUpdate:
     totals: FloatArray  #: (3,) sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: FloatArray  #: (3,) [kg]
     z_limit: float  #: |z| that one undisturbed event in 100 passes anywhere [-]
-    flagged: tuple[Flag, ...]  #: beyond it; first the one with the largest normalised increment over its node's mass
+    flagged: tuple[Flag, ...]  #: beyond it, by distance from the location
+    location: IncrementLocation | None  #: of one mass that explains all increments best; None if nothing is flagged
 
 
 class MassUpdater:
@@ -59,6 +63,7 @@ class MassUpdater:
         self._reference, self._expand = reference, expansion
         self._at = lump(reference)
         self._nothing = NullDistribution(reference, self._increments)
+        self._locator = cache(lambda: IncrementLocator(reference, self._at))
 
     def update(self, event: ModalMean) -> MassUpdate:
         """Put the modes of an event in the place of the reference's.
@@ -84,7 +89,15 @@ class MassUpdater:
         # a direction that the updated modes hardly move says nothing: its share is endless, its increment none
         share = np.where(np.isfinite(normalised), share, np.inf)
         limit = self._nothing.limit(event, tracks, np.flatnonzero(np.isfinite(normalised)))
-        return self._as_nodes(found, normalised, share, self._nothing.variance(tracks), limit)
+        variance = self._nothing.variance(tracks)
+        update = self._as_nodes(found, normalised, share, variance, limit)
+        if not update.flagged:
+            return update
+        changes = self._expanded(event, self._reference.baseline, tracks)
+        location = self._locator().locate(event, tracks, found, changes, max(1.0, float(variance.mean())))
+        away = np.linalg.norm(at.model.nodes - location.position, axis=1).round(9)  # equal ones stay equal
+        flagged = sorted(update.flagged, key=lambda flag: (away[flag.node], -abs(flag.z)))
+        return replace(update, flagged=tuple(flagged), location=location)
 
     def _as_nodes(
         self, found: Increments, normalised: FloatArray, share: FloatArray, variance: FloatArray, limit: float
@@ -94,7 +107,6 @@ class MassUpdater:
         std = np.linalg.norm(root, axis=1)
         by_input = [(root / share[:, None])[at.direction == axis].sum(0) for axis in range(3)]
         z = np.where(told, found.value / std, 0.0)
-        order = np.argsort(-self._strength(np.where(told, normalised, 0.0)), kind="stable")
         return MassUpdate(
             increment=at.by_node(found.value, 0.0),
             increment_std=at.by_node(std, 0.0),
@@ -105,22 +117,20 @@ class MassUpdater:
             z_limit=limit,
             flagged=tuple(
                 Flag(node=int(at.node[j]), direction=int(at.direction[j]), z=float(z[j]))
-                for j in order
-                if abs(z[j]) > limit
+                for j in np.flatnonzero(np.abs(z) > limit)
             ),
+            location=None,
         )
 
-    def _strength(self, normalised: FloatArray) -> FloatArray:
-        """Return the increments (n,) over their nodes' own masses, summed over the directions of each node."""
+    def _expanded(self, event: ModalMean, base: ModalMean, tracks: IndexArray) -> list[ExpandedChange]:
         at = self._at
-        by_node = np.bincount(at.node, normalised / at.mass, minlength=len(at.model.nodes))
-        return np.abs(by_node)[at.node]
+        return self._expand(event, base, tracks, (at.at_channels, at.modes.omega), at.paired[tracks])
 
     def _increments(self, event: ModalMean, base: ModalMean, tracks: IndexArray) -> Increments:
         """Return the increments by eqs 7, 12 and 13 and their slopes: eq. 13 takes the ratio to the baseline."""
         at, paired = self._at, self._at.paired[tracks]
         replaced = np.eye(at.translation.shape[1])[:, paired]
-        changes = self._expand(event, base, tracks, (at.at_channels, at.modes.omega), paired)
+        changes = self._expanded(event, base, tracks)
         ratio = np.exp((event.log_frequency - base.log_frequency)[tracks])
         omega = at.modes.omega[paired]
         t = scale_by_stiffness(np.column_stack([c.t for c in changes]), omega, omega * ratio)

@@ -25,6 +25,7 @@ from monitor.words import (
     fit_text,
     gain_text,
     headline,
+    increment_text,
     is_one_mass,
     last_state,
     mass_text,
@@ -149,22 +150,18 @@ def _increments(story: Story) -> dict[str, Any] | None:
         ),
         "n_windows": increments.n_windows,
         "z_limit": f"{increments.z_limit:.1f}",
-        "flagged": _flagged(story, increments),
+        "text": increment_text(increments),
+        "flagged": _flagged(increments),
     }
 
 
-def _flagged(story: Story, increments: MassIncrements) -> list[dict[str, str]]:
-    """Return a row a direction that has flagged nodes: how many, and the strongest."""
-    nodes = story.reference.nodes if story.reference else []
+def _flagged(increments: MassIncrements) -> list[dict[str, str]]:
+    """Return one row per direction that has flagged nodes: their number and the largest z."""
     rows = []
     for direction in ("x", "y", "z"):
-        flagged = [f for f in increments.flagged if f.direction == direction]
-        if not flagged:
-            continue
-        strongest = flagged[0]
-        place = ", ".join(f"{v:.3f}" for v in nodes[strongest.node])
-        row = {"direction": direction, "n": str(len(flagged)), "node": str(strongest.node)}
-        rows.append(row | {"place": place, "z": f"{strongest.z:+.1f}"})
+        z = [f.z for f in increments.flagged if f.direction == direction]
+        if z:
+            rows.append({"direction": direction, "n": str(len(z)), "z": f"{max(z, key=abs):+.1f}"})
     return rows
 
 

@@ -157,15 +157,17 @@ class Frame:
             axes.plot(*tip.T, color=INK, linewidth=0.9, zorder=4)
 
     def draw_flags(self, axes: Axes, increments: MassIncrements, direction: str, values: FloatArray) -> None:
-        """Mark the flagged nodes of one direction, the strongest one with its node and z."""
+        """Mark the flagged nodes of one direction, and the place of one mass that explains all, if one is claimed."""
         flagged = [f for f in increments.flagged if f.direction == direction and np.isfinite(values[f.node])]
         if not flagged:
             return
         places = self.flat(self.geometry.nodes[[f.node for f in flagged]])
         axes.plot(*places.T, "o", markersize=3, color=WARN, markeredgecolor=INK, markeredgewidth=0.5, zorder=5)
-        best = flagged[0]
-        text = f"node {best.node}: z = {best.z:+.1f}"
-        x, y = self.flat(self.geometry.nodes[best.node])
+        place = increments.place
+        if place is None or not place.located:
+            return
+        text = f"({', '.join(f'{v:.2f}' for v in place.position)}) ± {place.radius:.2f} m"
+        x, y = self.flat(np.array(place.position))
         axes.plot(x, y, "o", markersize=8, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.1, zorder=6)
         axes.annotate(
             text, (x, y), (16, -28), textcoords="offset points", fontsize=7, zorder=7, bbox=_PAPER, arrowprops=_LEADER

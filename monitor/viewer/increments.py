@@ -15,6 +15,7 @@ from monitor.viewer.draw import Axes, at, once, text
 from monitor.viewer.numbers import write_increments
 from monitor.viewer.palette import ALARM, DIM, GREY, REGION, SENSOR, TEXT, signed_heat
 from monitor.viewer.scene import SIDE, TUBE, supports
+from monitor.words import place_text
 
 DIRECTIONS = ("x", "y", "z")
 BOUNDS = ((-24.0, 208.0), (-14.0, 142.0))  # of the drawing, x and y
@@ -59,7 +60,7 @@ def _scene(
     scale: float,
     largest: float,
 ) -> None:
-    """Draw the members, red where mass was added, blue where removed; flagged nodes as balls, the strongest named."""
+    """Draw the members, red where mass was added, blue where removed, flagged nodes, and the place of the change."""
     base, values = f"/increments/{DIRECTIONS[column]}", scale * numbers(increments.normalised)[:, column]
     pairs = [pair for nodes in geometry.lines.values() for pair in itertools.pairwise(nodes)]
     level = np.array([np.mean(values[list(pair)]) for pair in pairs]) / largest
@@ -69,11 +70,15 @@ def _scene(
     flagged = [f for f in increments.flagged if f.direction == DIRECTIONS[column]]
     places = geometry.nodes[[f.node for f in flagged]].reshape(-1, 3) + 2.2 * tube * geometry.side(*SIDE)
     recording.log(f"{base}/flagged", rr.Points3D(places, radii=0.7 * tube, colors=[REGION]))
-    named = flagged[:1]
-    above = geometry.nodes[[f.node for f in named]].reshape(-1, 3) + np.array([0, 0, LABEL * geometry.size])
-    labels = [f"node {f.node}, z = {f.z:+.1f}" for f in named]
+    named = increments.place if flagged else None
+    top = geometry.nodes[np.argmax(geometry.nodes[:, 2])]
+    under = np.array(named.position if named and named.located else top)
+    above = (under + np.array([0, 0, LABEL * geometry.size]))[None] if named else np.empty((0, 3))
+    labels = [place_text(named)] if named else []
     label = rr.Points3D(above, radii=0.0, colors=[TEXT], labels=labels, show_labels=True)
     recording.log(f"{base}/flagged/names", label)
+    region = [[part.start, part.end] for part in named.region] if named and named.fits else []
+    recording.log(f"{base}/flagged/region", rr.LineStrips3D(region, colors=[REGION], radii=2.0 * tube))
 
 
 def _panel(unrolled: Unrolled, row: int, largest: float) -> Axes:

@@ -33,14 +33,13 @@ def test_members_are_red_where_most_mass_was_added_and_steel_where_nothing_is_sa
     assert set(green[middle[:, 2] < 0.98]) == {118}  # steel: z says nothing there
 
 
-def test_flagged_nodes_are_marked_and_the_strongest_is_named(rrd: Rrd) -> None:
+def test_flagged_nodes_are_marked_and_the_place_is_named(rrd: Rrd) -> None:
     for direction in DIRECTIONS:
         flagged = [f for f in INCREMENTS.flagged if f.direction == direction]
         _, places = rrd.rows(f"/increments/{direction}/flagged", "Points3D:positions")
         assert len(places[-1]) == len(flagged)
         _, labels = rrd.rows(f"/increments/{direction}/flagged/names", "Points3D:labels")
-        best = flagged[0] if flagged else None
-        assert labels[-1] == ([f"node {best.node}, z = {best.z:+.1f}"] if best else [])
+        assert labels[-1] == (["as one mass near (0.25, 0.00, 1.48) m, 95 % within 0.03 m"] if flagged else [])
 
 
 def test_curves_have_the_height_of_the_increments(rrd: Rrd) -> None:
