@@ -1,13 +1,12 @@
 """The same loop over a log, as fast as it goes."""
 
-import json
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from daq import (
     HOW_TO_PLACE,
@@ -23,6 +22,7 @@ from daq import (
     read_log,
 )
 from monitor.memory import MEMORY, NOTHING, fitting
+from monitor.replay_comparison import ReplayComparison, compare_results
 from monitor.result_events import event_result, result_event
 from monitor.results import TOPIC_WINDOW, Result
 from monitor.settings import Override, overridden, parse_settings
@@ -43,21 +43,15 @@ class ReplayReport:
     memory: str  #: what to go on from, as text; empty if nothing was said
     window_seconds: float  #: length of a window [s]
 
+    @cached_property
+    def comparison(self) -> ReplayComparison:
+        """Return how far the replay repeats what was found live."""
+        return compare_results(self.found, self.logged)
+
     @property
     def same(self) -> bool:
-        """Tell whether the replay repeats the live results to the last digit, as far as those go."""
-        found = [r.payload() for r in self.found[: len(self.logged)]]
-        said = [json.loads(r.model_dump_json(exclude_unset=True)) for r in self.logged]
-        return len(found) == len(said) and all(map(_repeats, found, said))
-
-
-def _repeats(found: Any, said: Any) -> bool:  # noqa: ANN401 - JSON values
-    """Tell whether what a log says is found again; a log of an earlier version says nothing of what came later."""
-    if isinstance(found, dict) and isinstance(said, dict):
-        return found.keys() >= said.keys() and all(_repeats(found[key], value) for key, value in said.items())
-    if isinstance(found, list) and isinstance(said, list):
-        return len(found) == len(said) and all(map(_repeats, found, said))
-    return bool(found == said)
+        """Return whether the replay repeats the live results to the last digit, as far as those go."""
+        return self.comparison.kind == "identical"
 
 
 def replay(

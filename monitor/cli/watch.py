@@ -150,7 +150,8 @@ def replay_command(
         raise LogError(watched, "cannot be written: File exists")
     report = replay(log, load_site(site, given) if site else None, say, overrides(given, {}))
     if json_path:
-        found = {"same_as_live": report.same, "results": [result.payload() for result in report.found]}
+        results = [result.payload() for result in report.found]
+        found = {"same_as_live": report.same, "comparison": report.comparison.payload(), "results": results}
         json_path.write_text(json.dumps(found), encoding="utf-8")
     note = _nothing_watched(report)
     if note:
@@ -161,7 +162,7 @@ def replay_command(
     elif not (report.logged or note):
         console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
     if report.logged and not (site or given):
-        console.print("the same as live, to the last digit" if report.same else "NOT the same as live")
+        console.print(report.comparison.text, soft_wrap=True, markup=False)
     alarms = [result for result in report.found if isinstance(result, AlarmResult)]
     return int(bool(alarms) and alarms[-1].state == "alarm")
 
