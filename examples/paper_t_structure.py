@@ -146,8 +146,10 @@ for place, body in BODIES.items():
             cells = [f"{1000 * t:.0f} ± {1000 * s:.0f}" for t, s in zip(found.totals, found.totals_std, strict=True)]
             print(f"  {name:14}" + "".join(f"{cell:>12}" for cell in cells))
         found_at = update.location
-        print(f"  {'':14}flags {len(update.flagged)} increments; as one mass at {found_at.position.round(2).tolist()},")
-        print(f"  {'':14}95 % within {found_at.radius:.2f} m, {'located' if found_at.is_located else 'not located'}")
+        print(f"  {'':14}flags {len(update.flagged)} increments")
+        if found_at:
+            print(f"  {'':14}as one mass at {found_at.position.round(2).tolist()} m,", end=" ")
+            print(f"95 % within {found_at.radius:.2f} m, {'located' if found_at.is_located else 'not located'}")
         print(
             f"  {'':14}likelihood: {1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g on the {answer.member}, "
             f"{answer.distance:.3f} ± {answer.distance_std:.3f} m from its start"

@@ -277,13 +277,13 @@ def place_text(place: IncrementPlace | None) -> str:
         return ""
     if not place.fits:
         p = f"p = {place.p_value:.2g}" if place.p_value > _LEAST_P else f"p under {_LEAST_P:.0e}"
-        return f"not located: the increments are not those of one mass ({p})"
+        return f"not located: the increments do not fit one mass ({p})"
     x, y, z = place.position
     if place.located:
-        return f"as one mass near ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % within {place.radius:.2f} m"
+        return f"consistent with one mass at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % within {place.radius:.2f} m"
     length = sum(math.dist(part.start, part.end) for part in place.region)
     members = ", ".join(dict.fromkeys(part.member for part in place.region))
-    return f"not located: one mass fits anywhere on {length:.2g} m of {members}"
+    return f"not located: one mass fits anywhere within {length:.2g} m of {members}"
 
 
 def utc(time: int, *, date: bool = True) -> str:

@@ -17,13 +17,16 @@ def text(**changes: object) -> str:
 
 
 def test_claimed_place_has_its_region() -> None:
-    assert text() == f"one-step update flags {N} nodes, as one mass near (0.25, 0.00, 1.48) m, 95 % within 0.03 m"
+    assert (
+        text()
+        == f"one-step update flags {N} nodes, consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m"
+    )
 
 
 @pytest.mark.parametrize(("p", "words"), [(2.3e-3, "p = 0.0023"), (0.0, "p under 1e-12")])
 def test_increments_of_something_else_have_no_place(p: float, words: str) -> None:
     said = text(fits=False, located=False, p_value=p)
-    assert said == (f"one-step update flags {N} nodes, not located: the increments are not those of one mass ({words})")
+    assert said == (f"one-step update flags {N} nodes, not located: the increments do not fit one mass ({words})")
 
 
 def test_wide_region_is_no_place() -> None:
@@ -32,7 +35,7 @@ def test_wide_region_is_no_place() -> None:
         Interval(member="column", start=(0, 0, 1.2), end=(0, 0, 1.35)),
     ]
     assert text(located=False, region=region).endswith(
-        "not located: one mass fits anywhere on 0.35 m of crossbeam, column"
+        "not located: one mass fits anywhere within 0.35 m of crossbeam, column"
     )
 
 

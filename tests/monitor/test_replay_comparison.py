@@ -9,14 +9,13 @@ from monitor.results import AlarmResult, Result, WindowResult
 
 SITE = made.Site()
 RUN = made.whole_run(SITE, n_learning=3, n_before=1, n_after=3)
-LIVE: list[Result] = [*RUN["windows"]]
+LIVE = [r for r in RUN["windows"] if isinstance(r, WindowResult)]
 
 
 def with_frequency(factor: float, window: int = 4) -> ReplayComparison:
     """Return the comparison of a run in which one frequency differs by a factor."""
-    found = list(LIVE)
-    result = found[window]
-    assert isinstance(result, WindowResult)
+    found: list[Result] = [*LIVE]
+    result = LIVE[window]
     modes = list(result.modes)
     modes[2] = modes[2].model_copy(update={"frequency": factor * modes[2].frequency})
     found[window] = result.model_copy(update={"modes": modes})
@@ -30,7 +29,7 @@ def test_same_results_are_identical() -> None:
     assert found.payload() == {"kind": "identical", "relative_difference": 0.0, "at": None}
 
 
-def test_rounding_is_told_with_its_place() -> None:
+def test_rounding_is_reported_with_its_place() -> None:
     """Relative to the largest frequency of the window: a little less than the change of the third."""
     found = with_frequency(1 + 1e-9)
     assert found.kind == "rounding"
@@ -41,7 +40,7 @@ def test_rounding_is_told_with_its_place() -> None:
     assert found.text.endswith(f"modes.2.frequency of window {LIVE[4].index}")
 
 
-def test_difference_is_told_from_its_first_value_on() -> None:
+def test_first_difference_is_reported() -> None:
     found = with_frequency(1 + 100 * ROUNDING)
     assert found.kind == "different"
     assert found.text.startswith(f"NOT the same as live from window {LIVE[4].index} on: modes.2.frequency is ")

@@ -101,7 +101,7 @@ def test_increments_and_diagnosis_are_told(page: Page) -> None:
     increments = answers.increments(SITE)
     z = [f.z for f in increments.flagged if f.direction == "y"]
     assert f"<td>y</td><td>{len(z)}</td><td>{max(z, key=abs):+.1f}</td>" in page.text
-    assert "as one mass near (0.25, 0.00, 1.48) m, 95 % within 0.03 m" in page.words
+    assert "consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m" in page.words
     for words in ("that were not used", "1.920", "0.040", "-812.0", "not seen", "extended/t_structure.toml", "-41.3"):
         assert words in page.words, words
 
