@@ -39,7 +39,9 @@ def test_flagged_nodes_are_marked_and_the_place_is_named(rrd: Rrd) -> None:
         _, places = rrd.rows(f"/increments/{direction}/flagged", "Points3D:positions")
         assert len(places[-1]) == len(flagged)
         _, labels = rrd.rows(f"/increments/{direction}/flagged/names", "Points3D:labels")
-        assert labels[-1] == (["consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m"] if flagged else [])
+        assert labels[-1] == (
+            ["consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m"] if flagged else []
+        )
 
 
 def test_curves_have_the_height_of_the_increments(rrd: Rrd) -> None:
