@@ -27,12 +27,12 @@ from daq.expand import expand_log
 from daq.found import Found, PortAnswer
 from daq.headings import ACCELERATIONS, acceleration
 from daq.hostclock import HostClock, ScaledClock, SystemClock
-from daq.log import Event, Item, LogWriter, read_attachments, read_events, read_log
+from daq.log import Event, Item, LogWriter, log_span, read_attachments, read_events, read_log
 from daq.log_address import LogAddress
 from daq.log_keeper import LogKeeper
 from daq.log_names import as_logs, newest_log
 from daq.log_thread import LogThread
-from daq.parts import AnyLog, PartedLog, files_of
+from daq.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
 from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import HOW_TO_PLACE, load_recordings, read_channel_map
 from daq.recorder import LogRecorder, Rotation
@@ -46,8 +46,10 @@ from daq.timecolumn import TIME_UNITS
 
 __all__ = [
     "ACCELERATIONS",
+    "BEGINNING",
     "CAN_LOGS",
     "CHANNELS",
+    "END",
     "EPSON_SCALE",
     "HOW_TO_PLACE",
     "TIME_UNITS",
@@ -93,6 +95,7 @@ __all__ = [
     "LineSpell",
     "LogAddress",
     "LogError",
+    "LogExcerpt",
     "LogInfo",
     "LogKeeper",
     "LogRecorder",
@@ -128,6 +131,7 @@ __all__ = [
     "inspect_log",
     "load_recordings",
     "log_info",
+    "log_span",
     "low_grade",
     "make_driver",
     "newest_log",

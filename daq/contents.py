@@ -32,7 +32,7 @@ class DeviceInfo:
     def add(self, block: Block, end_index: int) -> None:
         """Count a block; `end_index` is where the one before ended."""
         self.n_scans += block.n_scans
-        self.end = _time(block, block.end_index)
+        self.end = block.time_of(block.end_index)
         lost = block.first_index - end_index
         self.missing += max(lost, 0)
         self.gaps += lost > 0
@@ -109,10 +109,5 @@ def _attachments(path: Path) -> dict[str, str]:
 
 
 def _first(block: Block) -> DeviceInfo:
-    start = _time(block, block.first_index)
+    start = block.time_of(block.first_index)
     return DeviceInfo(rate=block.rate, n_axes=block.counts.shape[1], scale=block.scale, start=start)
-
-
-def _time(block: Block, index: int) -> int:
-    """Return the time of a scan by the block's own pair [ns UTC]."""
-    return block.pair_time + round((index - block.pair_index) / block.rate * 1e9)

@@ -11,7 +11,7 @@ import os
 import struct
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
@@ -27,8 +27,9 @@ from daq.accel_block_pb2 import AccelBlock
 from daq.block_message import decode_block, encode_block
 from daq.chunk_index import LeanWriter
 from daq.errors import LogError
+from daq.file_index import file_index
 from daq.filelock import lock
-from daq.parts import PART, AnyLog, Part, files_of
+from daq.parts import BEGINNING, END, PART, AnyLog, LogExcerpt, Part, files_of
 from daq.recording import Block
 from daq.ros_messages import ENCODING as VIEW_ENCODING
 from daq.ros_messages import schema as view_schema
@@ -37,6 +38,7 @@ from daq.view import ViewMessage
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
 _BUFFER = 1 << 20
+_REACH = 10 * 10**9  # ns: more than lies between a message's time and what it holds, or between two devices' blocks
 SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of their schema
     "protobuf": ("modalwatch.AccelBlock", "protobuf", build_file_descriptor_set(AccelBlock).SerializeToString()),
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
@@ -163,32 +165,120 @@ def _sync_folder(folder: Path) -> None:
         os.close(number)
 
 
-def read_events(log: AnyLog) -> Iterator[Event]:
-    """Yield the events alone, which is faster; else as `read_log`."""
-    for path in files_of(log):
-        yield from (item for item in _read_file(path, signals=False) if isinstance(item, Event))
+def read_events(log: AnyLog, topics: Collection[str] | None = None) -> Iterator[Event]:
+    """Yield the events alone, all or those of some topics, which is faster; else as `read_log`."""
+
+    def wanted(topic: str) -> bool:
+        return topic in topics if topics is not None else not _is_signal(topic)
+
+    yield from (item for item in _read(log, wanted) if isinstance(item, Event))
 
 
 def read_log(log: AnyLog) -> Iterator[Item]:
     """Yield blocks and events in the order in which they were written, in bounded memory.
 
-    A file cut anywhere is read up to its last whole chunk.
+    A file cut anywhere is read up to its last whole chunk. Of an excerpt only chunks near its range are read, where the
+    file has an index; blocks across its ends are shortened.
 
     Raises
     ------
     LogError
         If it cannot be read, is not a log, or is damaged amid (what comes before is yielded first).
     """
-    for path in files_of(log):
-        yield from _read_file(path)
+    yield from _read(log, lambda _: True)
 
 
-def _read_file(path: Path, *, signals: bool = True) -> Iterator[Item]:
+def log_span(log: AnyLog) -> tuple[int, int] | None:
+    """Return the times of the first scan of a log and after its last one [ns UTC]; None if it has no scans.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read, is not a log, or is damaged where it is read.
+    """
+    files = files_of(log)
+    start = next((time for path in files if (time := _start_of(path)) is not None), None)
+    end = next((time for path in reversed(files) if (time := _end_of(path)) is not None), None)
+    return None if start is None or end is None else (start, end)
+
+
+def _start_of(path: Path) -> int | None:
+    """Return the time of the first scan in a file [ns UTC]; that of a device may stand a little after another's."""
+    start: int | None = None
+    for block in _blocks(_parsed(path, _records(path), _is_signal)):
+        first = block.time_of(block.first_index)
+        start = first if start is None else min(start, first)
+        if block.pair_time > start + _REACH:
+            break
+    return start
+
+
+def _end_of(path: Path) -> int | None:
+    """Return the time after the last scan in a file [ns UTC]; with an index the last chunks tell it."""
+    index = file_index(path)
+    if index is None:
+        return _latest(_parsed(path, _records(path), _is_signal))
+    end: int | None = None
+    for chunk in reversed(index.with_topics(_is_signal)):
+        if end is not None and chunk.message_end_time < end - _REACH:
+            break
+        latest = _latest(_parsed(path, (*index.channels, *index.messages(chunk)), _is_signal))
+        end = max((time for time in (end, latest) if time is not None), default=None)
+    return end
+
+
+def _latest(items: Iterable[Item]) -> int | None:
+    return max((block.time_of(block.end_index) for block in _blocks(items)), default=None)
+
+
+def _blocks(items: Iterable[Item]) -> Iterator[Block]:
+    return (item for item in items if isinstance(item, Block) and item.n_scans)
+
+
+def _is_signal(topic: str) -> bool:
+    return topic.startswith(ACCEL)
+
+
+def _read(log: AnyLog, wanted: Callable[[str], bool]) -> Iterator[Item]:
+    """Yield the items of some topics."""
+    if not isinstance(log, LogExcerpt):
+        for path in files_of(log):
+            yield from _parsed(path, _records(path), wanted)
+        return
+    for path in _files_within(log):
+        for item in _parsed(path, _records_within(path, log, wanted), wanted):
+            kept = item.within(log.start, log.stop) if isinstance(item, Block) else item
+            if isinstance(kept, Block) or (kept is not None and log.start <= kept.time < log.stop):
+                yield kept
+
+
+def _files_within(log: LogExcerpt) -> Iterator[Path]:
+    """Yield the files that may hold something within the range: each begins where the one before it ends."""
+    files = files_of(log)
+    begins = [next((r.log_time for r in _records(path) if isinstance(r, Message)), END) for path in files[1:]]
+    for path, begin, end in zip(files, [BEGINNING, *begins], [*begins, END], strict=True):
+        if begin < log.stop + _REACH and end > log.start - _REACH:
+            yield path
+
+
+def _records_within(path: Path, log: LogExcerpt, wanted: Callable[[str], bool]) -> Iterator[object]:
+    """Yield channels and the messages near a range; all records of a file without an index."""
+    index = file_index(path)
+    if index is None:
+        yield from _records(path)
+        return
+    yield from index.channels
+    for chunk in index.with_topics(wanted):
+        if chunk.message_start_time < log.stop + _REACH and chunk.message_end_time > log.start - _REACH:
+            yield from index.messages(chunk)
+
+
+def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[Item]:
+    """Yield the items of some topics among the records of a file."""
     topics: dict[int, str] = {}
-    for record in _records(path):
-        if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING:
-            if signals or not record.topic.startswith(ACCEL):
-                topics[record.id] = record.topic
+    for record in records:
+        if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING and wanted(record.topic):
+            topics[record.id] = record.topic
         elif isinstance(record, Message) and record.channel_id in topics:
             try:
                 yield _item(topics[record.channel_id], record)
@@ -197,7 +287,7 @@ def _read_file(path: Path, *, signals: bool = True) -> Iterator[Item]:
 
 
 def _item(topic: str, message: Message) -> Item:
-    if topic.startswith(ACCEL):
+    if _is_signal(topic):
         return decode_block(topic.removeprefix(ACCEL), message.data)
     return Event(topic=topic, time=message.log_time, payload=json.loads(message.data))
 

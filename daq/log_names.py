@@ -7,7 +7,7 @@ from pathlib import Path
 
 from daq.errors import LogError
 from daq.log import read_part
-from daq.parts import AnyLog, Part, PartedLog
+from daq.parts import AnyLog, Part, PartedLog, files_of
 
 
 def log_path(folder: Path, start: int) -> Path:
@@ -17,7 +17,7 @@ def log_path(folder: Path, start: int) -> Path:
     return next(path for name in names if not (path := folder / f"{name}.mcap").exists())
 
 
-def as_logs(paths: Sequence[Path]) -> list[AnyLog]:
+def as_logs(paths: Sequence[Path]) -> list[Path | PartedLog]:
     """Return the logs that paths mean: files of one run are one log, a folder is all logs in it by their starts.
 
     A path that is no log stands for itself: who reads it will say so.
@@ -38,7 +38,7 @@ def as_logs(paths: Sequence[Path]) -> list[AnyLog]:
 _ALONE = Part(run="", started=0, number=0)
 
 
-def _joined(run: list[tuple[Part, Path]]) -> AnyLog:
+def _joined(run: list[tuple[Part, Path]]) -> Path | PartedLog:
     files = tuple(path for _, path in sorted(run, key=lambda entry: entry[0].number))
     return PartedLog(files) if len(files) > 1 else files[0]
 
@@ -61,7 +61,7 @@ def _expanded(path: Path) -> Iterator[Path]:
     yield from found
 
 
-def newest_log(path: Path) -> AnyLog:
+def newest_log(path: Path) -> Path | PartedLog:
     """Return the log that a path means; of a folder the one that was written to last, all files of its run.
 
     Raises
@@ -74,5 +74,5 @@ def newest_log(path: Path) -> AnyLog:
 
 
 def _written(log: AnyLog) -> tuple[int, str]:
-    last = log.files[-1] if isinstance(log, PartedLog) else log
+    last = files_of(log)[-1]
     return last.stat().st_mtime_ns, last.name

@@ -1,4 +1,4 @@
-"""The files of one run: each stands alone, together they are one log."""
+"""Logs as files: one file, the files of one run, or a range of time in either."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -41,9 +41,33 @@ class PartedLog:
         return f"{self.files[0].name} to {self.files[-1].name}"
 
 
-AnyLog = Path | PartedLog  #: one file, or the files of one run
+BEGINNING, END = 0, (1 << 63) - 1  #: times [ns UTC] before and after those of every log
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogExcerpt:
+    """The part of a log within a range of time: `read_log` yields nothing else of it."""
+
+    log: Path | PartedLog
+    start: int = BEGINNING  #: first time within it [ns UTC]
+    stop: int = END  #: first time after it [ns UTC]
+    text: str  #: the range for users, such as "60 to 120 s"
+
+    def __str__(self) -> str:
+        """Name the log and the range."""
+        return f"{self.log} ({self.text})"
+
+    @property
+    def name(self) -> str:
+        """Name of the log without its folder, and the range."""
+        return f"{self.log.name} ({self.text})"
+
+
+AnyLog = Path | PartedLog | LogExcerpt  #: one file, the files of one run, or a part of either
 
 
 def files_of(log: AnyLog) -> tuple[Path, ...]:
-    """Return the files of a log, in the order of writing."""
+    """Return the files of a log, in the order of writing; of an excerpt those of the whole log."""
+    if isinstance(log, LogExcerpt):
+        return files_of(log.log)
     return log.files if isinstance(log, PartedLog) else (log,)

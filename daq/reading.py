@@ -1,7 +1,7 @@
 """A whole log as recordings."""
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +10,16 @@ from daq.assembly import Assembler
 from daq.channelmap import CHANNELS, ChannelMap, parse_channel_map
 from daq.errors import LogError
 from daq.log import Event, read_attachments, read_log
-from daq.parts import AnyLog, files_of
+from daq.parts import BEGINNING, AnyLog, LogExcerpt, files_of
 from daq.recording import Block, Channel, Recording, find_gaps
 
+DEVICE_LOST = "/event/device_lost"
 HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an imported log
     "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
     "writes one"
 )
 _LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
+_ABSENT_SECONDS = 2.0  # of silence where an excerpt begins, after which a device counts as lost
 _PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
 
 
@@ -68,6 +70,21 @@ def read_channel_map(log: AnyLog) -> ChannelMap | None:
     return None if text is None else parse_channel_map(text, files_of(log)[0])
 
 
+def absent_devices(log: AnyLog, devices: Collection[str]) -> set[str]:
+    """Return the devices that are silent where an excerpt begins: that they were lost may be reported before it."""
+    absent: set[str] = set()
+    if isinstance(log, LogExcerpt) and log.start > BEGINNING:
+        absent |= set(devices)
+        until: float | None = None
+        for item in read_log(log):
+            if isinstance(item, Block):
+                until = item.time_of(item.first_index) + _ABSENT_SECONDS * 1e9 if until is None else until
+                if item.pair_time > until:
+                    break
+                absent.discard(item.device)
+    return absent
+
+
 def _rates(log: AnyLog, channels: tuple[Channel, ...]) -> dict[str, float]:
     """Return the rates of the channels' devices [Hz], as far as the log has them."""
     devices = {channel.device for channel in channels}
@@ -86,7 +103,8 @@ def _cut(
     log: AnyLog, known: ChannelMap, rates: dict[str, float], seconds: float, *, by_record: bool
 ) -> Iterator[Recording]:
     """Yield windows one after the other, the last one shorter."""
-    missing = {c.device for c in known.channels} - rates.keys()
+    devices = {c.device for c in known.channels}
+    missing = devices - rates.keys()
     all_rates = rates | dict.fromkeys(missing, min(rates.values()))
     assembler = Assembler(
         known.channels,
@@ -96,8 +114,8 @@ def _cut(
         on_grid=known.on_grid,
         by_record=by_record,
     )
-    for device in missing:
-        yield from assembler.push_event(Event(topic="/event/device_lost", time=0, payload={"device": device}))
+    for device in missing | absent_devices(log, devices):
+        yield from assembler.push_event(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
     for item in read_log(log):
         if isinstance(item, Event):
             yield from assembler.push_event(item)

@@ -1,8 +1,9 @@
 """Blocks as a device hands them on, and recordings on one time grid."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
+from math import ceil
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 IndexArray = npt.NDArray[np.intp]
+_ROUNDING = 1e-3  # scans
 
 
 class Flag(IntFlag):
@@ -54,6 +56,24 @@ class Block:
     def end_index(self) -> int:
         """Number of the scan after the last one."""
         return self.first_index + self.n_scans
+
+    def time_of(self, index: int) -> int:
+        """Return the time of a scan by the block's own pair [ns UTC]."""
+        return self.pair_time + round((index - self.pair_index) / self.rate * 1e9)
+
+    def within(self, start: int, stop: int) -> "Block | None":
+        """Return the block with its scans from `start` up to `stop` [ns UTC] alone; None if there are none."""
+        first, end = max(self._index_from(start), self.first_index), min(self._index_from(stop), self.end_index)
+        if first >= end:
+            return None
+        if end - first == self.n_scans:
+            return self
+        counts = self.counts[first - self.first_index : end - self.first_index]
+        return replace(self, first_index=first, counts=counts)
+
+    def _index_from(self, time: int) -> int:
+        """Return the first scan at or after a time [ns UTC]; times of scans are rounded to ns."""
+        return self.pair_index + ceil((time - self.pair_time) * 1e-9 * self.rate - _ROUNDING)
 
 
 @dataclass(frozen=True, kw_only=True)

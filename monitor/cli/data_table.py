@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from monitor.cli.range_options import From, To
+
 data_app = typer.Typer()
 
 
@@ -95,6 +97,8 @@ def identify(
         list[str] | None,
         typer.Option(metavar="NAME", help="Sensor that stays while others move, each log being a set-up; repeat."),
     ] = None,
+    start: From = None,
+    stop: To = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="PICTURE.png", help="Spectrum, stabilization diagram and shapes.")
@@ -103,10 +107,21 @@ def identify(
         Path | None, typer.Option(metavar="DIR", help="Folder that gets modes.json, modes.unv (UFF 55) and pictures.")
     ] = None,
 ) -> None:
-    """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty."""
-    from monitor.cli.identifying import Options, identify_command
+    """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty.
 
-    options = Options(method=method, window=window, band=band, structure=structure, references=tuple(reference or ()))
+    --from and --to limit the record that all logs are together; with --reference, each log.
+    """
+    from monitor.cli.identifying import Options, identify_command
+    from monitor.time_range import time_range
+
+    options = Options(
+        method=method,
+        window=window,
+        band=band,
+        structure=structure,
+        references=tuple(reference or ()),
+        within=time_range(start, stop),
+    )
     raise typer.Exit(identify_command(logs, options, json, picture, out))
 
 
@@ -119,6 +134,14 @@ def diagnose(
     ] = None,
     holdout: Annotated[
         list[Path] | None, typer.Option(metavar="LOG", help="Log to measure the gain on, not used else; repeatable.")
+    ] = None,
+    start: From = None,
+    stop: To = None,
+    reference_start: Annotated[
+        str | None, typer.Option("--reference-from", metavar="TIME", help="The same of the reference logs.")
+    ] = None,
+    reference_stop: Annotated[
+        str | None, typer.Option("--reference-to", metavar="TIME", help="The same of the reference logs.")
     ] = None,
     window: Annotated[float | None, typer.Option(help="Length of a window [s]; chosen unless given.", min=0.1)] = None,
     out: Annotated[
@@ -144,11 +167,22 @@ def diagnose(
         typer.Option(metavar="NAME=LEAST:GREATEST", help="Bounds of a model parameter, in its unit. Repeatable."),
     ] = None,
 ) -> None:
-    """Name what has changed since the reference logs; without them, what the model gets wrong about the logs."""
+    """Name what has changed since the reference logs; without them, what the model gets wrong about the logs.
+
+    --from and --to limit LOG, not the logs of --reference and --holdout. A log that shows both states can be LOG with
+    --from and --reference with --reference-to.
+    """
     from monitor.cli.diagnosing import Logs, diagnose_command
     from monitor.cli.selecting import selection_of
+    from monitor.time_range import time_range
 
-    named = Logs(current=logs, reference=reference or (), heldout=holdout or ())
+    named = Logs(
+        current=logs,
+        reference=reference or (),
+        heldout=holdout or (),
+        within=time_range(start, stop),
+        reference_within=time_range(reference_start, reference_stop, ("--reference-from", "--reference-to")),
+    )
     selection = selection_of(only, without, without_channel, without_mode, fix, bound)
     raise typer.Exit(diagnose_command(structure, named, window=window, out=out, json_path=json, selection=selection))
 

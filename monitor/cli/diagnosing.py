@@ -25,6 +25,7 @@ from monitor.recordings import Held, log_channels, log_held
 from monitor.reference_windows import step_text
 from monitor.selection import EVERYTHING, Selection
 from monitor.sensors_said import health_result
+from monitor.time_range import WHOLE, TimeRange
 from monitor.trends_beside import trends_beside
 from monitor.words import cause_text, gain_text, plain, share_text
 from oma import OmaError
@@ -51,6 +52,8 @@ class Logs:
     current: Sequence[Path]
     reference: Sequence[Path] = ()
     heldout: Sequence[Path] = ()
+    within: TimeRange = WHOLE  #: of the current logs
+    reference_within: TimeRange = WHOLE
 
 
 def diagnose_command(
@@ -64,16 +67,21 @@ def diagnose_command(
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     structure = selected_structure(structure_path, selection)
+    if not (logs.reference or logs.reference_within.whole):
+        raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
     with console.status("reading ...") as status:
 
-        def observed(paths: Sequence[Path], what: str) -> Observation | None:
+        def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
             if not paths:
                 return None
-            found = _observe(structure, paths, window, lambda n: status.update(f"{what}: window {n}"), selection)
+            found = _observe(
+                structure, paths, window, lambda n: status.update(f"{what}: window {n}"), selection, within
+            )
             return selection.of_observation(found)
 
-        after = observed(logs.current, "logs")
-        before, heldout = observed(logs.reference, "reference"), observed(logs.heldout, "held-out logs")
+        after = observed(logs.current, "logs", logs.within)
+        before = observed(logs.reference, "reference", logs.reference_within)
+        heldout = observed(logs.heldout, "held-out logs")
         assert after is not None  # there is at least one log
         status.update("weighing the causes ...")
         try:
@@ -202,20 +210,25 @@ def _observe(
     window: float | None,
     on_window: Callable[[int], None],
     selection: Selection,
+    within: TimeRange,
 ) -> Observation:
     number = iter(range(1, 1 << 30))
     tables = [path for path in paths if is_table(path)]
     if tables and len(tables) < len(paths):
         raise LogError(tables[0], "expected modal tables only, or logs only, for one state")
+    if tables and not within.whole:
+        raise ArgumentError(", ".join(within.options), f"expected a log, found a table of modes: {tables[0]}")
     if tables:
         return read_tables(structure, paths)
+    logs = within.of_logs(
+        as_logs(paths), lambda text: console.print(f"{_names(paths)}: {text}", soft_wrap=True, markup=False)
+    )
     try:
-        logs = as_logs(paths)
         seconds = window or _window(structure, [log_held(log) for log in logs])
         recordings = _recordings(structure, logs, seconds, selection.without_channels)
         return observe(recordings, lambda _: on_window(next(number)), structure.delays)
     except (OmaError, RecordLengthError) as error:
-        raise LogError(_named(paths), str(error)) from error
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
 
 
 def _window(structure: Structure, held: Sequence[Held]) -> float:

@@ -22,6 +22,7 @@ from monitor.settings import Settings, parse_settings
 from monitor.setups import merge_setups
 from monitor.stationarity import frequency_change
 from monitor.synchrony import LOW_MPC, Asynchrony, asynchrony
+from monitor.time_range import WHOLE, TimeRange
 from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
 
@@ -35,6 +36,7 @@ class Options:
     band: tuple[float, float] | None = None  #: [Hz]; the log's settings', else chosen
     structure: Path | None = None  #: to compare with; the one attached to the log, if any
     references: tuple[str, ...] = ()  #: channels that stay while others are moved: each log is a set-up of its own
+    within: TimeRange = WHOLE  #: of all logs together, of each if they are set-ups
 
 
 def identify_command(
@@ -45,9 +47,7 @@ def identify_command(
         raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
     if options.band is not None and not 0 < options.band[0] < options.band[1]:
         raise ArgumentError("--band", f"expected 0 < low < high, found {options.band[0]:g} {options.band[1]:g}")
-    logs = as_logs(paths)
-    if options.references and len(logs) < 2:
-        raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
+    logs = _logs(paths, options)
     settings = _settings(logs[0])
     window = options.window or (settings.analysis.window_seconds if settings else None)
     band = options.band or (settings.analysis.band if settings else None)
@@ -75,6 +75,20 @@ def identify_command(
             over_time = () if options.references else windows.estimates
             _fill(out, over_time, fused.estimate, recording, found, model, content)
     return DONE
+
+
+def _logs(paths: Sequence[Path], options: Options) -> Sequence[AnyLog]:
+    """Return the logs to read, or their parts within a range."""
+    logs = as_logs(paths)
+    if not options.references:
+        return options.within.of_logs(logs, _say_range)
+    if len(logs) < 2:
+        raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
+    return [options.within.of_log(log, _say_range) for log in logs]
+
+
+def _say_range(text: str) -> None:
+    console.print(text, soft_wrap=True)
 
 
 def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,9 +26,9 @@ from monitor.cli.exits import DONE
 from monitor.cli.new_site import learning_notes, new_site
 from monitor.errors import ArgumentError
 from monitor.site import Site, load_site
+from monitor.time_range import instant
 from updater import parse_structure, portable_text
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
 
 console = Console(highlight=False)
@@ -168,13 +167,9 @@ def columns_of(options: Sequence[str]) -> dict[str, str] | None:
 def start_of(text: str) -> int:
     """Return a time [ns UTC]; without a zone it is UTC."""
     try:
-        time = datetime.fromisoformat(text)
+        return instant(text)
     except ValueError as error:
-        raise ArgumentError("--start", f"expected a time as 2026-01-31T12:00:00Z, found {text!r}") from error
-    time = time if time.tzinfo else time.replace(tzinfo=UTC)
-    if time < _EPOCH:
-        raise ArgumentError("--start", f"expected a time after 1970, found {text!r}")
-    return (time - _EPOCH) // timedelta(microseconds=1) * 1000
+        raise ArgumentError("--start", str(error)) from error
 
 
 def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recording:
