@@ -116,7 +116,7 @@ weimar: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/weimar.py $(DATA)
 
 # Two measured structures and what their simulations get wrong: the tables of docs/beam_six_masses.md and docs/soton.md
-# with their pictures; `make real DATA=folder above beam-six-masses and soton-3storey-frf`, two minutes.
+# with their pictures; `make real DATA=folder above beam-six-masses and soton-3storey-frf`, six minutes.
 real: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/six_masses.py $(DATA)/beam-six-masses docs/beam_six_masses.png
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/three_storeys.py $(DATA)/soton-3storey-frf docs/soton.png

@@ -1,4 +1,4 @@
-"""A measured cantilever with six masses, one of them taken off: what a beam model gets wrong, and which mass it was.
+"""A measured cantilever with six masses, one or two taken off: what a beam model gets wrong, and which ones they were.
 
 Prints the tables of docs/beam_six_masses.md; FOLDER holds frf.npz and mass_positions_cm.csv.
 
@@ -27,10 +27,12 @@ from six_masses_helpers import (
     fitted,
     read_layouts,
     share_explained,
+    write_bodies_file,
 )
 
 from daq import FloatArray
-from updater import build_model, dump_structure
+from monitor.known_bodies import BodiesResult, select_known_bodies
+from updater import BodySelection, build_model, dump_structure
 
 FOLDS, SEED = 7, 0
 STRICTER = 2e-3  # model error: whether the answer hangs on it
@@ -59,7 +61,7 @@ class Heldout:
 
 def main(folder: Path, picture: Path | None) -> None:
     """Ask the data for the mass, the simulation for its error, and other layouts whether that was right."""
-    measured, beam = read_layouts(folder), Cantilever()
+    measured, both, beam = read_layouts(folder), read_layouts(folder, state="5.92"), Cantilever()
     print_measured(measured)
     off = print_which(measured)
     plain, best = search(beam, measured, off, MODEL_ERROR)
@@ -69,8 +71,12 @@ def main(folder: Path, picture: Path | None) -> None:
     before, after = (held_out(beam, h.hypothesis, measured) for h in (plain, best))
     print_gain(measured, before, after)
     print_written(beam, measured, best)
+    print_measured(both)
+    print_which(Layouts(place=both.place, before=measured.after, after=both.after))  # the second mass
+    print_sets(beam, {"2.96": measured, "5.92": both}, best)
     for words, fit in (("plain", plain), ("extended", best)):
-        print_command(words, beam, measured, fit)
+        print_command(f"{words} beam, one off", beam, measured, fit)
+    print_command("extended beam, two off", beam, both, best)
     if picture:
         draw(picture, measured, off, before, after)
 
@@ -199,6 +205,68 @@ def print_written(beam: Cantilever, measured: Layouts, best: Fitted) -> None:
     print("measured:", np.round(np.exp(measured.before[0]), 1).tolist())
 
 
+def print_sets(beam: Cantilever, states: dict[str, Layouts], best: Fitted) -> None:
+    """Print which of the six masses `modalwatch bodies` names, by all layouts together, by parts and by each."""
+    for state, measured in states.items():
+        every = np.arange(len(measured.place))
+        middle = len(every) // 2
+        parts = {"1, 3, 5 ...": every[::2], "2, 4, 6 ...": every[1::2], "first half": every[:middle]}
+        parts["second half"] = every[middle:]
+        result = selected(beam, best, measured)
+        found = result.selection
+        print(f"\nstate {state}\n\n| layouts | most probable | any other | next |\n| --- | --- | --- | --- |")
+        print(odds_row("all", found))
+        for words, rows in parts.items():
+            print(odds_row(words, selected(beam, best, measured.only(rows)).selection))
+        print_others(beam, states["2.96"], measured, best)
+        print("verdict:", result.verdict, "candidates:", found.candidate_probability)
+        print("mass of each [beams]:", [f"{m / beam.beam:.4f} ± {s / beam.beam:.4f}" for m, s in changed(found)])
+        print("scatter [%]:", np.round(100 * found.scatter, 2).tolist(), f"model error {100 * found.model_error:.1f} %")
+        print("left in the mean of all layouts [%]:", np.round(100 * found.residual.mean(axis=0), 2).tolist())
+        print_each(found)
+
+
+def print_each(found: BodySelection) -> None:
+    """Print the answer by each layout alone."""
+    row = found.sets.index(found.best)
+    alone, most = found.per_record[:, row], found.per_record.argmax(axis=1)
+    print(f"each layout alone: {words_of(found.best)} with a probability of", np.round(alone, 3).tolist())
+    print(f"most probable in {int((most == row).sum())} of {len(alone)}; elsewhere:")
+    for layout in np.flatnonzero(most != row).tolist():
+        other = int(most[layout])
+        print(f"  layout {layout + 1}: {words_of(found.sets[other])} {found.per_record[layout, other]:.2f}")
+
+
+def print_others(beam: Cantilever, before: Layouts, measured: Layouts, best: Fitted) -> None:
+    """Print the answer by even layouts with a clamp that was found on odd ones in the first state."""
+    odd, even = np.arange(0, len(measured.place), 2), np.arange(1, len(measured.place), 2)
+    clamp = fitted(beam, best.hypothesis, before.only(odd), starts=2)
+    print(odds_row("even, clamp by odd ones", selected(beam, clamp, measured.only(even)).selection))
+
+
+def selected(beam: Cantilever, fit: Fitted, measured: Layouts) -> BodiesResult:
+    """Return the result of `modalwatch bodies`: all sets of up to three of the six, each mass known to a tenth."""
+    with TemporaryDirectory() as folder:
+        return select_known_bodies(write_bodies_file(Path(folder), beam, fit.values, measured))
+
+
+def odds_row(words: str, found: BodySelection) -> str:
+    """Return a line of a table."""
+    order = np.argsort(-found.probability)
+    other = float(found.probability[order[1:]].sum())
+    return f"| {words} | {words_of(found.best)} | {other:.0e} | {words_of(found.sets[int(order[1])])} |"
+
+
+def words_of(chosen: tuple[int, ...]) -> str:
+    """Return the labels of a set of masses."""
+    return " and ".join(LABELS[k] for k in chosen) or "none"
+
+
+def changed(found: BodySelection) -> list[tuple[float, float]]:
+    """Return mass and standard deviation of each of the most probable set [kg]."""
+    return [(float(found.mass[k]), float(found.mass_std[k])) for k in found.best]
+
+
 def print_command(words: str, beam: Cantilever, measured: Layouts, fit: Fitted) -> None:
     """Print what `modalwatch diagnose` says of two tables of frequencies, the means of all layouts in each state."""
     noise = measured.noise()[1] / np.sqrt(2 * len(measured.place))  # of each state, of which the shift has twice
@@ -218,7 +286,7 @@ def print_command(words: str, beam: Cantilever, measured: Layouts, fit: Fitted) 
             text=True,
             check=False,
         )
-    print(f"\n{words} beam, five mean frequencies before and after:\n{found.stdout}{found.stderr}")
+    print(f"\n{words}, five mean frequencies before and after:\n{found.stdout}{found.stderr}")
 
 
 def draw(path: Path, measured: Layouts, off: int, before: Heldout, after: Heldout) -> None:

@@ -3,6 +3,7 @@
 MonitorError
     SettingsError   SITE.toml cannot be used; names file and key
     ArgumentError   an argument that makes no sense; names it
+    BodiesError     file of bodies at known places that cannot be used; names file and field
     ResultsError    a log, folder or file of which nothing can be shown; names it
     StartError      it could not start: a device, a port, a folder
     RecordLengthError   logs too short for the windows that an analysis needs (a ValueError as well)
@@ -21,6 +22,14 @@ class MonitorError(Exception):
 
 class SettingsError(MonitorError):
     """Settings that cannot be used."""
+
+    def __init__(self, path: Path | str, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path = path
+
+
+class BodiesError(MonitorError):
+    """File of bodies at known places that cannot be used."""
 
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")

@@ -23,7 +23,7 @@ class Columns:
     values: dict[str, ComplexArray]
     line: list[int]
 
-    def check(self, path: Path, structure: Structure) -> None:
+    def check(self, path: Path | str, structure: Structure) -> None:
         """Refuse what is no table of modes of the structure."""
         channels = [c for c in structure.channels if c in self.values]
         if len(self.line) < 3:
@@ -42,7 +42,7 @@ class Columns:
             row = int(np.argmin(shape.any(0)))
             raise LogError(path, f"line {self.line[row]}: the shape is zero at every sensor")
 
-    def _check_damping(self, path: Path) -> None:
+    def _check_damping(self, path: Path | str) -> None:
         damping = self.values.get("damping", np.zeros(1)).real
         if damping.max() > _MOST_DAMPING:
             where = f"line {self.line[int(np.argmax(damping))]}, column damping"

@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from daq import FloatArray, LogError
 from monitor.diagnosing import Observation
 from monitor.fusion import Windows, choose_tracks
-from monitor.modal_columns import read_columns
+from monitor.modal_columns import Columns, read_columns
 from oma import ComplexArray, ModalEstimate, normalise
 from updater import Structure, build_model, doubles, mean_modes, stack_tracks
 
@@ -52,13 +52,28 @@ def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
     LogError
         Naming file, line and column of what cannot be right.
     """
-    tables = [read_table(structure, path) for path in paths]
+    return observation_of([read_table(structure, path) for path in paths], paths[0])
+
+
+def observation_of(tables: Sequence[Table], path: Path | str) -> Observation:
+    """Return tables of one state as an observation.
+
+    Parameters
+    ----------
+    tables : at least one
+    path : name of the first one in errors
+
+    Raises
+    ------
+    LogError
+        If they have fewer than three modes in common, or shapes in some tables only.
+    """
     estimates = [t.estimate for t in tables]
     if len({t.shaped for t in tables}) > 1:
-        raise LogError(paths[0], "expected mode shapes in all tables of one state, or in none")
+        raise LogError(path, "expected mode shapes in all tables of one state, or in none")
     _, kept, tracks = choose_tracks(estimates, identified=False)
     if len(kept) < 3:
-        raise LogError(paths[0], f"expected at least 3 modes that the tables have in common, found {len(kept)}")
+        raise LogError(path, f"expected at least 3 modes that the tables have in common, found {len(kept)}")
     return Observation(
         windows=Windows(
             estimates=tuple(estimates),
@@ -81,7 +96,28 @@ def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
 
 def read_table(structure: Structure, path: Path) -> Table:
     """Read one modal table; errors as for `read_tables`."""
-    columns = read_columns(path, structure)
+    return _table(structure, read_columns(path, structure), path)
+
+
+def frequency_table(structure: Structure, frequency: FloatArray, std: FloatArray | None, path: Path | str) -> Table:
+    """Return frequencies without shapes as a table; errors as for `read_tables`.
+
+    Parameters
+    ----------
+    structure : whose shapes pair them
+    frequency : (n_modes,) [Hz]
+    std : (n_modes,) their standard deviations [Hz]; None: 0.1 %
+    path : name of the table in errors
+    """
+    values = {"frequency": frequency.astype(complex)}
+    if std is not None:
+        values["frequency_std"] = std.astype(complex)
+    columns = Columns(values, list(range(1, len(frequency) + 1)))
+    columns.check(path, structure)
+    return _table(structure, columns, path)
+
+
+def _table(structure: Structure, columns: Columns, path: Path | str) -> Table:
     order = np.argsort(columns.values["frequency"])
     values = {name: value[order] for name, value in columns.values.items()}
     frequency = values["frequency"].real
@@ -121,7 +157,7 @@ def read_table(structure: Structure, path: Path) -> Table:
     )
 
 
-def _refuse_doubled(path: Path, estimate: ModalEstimate, line: list[int]) -> None:
+def _refuse_doubled(path: Path | str, estimate: ModalEstimate, line: list[int]) -> None:
     found = doubles(mean_modes(stack_tracks([estimate], [np.arange(estimate.n_modes)])))
     if len(found):
         again, frequency = line[found[0]], estimate.frequency[found[0]]
@@ -136,7 +172,7 @@ def _one(found: ComplexArray | None) -> float:
     return float("nan") if found is None else float(np.mean(found.real))
 
 
-def _lent(structure: Structure, frequency: FloatArray, path: Path) -> ComplexArray:
+def _lent(structure: Structure, frequency: FloatArray, path: Path | str) -> ComplexArray:
     """Return the shapes (n, n_channels) of the model's modes that are nearest in frequency, one to one."""
     if len(structure.channels) < 2:
         raise LogError(path, f"expected a structure with 2 sensors or more, found {len(structure.channels)}")

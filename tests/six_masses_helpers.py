@@ -22,7 +22,9 @@ from updater import (
     SensitivityFit,
     Structure,
     Support,
+    Updating,
     build_model,
+    dump_structure,
     fit_parameters,
     parse_structure,
 )
@@ -31,6 +33,7 @@ LENGTH, THICKNESS = 0.38, 4.75e-3  # m, documented
 BANDS = ((17.0, 30.0), (125.0, 152.0), (345.0, 420.0), (690.0, 800.0), (1060.0, 1240.0))  # Hz, a mode each
 ALL = slice(None)
 LABELS = tuple(f"L{k}" for k in range(1, 7))
+FIT_ERROR = np.array([3e-4, 1e-4, 1e-4, 1e-4, 1e-4])  # standard deviation of a frequency in the fit of one response
 MODEL_ERROR = 5e-3  # of ln f, a mode, alike in all layouts: what no beam on a point-like clamp says better
 _RIGID = 1e-6  # the least flexibility of the clamp
 _KEPT = 20  # bending modes
@@ -105,16 +108,46 @@ class Layouts:
         return found[0], found[1]
 
 
-def read_layouts(folder: Path, rows: slice = ALL) -> Layouts:
-    """Read the frequency responses of some layouts and fit the five modes to each."""
+def read_layouts(folder: Path, rows: slice = ALL, *, state: str = "2.96") -> Layouts:
+    """Read the frequency responses of some layouts before and after, and fit the five modes to each.
+
+    Parameters
+    ----------
+    folder : of the data
+    rows : layouts
+    state : the authors' label of what is taken off: 2.96 per cent of mass, one of the six, or 5.92, two
+    """
     place = np.loadtxt(folder / "mass_positions_cm.csv", delimiter=",", skiprows=1)[rows, 1:] / 100
     data = np.load(folder / "frf.npz")
     line, states = data["freq_hz"].astype(float), []
-    for state in ("healthy", "loss2.96"):
-        phase = np.radians(data[f"{state}_phase_deg"].astype(float))
-        response = (10 ** (data[f"{state}_mag_db"].astype(float) / 20) * np.exp(1j * phase))[rows]
+    for name in ("healthy", f"loss{state}"):
+        phase = np.radians(data[f"{name}_phase_deg"].astype(float))
+        response = (10 ** (data[f"{name}_mag_db"].astype(float) / 20) * np.exp(1j * phase))[rows]
         states.append([[np.log(fit_resonance(line, r[:, None], band).frequency) for band in BANDS] for r in response])
     return Layouts(place=place, before=np.array(states[0]), after=np.array(states[1]))
+
+
+def write_bodies_file(folder: Path, beam: "Cantilever", values: Mapping[str, float], measured: Layouts) -> Path:
+    """Write the files of `modalwatch bodies`: the beam without its six masses, and all layouts as records.
+
+    Parameters
+    ----------
+    folder : that gets beam.toml and bodies.toml
+    beam, values : the model and its parameters, which the product must not fit anew to each layout
+    measured : layouts
+    """
+    bare = beam.written_out(values, np.zeros(6), np.zeros(6)).model_copy(update={"updating": Updating(fixed=("*",))})
+    (folder / "beam.toml").write_text(dump_structure(bare), encoding="utf-8")
+    lines = ['structure = "beam.toml"']
+    lines += [f'[[body]]\nname = "{label}"\nmass = {values["mass"] * beam.beam}' for label in LABELS]
+    for place, before, after in zip(measured.place, measured.before, measured.after, strict=True):
+        lines += [f"[[record]]\nat = {[[x, 0.0, 0.0] for x in place.tolist()]}"]
+        for state, log_frequency in (("before", before), ("after", after)):
+            frequency = np.exp(log_frequency)
+            lines += [f"{state} = {frequency.tolist()}", f"{state}_std = {(FIT_ERROR * frequency).tolist()}"]
+    path = folder / "bodies.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
 
 
 def share_explained(measured: Layouts) -> FloatArray:

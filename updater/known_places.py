@@ -57,6 +57,7 @@ class BodySelection:
     model_error: float  #: most probable error of the model, of a mode's typical displacement [-]
     residual: FloatArray  #: (n_records, n_modes) ln f left by the most probable set [-]
     residual_std: FloatArray  #: (n_records, n_modes) its standard deviation [-]
+    excess: float  #: largest excess of scatter or model error over its prior, in prior standard deviations [-]
 
     @property
     def best(self) -> tuple[int, ...]:
@@ -125,6 +126,7 @@ def select_bodies(
         model_error=float(np.exp(best.hyper[-1])),
         residual=best.residual,
         residual_std=best.residual_std,
+        excess=problem.excess(best),
     )
 
 
@@ -194,11 +196,40 @@ class _Stack:
     covariance: FloatArray  #: (n_candidates, n_candidates) of these [kg2]
     log_evidence: float  #: of all else
 
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Covariance:
+    """Covariance of log frequencies: independent between records, plus what all records share, of low rank."""
+
+    own: FloatArray  #: (n_records, n_modes, n_modes) inverse of the part that is independent between records
+    shared: FloatArray  #: (n_records, n_modes, n_shared) columns of what is shared; their products are its covariance
+    log_det_own: float  #: of the independent part
+
+    @cached_property
+    def pulled(self) -> FloatArray:
+        """Shared columns times the inverse of the independent part (n_records, n_modes, n_shared)."""
+        return np.asarray(self.own @ self.shared)
+
+    @cached_property
+    def core(self) -> FloatArray:
+        """Matrix (n_shared, n_shared) of Woodbury's identity, before it is inverted."""
+        return np.asarray(np.eye(self.shared.shape[2]) + np.einsum("kis,kit->st", self.shared, self.pulled))
+
     @property
-    def by_masses(self) -> FloatArray:
-        """Covariance (n, n) of log frequencies by what is not known of the masses."""
-        slope = self.slope.reshape(-1, self.slope.shape[-1])
-        return np.asarray(slope @ self.covariance @ slope.T)
+    def log_det(self) -> float:
+        """Log determinant of the whole."""
+        return self.log_det_own + float(np.linalg.slogdet(self.core)[1])
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the inverse times columns (n_records, n_modes, n_columns)."""
+        through = np.linalg.solve(self.core, np.einsum("kis,kic->sc", self.pulled, right))
+        return np.asarray(self.own @ right - self.pulled @ through)
+
+    def diagonals(self) -> tuple[FloatArray, FloatArray]:
+        """Return diagonals of the inverse (n_records, n_modes), and of its sum over both records (n_modes,)."""
+        inverse, summed = np.linalg.inv(self.core), self.pulled.sum(axis=0)
+        each = np.diagonal(self.own, axis1=1, axis2=2) - ((self.pulled @ inverse) * self.pulled).sum(axis=2)
+        return each, np.diag(self.own.sum(axis=0)) - ((summed @ inverse) * summed).sum(axis=1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -292,50 +323,60 @@ class _Problem:
             linear = [self._linear(k, np.array([row]), before.mass) for k in range(len(self._bodies))]
             stack, hyper = self._stack(linear, 0, before.mass), before.hyper
         found = minimize(self._cost, hyper, args=(stack,), jac=True, method="L-BFGS-B", bounds=self._bounds)
-        whole = self._covariance(found.x, self._noise)
-        slope = stack.slope.reshape(len(whole), -1)
-        gained = np.linalg.solve(whole, slope)
-        covariance = np.linalg.inv(slope.T @ gained + np.linalg.inv(stack.covariance))
-        change = -covariance @ (gained.T @ stack.rest.ravel())
+        gained = self._covariance(found.x, self._noise).solve(stack.slope)
+        information = np.einsum("kia,kib->ab", stack.slope, gained)
+        covariance = np.linalg.inv(information + np.linalg.inv(stack.covariance))
+        change = -covariance @ np.einsum("kia,ki->a", gained, stack.rest)
         return _Fitted(
             log_evidence=stack.log_evidence - float(found.fun),
             hyper=found.x,
             mass=stack.expected + change,
             mass_std=np.sqrt(np.diag(covariance)),
             residual=stack.rest + stack.slope @ change,
-            residual_std=np.sqrt(np.diag(whole)).reshape(stack.rest.shape),
+            residual_std=np.sqrt(
+                np.diagonal(self._noise, axis1=1, axis2=2)
+                + np.exp(2 * found.x[:-1])
+                + np.exp(2 * found.x[-1]) * self._model
+            ),
         )
+
+    def excess(self, fitted: _Fitted) -> float:
+        """Return the largest excess of scatter or model error over its prior median, in prior standard deviations."""
+        return float(((fitted.hyper - self._middle) / self._spread).max())
 
     def alone(self, record: int, hyper: FloatArray) -> FloatArray:
         """Return the log evidence of each set (n_sets,) by one record, its scatter and the model's error known."""
         found = np.empty(len(self._members))
         for row in range(len(found)):
             stack = self._stack([self._at_expected[record]], row, self._mass)
-            whole = self._covariance(hyper, self._noise[[record]]) + stack.by_masses
-            rest = stack.rest.ravel()
-            log_det = float(np.linalg.slogdet(whole)[1])
-            found[row] = stack.log_evidence - 0.5 * float(rest @ np.linalg.solve(whole, rest) + log_det)
+            whole = self._covariance(hyper, self._noise[[record]], stack)
+            square = float((stack.rest * whole.solve(stack.rest[..., None])[..., 0]).sum())
+            found[row] = stack.log_evidence - 0.5 * (square + whole.log_det)
         return found
 
-    def _covariance(self, hyper: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the covariance (n, n) of log frequencies by noise (n_records, n_modes, n_modes), scatter and model."""
-        n_records, n_modes = noise.shape[:2]
-        whole = np.zeros((n_records, n_modes, n_records, n_modes))
-        every, modes = np.arange(n_records), np.arange(n_modes)
-        whole[every, :, every] = noise + np.diag(np.exp(2 * hyper[:-1]))
-        whole[:, modes, :, modes] += (np.exp(2 * hyper[-1]) * self._model)[:, None, None]
-        return whole.reshape(n_records * n_modes, -1)
+    def _covariance(self, hyper: FloatArray, noise: FloatArray, stack: _Stack | None = None) -> _Covariance:
+        """Return the covariance by noise (n_records, n_modes, n_modes), scatter and model, and by a set's masses."""
+        own = noise + np.diag(np.exp(2 * hyper[:-1]))
+        by_model = np.diag(np.exp(hyper[-1]) * np.sqrt(self._model))
+        shared = [np.broadcast_to(by_model, own.shape)]
+        if stack:
+            shared.append(stack.slope @ np.linalg.cholesky(stack.covariance))
+        return _Covariance(
+            own=np.linalg.inv(own),
+            shared=np.concatenate(shared, axis=2),
+            log_det_own=float(np.linalg.slogdet(own)[1].sum()),
+        )
 
     def _cost(self, hyper: FloatArray, stack: _Stack) -> tuple[float, FloatArray]:
         """Return minus the log posterior of scatter and model error, masses integrated out, and its gradient."""
-        whole = self._covariance(hyper, self._noise) + stack.by_masses
-        inverse, log_det = np.linalg.inv(whole), float(np.linalg.slogdet(whole)[1])
-        pull = (inverse @ stack.rest.ravel()).reshape(stack.rest.shape)
-        per_datum = (np.diag(inverse).reshape(pull.shape) - pull**2).sum(axis=0)
-        in_common = np.einsum("kili->i", inverse.reshape(pull.shape + pull.shape)) - pull.sum(axis=0) ** 2
+        whole = self._covariance(hyper, self._noise, stack)
+        pull = whole.solve(stack.rest[..., None])[..., 0]
+        diagonal, diagonal_of_sum = whole.diagonals()
+        per_datum = (diagonal - pull**2).sum(axis=0)
+        in_common = diagonal_of_sum - pull.sum(axis=0) ** 2
         gradient = np.exp(2 * hyper) * np.append(per_datum, self._model @ in_common)
         off = (hyper - self._middle) / self._spread
-        cost = 0.5 * float((stack.rest * pull).sum() + log_det + off @ off)
+        cost = 0.5 * float((stack.rest * pull).sum() + whole.log_det + off @ off)
         return cost, gradient + off / self._spread
 
 

@@ -188,6 +188,19 @@ def diagnose(
 
 
 @data_app.command()
+def bodies(
+    file: Annotated[
+        Path, typer.Argument(metavar="BODIES.toml", help="Structure, bodies, and per record places and frequencies.")
+    ],
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the result.")] = None,
+) -> None:
+    """Identify which bodies at known places were taken off or added, by several records together."""
+    from monitor.cli.bodies import bodies_command
+
+    raise typer.Exit(bodies_command(file, json_path=json))
+
+
+@data_app.command()
 def structure(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="structure.toml.")],
     modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,

@@ -56,7 +56,7 @@ def references() -> list[Reference]:
     for places in PLACES:
         structure = parse_structure(structure_file([(x, MASS) for x in places], FILE))
         before = frequencies([(x, MASS) for x in places], TRUTH) * np.exp(NOISE * random.standard_normal(5))
-        found.append(learn_reference(structure, [estimate(before)], [TRACK], stated=True))
+        found.append(learn_reference(structure, [estimate(before)], [TRACK], stated=True, shaped=False))
     return found
 
 

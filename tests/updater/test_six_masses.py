@@ -1,11 +1,22 @@
 """A measured cantilever: its clamp is what the simulation gets wrong, and the mass nearest to it was taken off."""
 
+import json
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
-from six_masses_helpers import PLAIN, Cantilever, Hypothesis, Misfit, fitted, read_layouts, share_explained
+from cli_helpers import Commands
+from six_masses_helpers import (
+    PLAIN,
+    Cantilever,
+    Hypothesis,
+    Misfit,
+    fitted,
+    read_layouts,
+    share_explained,
+    write_bodies_file,
+)
 
 from updater import build_model
 
@@ -56,3 +67,26 @@ def test_clamp_of_a_measured_cantilever_explains_layouts_that_were_not_used() ->
     assert off[CLAMP][1] < 1.5
     evidence = [fitted(beam, Hypothesis(free=CLAMP, off=k), used, noise, starts=1).log_evidence for k in range(6)]
     assert evidence[0] > max(evidence[1:]) + 20
+
+
+@pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
+@pytest.mark.parametrize(("state", "off"), [("2.96", ["L1"]), ("5.92", ["L1", "L3"])])
+def test_command_names_the_masses_taken_off_a_measured_cantilever(
+    tmp_path: Path, modalwatch: Commands, state: str, off: list[str]
+) -> None:
+    """Four layouts, the clamp as docs/beam_six_masses.md has it from the first state."""
+    clamp = {"stiffness": -0.041, "mass": 0.0279, "clamp_shifts": 6.2e-5, "clamp_turns": 0.058, "accelerometer": 0.018}
+    clamp |= {"near_clamp": 0.54, "near_clamp_at": 0.0}
+    beam, measured = Cantilever(), read_layouts(Path(REAL or "") / "beam-six-masses", slice(0, 4), state=state)
+    out = tmp_path / "found.json"
+    done = modalwatch("bodies", write_bodies_file(tmp_path, beam, clamp, measured), "--json", out)
+    assert (done.code, done.err) == (0, "")
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["verdict"] == "explained"
+    assert found["sets"][0]["bodies"] == off
+    assert found["sets"][0]["probability"] > 0.99
+    for body in found["bodies"]:
+        assert (body["mass"] is not None) == (body["name"] in off)
+        if body["mass"]:
+            assert abs(body["mass"]["value"] - clamp["mass"] * beam.beam) < 3 * body["mass"]["std"]
+    print(state, found["sets"][:2], [r["probability_of_answer"] for r in found["records"]])
