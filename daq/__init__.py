@@ -34,7 +34,7 @@ from daq.log_names import as_logs, newest_log
 from daq.log_thread import LogThread
 from daq.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
 from daq.protocol.epson import SCALE as EPSON_SCALE
-from daq.reading import HOW_TO_PLACE, load_recordings, read_channel_map
+from daq.reading import DEVICE_LOST, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
 from daq.recorder import LogRecorder, Rotation
 from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
 from daq.registry import can_interfaces, driver_names, low_grade, make_driver
@@ -49,6 +49,7 @@ __all__ = [
     "BEGINNING",
     "CAN_LOGS",
     "CHANNELS",
+    "DEVICE_LOST",
     "END",
     "EPSON_SCALE",
     "HOW_TO_PLACE",
@@ -116,6 +117,7 @@ __all__ = [
     "Scans",
     "SerialPortInfo",
     "SystemClock",
+    "absent_devices",
     "acceleration",
     "as_logs",
     "can_adapters",

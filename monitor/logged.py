@@ -1,8 +1,8 @@
 """A run as its log tells it: the results, the end of the signals, and how whole the data are."""
 
 from collections import deque
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,8 @@ from pydantic import ValidationError
 from scipy.signal import resample_poly
 
 from daq import (
+    BEGINNING,
+    END,
     AnyLog,
     Assembler,
     Block,
@@ -17,6 +19,8 @@ from daq import (
     Event,
     Flag,
     LogError,
+    LogExcerpt,
+    PartedLog,
     Recording,
     files_of,
     newest_log,
@@ -26,9 +30,10 @@ from daq import (
 )
 from monitor.errors import ResultsError, SettingsError
 from monitor.result_events import event_result
-from monitor.results import TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.story import Story
+from monitor.time_range import WHOLE, TimeRange
 from monitor.worker import TOPIC_STOPPED
 from oma import aligned
 from updater import StructureError, parse_structure
@@ -65,7 +70,7 @@ class Run:
     site_text: str  #: settings attached to the log, empty if there are none
 
 
-def find_log(path: Path) -> AnyLog:
+def find_log(path: Path) -> Path | PartedLog:
     """Return the log that a path means: itself, or the newest run in a folder or in its `log` folder.
 
     Raises
@@ -81,25 +86,42 @@ def find_log(path: Path) -> AnyLog:
         raise ResultsError(path, error.message) from error
 
 
-def load_run(path: Path) -> Run:
+def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object] = lambda _: None) -> Run:
     """Read a run from a log, or from the newest log of a folder.
+
+    Parameters
+    ----------
+    path : of the log or folder
+    within : range of time; its windows are those that lie within it. The baseline may be older, and so may an alarm be
+        that is active where the range begins
+    say : called with the range in words, if there is one
 
     Raises
     ------
     ResultsError, LogError
         Naming the file, if it cannot be read or holds no results.
+    ArgumentError
+        If the range does not fit the log.
     """
-    log = find_log(path)
+    log = within.of_log(find_log(path), say)
     attached = read_attachments(log)
     found = _Reading()
     try:
+        found.results += _standing(log)
         for item in read_log(log):
             found.take(item)
     except ValidationError as error:
         place = ".".join(str(part) for part in error.errors()[0]["loc"])
         message = f"holds a result that this version cannot read: {error.title}, {place}: {error.errors()[0]['msg']}"
         raise ResultsError(str(log), message) from error
-    windows = tuple(r for r in found.results if isinstance(r, WindowResult))
+    excerpt = log if isinstance(log, LogExcerpt) else None
+    windows = tuple(
+        r
+        for r in found.results
+        if isinstance(r, WindowResult) and (excerpt is None or (excerpt.start <= r.start and r.end <= excerpt.stop))
+    )
+    if excerpt and not windows:
+        raise ResultsError(str(log), "holds no result of a whole window")
     if not windows:
         raise ResultsError(
             str(log),
@@ -120,9 +142,24 @@ def load_run(path: Path) -> Run:
         story=story,
         devices=sorted(found.devices.values(), key=lambda d: d.device),
         dropped=found.dropped,
-        ended=found.ended,
+        ended=found.ended or (excerpt is not None and excerpt.stop < END),
         site_text=site_text,
     )
+
+
+def _standing(log: AnyLog) -> list[Result]:
+    """Return the baseline and the alarm, if any, that are valid where an excerpt begins."""
+    if not isinstance(log, LogExcerpt) or log.start == BEGINNING:
+        return []
+    baseline: list[Result] = []
+    alarms: list[Result] = []
+    for event in read_events(replace(log, start=BEGINNING, stop=log.start), (TOPIC_REFERENCE, TOPIC_ALARM)):
+        result = event_result(event)
+        if isinstance(result, ReferenceResult):
+            baseline = [result]
+        elif isinstance(result, AlarmResult):
+            alarms = [*alarms, result] if result.state != "normal" else []
+    return baseline + alarms
 
 
 @dataclass
@@ -183,11 +220,8 @@ def late_devices(log: AnyLog) -> dict[str, float]:
     LogError
         If the log cannot be read.
     """
-    told: dict[str, float] = {}
-    for event in read_events(log):
-        if event.topic == TOPIC_REFERENCE:
-            told = ReferenceResult.model_validate(event.payload).late
-    return told
+    baselines = list(read_events(log, (TOPIC_REFERENCE,)))
+    return ReferenceResult.model_validate(baselines[-1].payload).late if baselines else {}
 
 
 def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, float] = {}) -> Recording | None:

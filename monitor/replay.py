@@ -9,13 +9,18 @@ from functools import cached_property
 from pathlib import Path
 
 from daq import (
+    BEGINNING,
+    DEVICE_LOST,
+    END,
     HOW_TO_PLACE,
     AnyLog,
     Block,
     Event,
     Item,
     LogError,
+    LogExcerpt,
     LogWriter,
+    absent_devices,
     read_attachments,
     read_channel_map,
     read_events,
@@ -24,7 +29,7 @@ from daq import (
 from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.replay_comparison import ReplayComparison, compare_results
 from monitor.result_events import event_result, result_event
-from monitor.results import TOPIC_WINDOW, Result
+from monitor.results import TOPIC_WINDOW, Result, WindowResult
 from monitor.settings import Override, overridden, parse_settings
 from monitor.site import Site
 from monitor.worker import TOPIC_STOPPED, Kept, Told, Worker
@@ -42,6 +47,7 @@ class ReplayReport:
     attached: Mapping[str, str]  #: name -> text: what the log has attached, with the settings that were used
     memory: str  #: what to go on from, as text; empty if nothing was said
     window_seconds: float  #: length of a window [s]
+    from_beginning: bool = True  #: False for an excerpt with a later start: its baseline is not that of the live run
 
     @cached_property
     def comparison(self) -> ReplayComparison:
@@ -61,7 +67,7 @@ def replay(
 
     Parameters
     ----------
-    log : its path, or all files of a run
+    log : its path, all files of a run, or an excerpt: one that does not begin with the log learns a baseline of its own
     site : settings to use instead of those attached to the log
     on_result : called with everything that is found
     given : over what the settings attached to the log say
@@ -84,12 +90,14 @@ def replay(
         texts = (attached["structure.toml"], text)
         settings = parse_settings(text, f"{log}: site.toml", origins)
     devices = tuple(device.name for device in settings.device)
+    from_beginning = not isinstance(log, LogExcerpt) or log.start == BEGINNING
+    if not from_beginning:
+        attached = {name: text for name, text in attached.items() if name != MEMORY}
     logged: list[Result] = []
     found: list[Result] = []
     kept = ""
-    worker = Worker(
-        *texts, _memory(attached, texts), capacity=_WAITING, keep=True, skipped=frozenset() if site else _skipped(log)
-    )
+    skipped = frozenset[int]() if site or not from_beginning else _skipped(log)
+    worker = Worker(*texts, _memory(attached, texts), capacity=_WAITING, keep=True, skipped=skipped)
     with worker, ThreadPoolExecutor(1) as feeder:
         feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
@@ -101,11 +109,20 @@ def replay(
         feeding.result()
     return ReplayReport(
         found=found,
-        logged=logged,
+        logged=_comparable(log, logged, found) if from_beginning else [],
         attached={**attached, "structure.toml": texts[0], "site.toml": texts[1]},
         memory=kept,
         window_seconds=settings.analysis.window_seconds,
+        from_beginning=from_beginning,
     )
+
+
+def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> list[Result]:
+    """Return the live results that a replay can repeat: of an excerpt up to the last window that it completes."""
+    if not isinstance(log, LogExcerpt) or log.stop == END:
+        return logged
+    last = max((result.end for result in found if isinstance(result, WindowResult)), default=BEGINNING)
+    return [result for result in logged if result_event(result).time <= last]
 
 
 def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
@@ -162,6 +179,8 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
     """Feed a log up to where it stopped, was cut or is damaged; the worker always gets its last item."""
     stopped = False
     try:
+        for device in absent_devices(log, devices):
+            worker.feed(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
         for item in read_log(log):
             if isinstance(item, Block) and item.device not in devices:
                 why = f"holds device {item.device!r}; the settings know {', '.join(devices)}"

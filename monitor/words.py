@@ -293,7 +293,10 @@ def utc(time: int, *, date: bool = True) -> str:
 
 
 def changed_between(story: Story) -> tuple[int, int] | None:
-    """Return start and end [ns UTC] of the window that first showed the last alarm's change."""
+    """Return start and end [ns UTC] of the window that first showed the last alarm's change; None if none did."""
+    raised = [alarm.time for alarm in story.alarms if alarm.raised]
+    if raised and raised[-1] <= story.start:
+        return None  # the window is before the range that is reported
     first: WindowResult | None = None
     before: WindowResult | None = None
     for window in story.watched:

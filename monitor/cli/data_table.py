@@ -244,11 +244,17 @@ def report(
     diagnosis: Annotated[
         Path | None, typer.Option(help="What `diagnose --json` wrote, to show instead of the log's own.")
     ] = None,
+    start: From = None,
+    stop: To = None,
 ) -> None:
-    """Write what a log says as one HTML page, the verdict first."""
-    from monitor.cli.view import report_command
+    """Write what a log says as one HTML page, the verdict first.
 
-    raise typer.Exit(report_command(path, out, diagnosis))
+    With a range, of its whole windows; the baseline may be older, and so may an alarm be that is active at --from.
+    """
+    from monitor.cli.view import report_command
+    from monitor.time_range import time_range
+
+    raise typer.Exit(report_command(path, out, diagnosis, time_range(start, stop)))
 
 
 @data_app.command()
@@ -264,8 +270,14 @@ def view(
     target: Annotated[str, typer.Argument(metavar="DIR|LOG.mcap|URL")],
     out: Annotated[Path | None, typer.Option(help="File that gets the recording; a cache unless given.")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the rerun viewer on it.")] = True,
+    start: From = None,
+    stop: To = None,
 ) -> None:
-    """Open the rerun viewer on what a log says, or on a monitor that runs."""
-    from monitor.cli.view import view_command
+    """Open the rerun viewer on what a log says, or on a monitor that runs.
 
-    raise typer.Exit(view_command(target, out, show=show))
+    A range is shown as by `report`.
+    """
+    from monitor.cli.view import view_command
+    from monitor.time_range import time_range
+
+    raise typer.Exit(view_command(target, out, show=show, within=time_range(start, stop)))

@@ -14,6 +14,7 @@ from monitor.cli.drawing import draw, written
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.cli.parameter_table import changes_table
+from monitor.cli.range_shown import say_range
 from monitor.describe import bare_reference
 from monitor.diagnosing import Explanation, Observation, explain, given_up, observe, window_seconds
 from monitor.discrepancy import DiscrepancyResult
@@ -220,9 +221,7 @@ def _observe(
         raise ArgumentError(", ".join(within.options), f"expected a log, found a table of modes: {tables[0]}")
     if tables:
         return read_tables(structure, paths)
-    logs = within.of_logs(
-        as_logs(paths), lambda text: console.print(f"{_names(paths)}: {text}", soft_wrap=True, markup=False)
-    )
+    logs = within.of_logs(as_logs(paths), lambda text: say_range(f"{_names(paths)}: {text}"))
     try:
         seconds = window or _window(structure, [log_held(log) for log in logs])
         recordings = _recordings(structure, logs, seconds, selection.without_channels)

@@ -14,6 +14,7 @@ from daq import AnyLog, LogError, Recording, as_logs, read_attachments
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.cli.modes_shown import Findings, as_json, console, say_modes
+from monitor.cli.range_shown import say_range
 from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.model_modes import ModelModes, model_modes
@@ -81,14 +82,10 @@ def _logs(paths: Sequence[Path], options: Options) -> Sequence[AnyLog]:
     """Return the logs to read, or their parts within a range."""
     logs = as_logs(paths)
     if not options.references:
-        return options.within.of_logs(logs, _say_range)
+        return options.within.of_logs(logs, say_range)
     if len(logs) < 2:
         raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
-    return [options.within.of_log(log, _say_range) for log in logs]
-
-
-def _say_range(text: str) -> None:
-    console.print(text, soft_wrap=True)
+    return [options.within.of_log(log, say_range) for log in logs]
 
 
 def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:

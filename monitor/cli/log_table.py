@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from monitor.cli.range_options import From, To
+
 log_app = typer.Typer(no_args_is_help=True, help="Look into logs.")
 
 _Logs = Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")]
@@ -25,19 +27,25 @@ def log_info(
 def log_export(
     log: _Logs,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz, .mat or .uff.")],
+    start: From = None,
+    stop: To = None,
 ) -> None:
     """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""
     from monitor.cli.logs import export_command
+    from monitor.time_range import time_range
 
-    raise typer.Exit(export_command(log, out))
+    raise typer.Exit(export_command(log, out, time_range(start, stop)))
 
 
 @log_app.command("expand")
 def log_expand(
     log: _Logs,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="New MCAP file of ROS 2 messages.")],
+    start: From = None,
+    stop: To = None,
 ) -> None:
     """Write the signals of a log, a message a scan, to a file that stock rerun and Foxglove plot."""
     from monitor.cli.logs import expand_command
+    from monitor.time_range import time_range
 
-    raise typer.Exit(expand_command(log, out))
+    raise typer.Exit(expand_command(log, out, time_range(start, stop)))

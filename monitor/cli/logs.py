@@ -15,6 +15,7 @@ from daq import (
     DeviceInfo,
     LogError,
     LogInfo,
+    PartedLog,
     as_logs,
     expand_log,
     export_recording,
@@ -26,9 +27,11 @@ from daq import (
 )
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
+from monitor.cli.range_shown import say_range
 from monitor.errors import ArgumentError
 from monitor.logged import late_devices
 from monitor.recordings import log_recordings
+from monitor.time_range import WHOLE, TimeRange
 
 console = Console(highlight=False)
 
@@ -53,7 +56,7 @@ def info_command(paths: Sequence[Path], json_path: Path | None) -> int:
     return DONE
 
 
-def one_log(paths: Sequence[Path]) -> AnyLog:
+def one_log(paths: Sequence[Path]) -> Path | PartedLog:
     """Return the one log that paths mean: a file, files of one run, or of a folder the newest run.
 
     Raises
@@ -75,9 +78,9 @@ def one_log(paths: Sequence[Path]) -> AnyLog:
     return logs[0]
 
 
-def export_command(paths: Sequence[Path], out: Path) -> int:
-    """Write the signals of a log to a file of measurements."""
-    log = one_log(paths)
+def export_command(paths: Sequence[Path], out: Path, within: TimeRange = WHOLE) -> int:
+    """Write the signals of a log, or of a range of it, to a file of measurements."""
+    log = within.of_log(one_log(paths), say_range)
     recordings = list(log_recordings(log))
     if not recordings:
         raise LogError(str(log), "holds less than the two seconds that the clocks need")
@@ -91,11 +94,12 @@ def export_command(paths: Sequence[Path], out: Path) -> int:
     return DONE
 
 
-def expand_command(paths: Sequence[Path], out: Path) -> int:
-    """Write the signals of a log for stock viewers."""
-    log = one_log(paths)
+def expand_command(paths: Sequence[Path], out: Path, within: TimeRange = WHOLE) -> int:
+    """Write the signals of a log, or of a range of it, for stock viewers."""
+    whole = one_log(paths)
+    log = within.of_log(whole, say_range)
     with console.status("writing ..."):
-        late = late_devices(log)
+        late = late_devices(whole)
         written = expand_log(log, out, late)
     devices = ", ".join(f"/view/{device} {count}" for device, count in written.items())
     console.print(f"{escape(str(out))}: {sum(written.values())} messages; {escape(devices)}", soft_wrap=True)

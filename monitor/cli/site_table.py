@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from monitor.cli.range_options import From, To
+
 site_app = typer.Typer()
 
 _Given = Annotated[
@@ -129,12 +131,18 @@ def replay(
         typer.Option("-o", "--out", metavar="WATCHED.mcap", help="Log that gets it all, for `report` and `view`."),
     ] = None,
     json: Annotated[Path | None, typer.Option(help="File that gets what was found.")] = None,
+    start: From = None,
+    stop: To = None,
     given: _Given = None,
 ) -> None:
-    """Run the same loop over a log, as fast as it goes."""
-    from monitor.cli.watch import replay_command
+    """Run the same loop over a log, as fast as it goes.
 
-    raise typer.Exit(replay_command(log, site, json, out, given or ()))
+    With --from the baseline is learnt from there on, so that nothing can be compared with what was found live.
+    """
+    from monitor.cli.watch import replay_command
+    from monitor.time_range import time_range
+
+    raise typer.Exit(replay_command(log, site, json, out, given or (), time_range(start, stop)))
 
 
 @site_app.command()

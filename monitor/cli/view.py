@@ -12,18 +12,20 @@ from rich.console import Console
 
 from daq import AnyLog, files_of
 from monitor.cli.exits import DONE
+from monitor.cli.range_shown import say_range
 from monitor.errors import ArgumentError, ResultsError
 from monitor.logged import load_run
 from monitor.report import load_diagnosis, run_report
+from monitor.time_range import WHOLE, TimeRange
 
 console = Console(highlight=False)
 _CONNECT_SECONDS = 2.0
 
 
-def report_command(path: Path, out: Path | None, diagnosis: Path | None) -> int:
+def report_command(path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange = WHOLE) -> int:
     """Write the report of a log, or of the newest one in a folder, beside it unless told otherwise."""
     found = load_diagnosis(diagnosis) if diagnosis else None
-    run = load_run(path)
+    run = load_run(path, within, say_range)
     page = out or (path / "report.html" if path.is_dir() else path.with_suffix(".html"))
     _spare(run.log, page)
     run_report(run, page, found)
@@ -31,13 +33,15 @@ def report_command(path: Path, out: Path | None, diagnosis: Path | None) -> int:
     return DONE
 
 
-def view_command(target: str, out: Path | None, *, show: bool) -> int:
+def view_command(target: str, out: Path | None, *, show: bool, within: TimeRange = WHOLE) -> int:
     """Open the viewer on a log's recording, made anew, or on a live server; say how where it cannot be opened here."""
     if "://" in target:
+        if not within.whole:
+            raise ArgumentError(", ".join(within.options), f"expected a log, found the address of a monitor: {target}")
         sources = _live_sources(target)
     else:
         file = out or _cache(Path(target))
-        _write(Path(target), file, in_cache=out is None)
+        _write(Path(target), file, within, in_cache=out is None)
         console.print(f"recording: {file}", soft_wrap=True, markup=False)
         sources = [str(file)]
     if show:
@@ -45,8 +49,8 @@ def view_command(target: str, out: Path | None, *, show: bool) -> int:
     return DONE
 
 
-def _write(path: Path, file: Path, *, in_cache: bool) -> None:
-    run = load_run(path)
+def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None:
+    run = load_run(path, within, say_range)
     _spare(run.log, file)
     from monitor.viewer import write_recording  # loads rerun: not before the log is known to be good
 

@@ -13,6 +13,7 @@ from daq import LogError
 from monitor.cli.exits import DONE
 from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
+from monitor.cli.range_shown import say_range
 from monitor.cli.telling import standing_if_known, tell
 from monitor.daemon import reload_on_signal, run, stop_on_signals
 from monitor.inbox import Acknowledgement
@@ -25,6 +26,7 @@ from monitor.replay import ReplayReport, replay, write_watched
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import overrides
 from monitor.site import Site, load_site
+from monitor.time_range import WHOLE, TimeRange
 from monitor.words import utc
 from updater import parse_structure
 
@@ -134,6 +136,7 @@ def replay_command(
     json_path: Path | None,
     watched: Path | None = None,
     given: Sequence[str] = (),
+    within: TimeRange = WHOLE,
 ) -> int:
     """Run the loop over a log; 1 if it ends in an alarm.
 
@@ -144,8 +147,9 @@ def replay_command(
     json_path : file that gets what was found
     watched : new log that gets all of the log and what was found
     given : KEY=VALUE each, instead of what the settings say
+    within : range of the log
     """
-    log = one_log(logs)
+    log = within.of_log(one_log(logs), say_range)
     if watched and watched.exists():
         raise LogError(watched, "cannot be written: File exists")
     report = replay(log, load_site(site, given) if site else None, say, overrides(given, {}))
@@ -161,6 +165,12 @@ def replay_command(
         console.print(f"written: {watched}, for `report` and `view`", soft_wrap=True, markup=False)
     elif not (report.logged or note):
         console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
+    if not report.from_beginning:
+        console.print(
+            "note: not compared with what was found live: the baseline is learnt from the beginning of the range",
+            style="yellow",
+            soft_wrap=True,
+        )
     if report.logged and not (site or given):
         console.print(report.comparison.text, soft_wrap=True, markup=False)
     alarms = [result for result in report.found if isinstance(result, AlarmResult)]
@@ -172,8 +182,7 @@ def _nothing_watched(report: ReplayReport) -> str:
     windows = [result for result in report.found if isinstance(result, WindowResult)]
     if not windows:
         return (
-            f"the log holds no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing was "
-            "looked at"
+            f"there is no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing was looked at"
         )
     if any(isinstance(result, ReferenceResult) for result in report.found) or windows[-1].phase != "learning":
         return ""

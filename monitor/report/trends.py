@@ -120,7 +120,7 @@ def _poles(axes: Axes, spectrum: Spectrum) -> None:
 
 def _mark_changes(axes: Axes, story: Story) -> None:
     for alarm in story.alarms:
-        if alarm.raised:
+        if alarm.raised and alarm.time >= story.start:
             axes.axvline(_dates([alarm.time])[0], color=ALARM, linewidth=0.9, linestyle=":")
     for change in story.accepted:
         if story.start <= change.time <= story.end:

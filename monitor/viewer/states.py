@@ -67,7 +67,9 @@ def structure_states(story: Story) -> Iterator[tuple[int, str]]:
     changes = [(story.start, "unknown")] if reference is None or reference.time > story.start else []
     if reference:
         changes.append((max(reference.time, story.start), "normal"))
-    changes += [(alarm.time, alarm.state) for alarm in story.alarms if reference or alarm.state != "normal"]
+    changes += [
+        (max(alarm.time, story.start), alarm.state) for alarm in story.alarms if reference or alarm.state != "normal"
+    ]
     before = None
     for time, state in changes:
         if state != before:
@@ -97,4 +99,4 @@ def events(story: Story) -> Iterator[tuple[int, str, str]]:
         if window.problem:
             yield window.end, "WARN", f"window {window.index} gave no modes: {window.problem}"
     for alarm in story.alarms:
-        yield alarm.time, _LEVEL[alarm.state], alarm.text
+        yield max(alarm.time, story.start), _LEVEL[alarm.state], alarm.text

@@ -1,0 +1,10 @@
+"""The line that says to which range of time a command is limited."""
+
+from rich.console import Console
+
+_console = Console(highlight=False)
+
+
+def say_range(text: str) -> None:
+    """Print a range."""
+    _console.print(text, soft_wrap=True, markup=False)
