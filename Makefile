@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds soak unit clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -83,6 +83,10 @@ confusion: $(VENV)/.done
 # The same from accelerations through the log, five specimens at 120 s and at 600 s.
 confusion-records: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/confusion_records.py $(ARGUMENTS)
+
+# The gain that is stated against that of the written file, loaded and diagnosed again; some minutes a draw of all cells.
+written-gain: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/written_gain.py $(ARGUMENTS)
 
 # How near stretches, props and axial forces are placed and sized, and whether their deviations hold: two minutes.
 structural: $(VENV)/.done

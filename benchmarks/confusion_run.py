@@ -42,7 +42,7 @@ def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: 
     if isinstance(answer, str):
         return Result(**both, outcome="refused", said=answer)
     judged = score(answer, case.done.hidden, case.kind, near=case.near, built=case.built)
-    gain = answer["gain"]["frequency_error_percent"] if answer["gain"] else {"before": None, "after": None}
+    gain = answer["gain"]["change_error_percent"] if answer["gain"] else {"before": None, "after": None}
     return Result(
         **both,
         outcome=judged.outcome,

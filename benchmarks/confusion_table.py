@@ -141,7 +141,7 @@ def _accuracies(results: Sequence[Result]) -> str:
                 f"{np.quantile(left, 0.9):.2f} | <= 1.5 |"
             )
         rows.append(
-            f"| error of held-out frequencies where it was 1 % or more: before over after | {len(ratio)} | "
+            f"| error of held-out changes of frequency where it was 1 % or more: before over after | {len(ratio)} | "
             f"{np.median(ratio):.1f} | {np.quantile(ratio, 0.1):.1f} (90 % above) | >= 8 |"
         )
     for what, kinds in (("one cause or none", ("detectable", "nothing")), ("two causes", ("two",))):

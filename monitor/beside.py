@@ -30,6 +30,7 @@ from updater import (
     VirtualSensing,
     as_before,
     as_extended,
+    as_written,
     densities,
     force_balance,
     matched_surely,
@@ -74,11 +75,12 @@ def discrepancy_result(
     expected = as_before(reference, float(np.exp(np.nanmax(measured.log_frequency))))
     before = set_beside(expected, measured)
     after = set_beside(as_extended(reference, extended, expected), measured) if extended else None
+    written = set_beside(as_written(extended, expected), measured) if extended else None
     heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
     faulty = _only_sensors(explained)
     told = matched_surely(reference, measured)
     return DiscrepancyResult(
-        modes=_modes(before, after, _compared(reference, expected, told, before)),
+        modes=_modes(before, written, _compared(reference, expected, told, before)),
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
         mac=tuple(_said(row) for row in before.mac),

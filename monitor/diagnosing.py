@@ -275,13 +275,15 @@ def explain(
             filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else _all_fixed(structure)
             reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
     with _blamed_on("heldout"):
-        unused = _event(reference, heldout, before).modes if heldout else None
+        unused = _event(reference, heldout, before) if heldout else None
     with _blamed_on("current"):
         event = _event(reference, now, before)
         explained = diagnose(
             reference,
             event.modes,
-            heldout=unused,
+            heldout=unused.modes if unused else None,
+            every=event.measured if now.shaped else None,
+            heldout_every=unused.measured if unused and heldout and heldout.shaped else None,
             circumstances=event.circumstances,
             on_cause=on_cause,
             only=only,

@@ -55,7 +55,7 @@ def explain_windows(
     if not len(kept):
         raise ModalDataError("no mode is in most of the windows")
     event = event_of(reference, windows, tracks, now, before)
-    return diagnose(reference, event.modes, circumstances=event.circumstances), event
+    return diagnose(reference, event.modes, every=event.measured, circumstances=event.circumstances), event
 
 
 def compare_windows(reference: Reference, event: Event, explained: Explained) -> DiscrepancyResult | None:

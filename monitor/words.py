@@ -9,7 +9,7 @@ from monitor.discrepancy import BalanceResult, SensorBeside, Vector
 from monitor.results import AcceptedShift, IncrementPlace, MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
 from monitor.unsure_words import unsure_now
-from updater import CalibrationSummary, Cause, Diagnosis, Failed, Pair, ParameterChange, Quantity, Where
+from updater import CalibrationSummary, Cause, Diagnosis, Failed, Gain, Pair, ParameterChange, Quantity, Where
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CERTAIN = 0.999
@@ -222,6 +222,18 @@ def gain_text(pair: Pair, std: Pair | None, form: str) -> tuple[str, str]:
         for value, deviation in zip((pair.before, pair.after), deviations, strict=True)
     )
     return before, after
+
+
+def model_gain_text(gain: Gain, std: Gain | None) -> str:
+    """Return the gain of a written model on all modes measured, and whether it leaves more than noise."""
+    before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent if std else None, ".3f")
+    text = f"frequency error {before} -> {after} % rms over {gain.n_modes} of {gain.n_measured} modes"
+    if gain.noise_percent is not None:
+        left = "more than" if gain.exceeds_noise else "no more than"
+        text += f", {left} measurement noise ({gain.noise_percent:.2g} %)"
+    if gain.one_minus_mac.before is not None:
+        text += ", 1 - MAC {} -> {}".format(*gain_text(gain.one_minus_mac, std.one_minus_mac if std else None, ".2g"))
+    return text
 
 
 def missed_text(sensors: Sequence[SensorBeside]) -> str:

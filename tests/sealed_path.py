@@ -1,6 +1,7 @@
 """The way of a sealed case through the code that is judged; nothing of the truth goes with it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -61,15 +62,22 @@ def _filed(case: Case) -> Structure:
     return FRAME.model_copy(update={"member": members})
 
 
-def after(case: Case, random: np.random.Generator, noise: str = "law") -> Observation:
+def after(case: Case, random: np.random.Generator, noise: str = "law", known: Structure | None = None) -> Observation:
     """Return the windows of a case's state as it is after what was done."""
     states = [case.done.during(window) for window in range(N_AFTER)]
     windows = [estimated(state, 1, random, first=w, noise=noise)[0] for w, state in enumerate(states)]
-    return observation(case.done.after, windows, [state.loudness for state in states])
+    return observation(case.done.after, windows, [state.loudness for state in states], known)
 
 
-def observation(state: State, estimates: Sequence[ModalEstimate], loudness: Sequence[float] = ()) -> Observation:
-    """Track windows as if they had been identified from a log of the state's devices."""
+def observation(
+    state: State, estimates: Sequence[ModalEstimate], loudness: Sequence[float] = (), known: Structure | None = None
+) -> Observation:
+    """Track windows as if they had been identified from a log of the state's devices.
+
+    Delays and dead channels that the structure's file `known` states are taken out, as commands do.
+    """
+    if known:
+        estimates = [_speaking(estimate, known.speaking) for estimate in estimates]
     perfect = WindowQuality(complete=1.0, rms_variation=0.0, cycles=1000.0)
     return follow(
         Windows(
@@ -87,4 +95,17 @@ def observation(state: State, estimates: Sequence[ModalEstimate], loudness: Sequ
             (e.start, state.temperature, _RMS * level)
             for e, level in zip(estimates, loudness or [state.loudness] * len(estimates), strict=True)
         ],
+        late=known.delays if known else {},
+    )
+
+
+def _speaking(estimate: ModalEstimate, channels: tuple[str, ...]) -> ModalEstimate:
+    column = [estimate.channels.index(c) for c in estimate.channels if c in channels]
+    shape = estimate.shape[:, column]
+    length = np.linalg.norm(shape, axis=1, keepdims=True)
+    return replace(
+        estimate,
+        channels=tuple(estimate.channels[i] for i in column),
+        shape=shape / length,
+        shape_std=estimate.shape_std[:, column] / length,
     )

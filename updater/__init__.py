@@ -12,7 +12,7 @@ from updater.comparison import Comparison
 from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
 from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
-from updater.discrepancy import Discrepancy, as_before, as_extended, set_beside
+from updater.discrepancy import Discrepancy, as_before, as_extended, as_written, set_beside
 from updater.errors import (
     MechanismError,
     ModalDataError,
@@ -191,6 +191,7 @@ __all__ = [
     "allowed_causes",
     "as_before",
     "as_extended",
+    "as_written",
     "build_model",
     "calibrate",
     "channel_rows",

@@ -31,7 +31,7 @@ from updater.comparison import Comparison
 from updater.compositions import Compositions, common
 from updater.errors import SelectionError
 from updater.fit import Fit, fit
-from updater.gain import Gained, gain_left_out, gain_on_heldout
+from updater.gain import Gained
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.significance import significant_only
@@ -40,6 +40,7 @@ from updater.structure import Structure
 from updater.touching import merged
 from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, calibration_summary, modes_of, named_causes, oddest, rejected_causes
+from updater.written_gain import WindowModes, fit_of_compared, written_gain
 from updater.written_structure import rounded, simplified
 
 _SURE = 0.8  # posterior at which a cause is named
@@ -98,6 +99,8 @@ class _Case:
     data: Comparison
     singles: list[Candidate]  #: as searched for
     weighing: Weighing
+    measured: WindowModes
+    heldout: WindowModes | None
 
 
 def diagnose(
@@ -105,6 +108,8 @@ def diagnose(
     event: ModalMean,
     *,
     heldout: ModalMean | None = None,
+    every: ModalMean | None = None,
+    heldout_every: ModalMean | None = None,
     circumstances: Circumstances = NOTHING_KNOWN,
     on_cause: Callable[[str], None] = say_nothing,
     only: Collection[str] = (),
@@ -117,6 +122,7 @@ def diagnose(
     reference : of the structure as it was, or of the nominal model
     event : (n_tracks,) mean of the windows to explain
     heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
+    every, heldout_every : (n_modes,) all modes of these windows, in any order; if not given those of the tracks
     circumstances : what else is known of the event
     on_cause : called with the name of each cause before it is weighed
     only : names of the causes to which the search is limited; all of the catalogue if empty
@@ -142,7 +148,8 @@ def diagnose(
     if not singles:
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = _one_sided(plain, singles)
-    case = _Case(reference, event, search.data, singles, search)
+    unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
+    case = _Case(reference, event, search.data, singles, search, WindowModes.of(event, every), unused)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if reference.filed is None and _nothing(search, singles):
@@ -162,12 +169,12 @@ def diagnose(
     if not found or not _fits(found[0]) or not _within_noise(good, found[0]):
         odd = found[0] if found else best
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
-        return refused if reference.filed is None else replace(refused, nearer=_nearer(case, heldout))
+        return refused if reference.filed is None else replace(refused, nearer=_nearer(case))
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
     if sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in found[0].parts) > 1:
         return _refused("unexplained", case, best.log_evidence, _WORN)
-    return _explained(case, found, best.log_evidence, compare(reference, heldout) if heldout else None)
+    return _explained(case, found, best.log_evidence)
 
 
 def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
@@ -344,7 +351,7 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
         verdict=verdict,
         causes=(),
         rejected=rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain"),
-        modes=modes_of(case.reference, case.event, case.data, None),
+        modes=modes_of(case.reference, case.event, case.data),
         gain=None,
         calibration=calibration_summary(case.reference),
         next_measurement=advice,
@@ -358,20 +365,18 @@ def _failed(case: _Case) -> tuple[Failed, ...]:
     return tuple(Failed(part=name, error=text) for name, text in case.weighing.faults.found.items())
 
 
-def _nearer(case: _Case, heldout: ModalMean | None) -> Nearer:
+def _nearer(case: _Case) -> Nearer:
     """Return a file that is far off with its parameters as they fit best alone."""
     (chosen,) = case.singles[0].chosen
-    file = case.reference.file.calibration.structure
-    gained = _gained(case, [chosen], compare(case.reference, heldout) if heldout else None)
-    return Nearer(chosen.cause.extend(file, chosen.row, chosen.theta), gained)
+    written = chosen.cause.extend(case.reference.file.calibration.structure, chosen.row, chosen.theta)
+    return Nearer(written, _gained(case, [chosen], written))
 
 
-def _gained(case: _Case, chosen: Sequence[Chosen], heldout: Comparison | None) -> Gained:
-    heard = heldout is not None and heldout.channels == case.data.channels
-    return gain_on_heldout(heldout, chosen) if heldout and heard else gain_left_out(case.data, chosen)
+def _gained(case: _Case, chosen: Sequence[Chosen], written: Structure) -> Gained:
+    return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, written)
 
 
-def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Comparison | None) -> Explained:
+def _explained(case: _Case, found: list[Candidate], searched: float) -> Explained:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
 
     Parameters
@@ -392,12 +397,15 @@ def _explained(case: _Case, found: list[Candidate], searched: float, heldout: Co
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
     faults = case.weighing.faults
-    gained = faults.attempt("the gain", lambda: _gained(case, chosen, heldout))
+    fit = faults.attempt(
+        "the modes of the written model", lambda: fit_of_compared(case.data, case.measured, extended, chosen)
+    )
+    gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
     decisive = faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
         causes=named,
         rejected=rejected_causes(case.singles, accepted, searched),
-        modes=modes_of(case.reference, case.event, case.data, chosen),
+        modes=modes_of(case.reference, case.event, case.data, fit),
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),
         next_measurement=decisive or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),

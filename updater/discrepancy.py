@@ -170,6 +170,11 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
     return replace(_in_order(changed, after.only(fresh)), channels=carried).at(expected.channels)
 
 
+def as_written(extended: Structure, like: ModalMean) -> ModalMean:
+    """Return the modes of a structure with causes written in, as they follow from its file."""
+    return _of_model(extended, like)
+
+
 def _carried(own: Structure, extended: Structure, channels: tuple[str, ...]) -> tuple[str, ...]:
     """Return what the sensors of these channels are carried by with the causes; as before if that is not among them."""
     carrier = dict(zip(own.channels, extended.channels, strict=True))

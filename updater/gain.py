@@ -1,7 +1,11 @@
-"""What causes gain on data that did not choose them: held-out records, or each mode in its turn.
+"""The gain of a diagnosis on data that did not choose it: of the written model, and of the changes predicted.
 
-A gain that may be chance is none: the log likelihood must rise by more than two standard deviations of that rise, which
-by independent noise are the whitened distance between the two predictions.
+The model's figures are those of the structure file with the causes written in, solved anew and compared with all modes
+measured; without the causes, those of the file as it was before them. The predicted changes are relative to the
+baseline, on held-out records or on each mode in its turn, so that what the model gets wrong about the structure as it
+was cancels. They decide whether the causes gain anything: a gain that may be chance is none, so the log likelihood must
+rise by more than two standard deviations of that rise, which by independent noise are the whitened distance between
+the two predictions.
 """
 
 from collections.abc import Sequence
@@ -14,7 +18,8 @@ from updater.agreement import agreeing
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison, Whitener
 from updater.lags import without_mode
-from updater.prediction import mac_of, prediction
+from updater.model_fit import ModelFit
+from updater.prediction import prediction
 from updater.residual import Prediction, residual
 from updater.verdict import Gain, Pair
 
@@ -29,16 +34,25 @@ class Gained:
 
     gain: Gain
     std: Gain  #: standard deviations of the same figures
-    significant: bool  #: whether the log likelihood has risen by more than chance may do
+    significant: bool  #: whether the log likelihood of the changes has risen by more than chance may do
 
 
-def gain_on_heldout(heldout: Comparison, chosen: Sequence[Chosen]) -> Gained:
-    """Return what causes gain on a record that was not used."""
-    return _gained(heldout, prediction(heldout, chosen), chosen, heldout=True)
+@dataclass(frozen=True, eq=False)
+class ChangeGain:
+    """The gain of predicted changes since the baseline."""
+
+    error: Pair  #: root mean square of frequency ratios without and with the causes [%]
+    std: Pair
+    significant: bool
 
 
-def gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> Gained:
-    """Return what causes gain on each mode when their parameters are fitted to the others.
+def change_gain_on(heldout: Comparison, chosen: Sequence[Chosen]) -> ChangeGain:
+    """Return the gain of predicted changes on a record that was not used."""
+    return _change_gain(heldout, prediction(heldout, chosen), chosen)
+
+
+def change_gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> ChangeGain:
+    """Return the gain of predicted changes of each mode when the parameters are fitted to the others.
 
     Places, channels and the causes themselves stay as they were found with all modes.
     """
@@ -48,7 +62,47 @@ def gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> Gained:
         without = prediction(data, agreeing(_blind(data, i), chosen))
         for name in _BY_MODE:
             getattr(predicted, name)[:, i] = getattr(without, name)[:, i]
-    return _gained(data, predicted, chosen, heldout=False)
+    return _change_gain(data, predicted, chosen)
+
+
+def gain_of(before: ModelFit, after: ModelFit, change: ChangeGain, *, heldout: bool) -> Gained:
+    """Return the gain of a written model.
+
+    Parameters
+    ----------
+    before, after : (n_modes,) of the model without and with the causes, to the same measured modes
+    change : of the changes since the baseline
+    heldout : whether these modes were measured on a record that was not used
+    """
+    both = np.flatnonzero(np.isfinite(after.residual))
+    fits = [before.only(both), after.only(both)]
+    error, error_std = zip(*(fit.frequency_error() for fit in fits), strict=True)
+    apart, apart_std = zip(*(fit.mac_error() for fit in fits), strict=True)
+    common = np.flatnonzero(np.isfinite(fits[0].residual))
+    likelihood = [float(fit.log_likelihood[common].sum()) for fit in fits]
+    n_modes, noise = len(both), fits[1].noise_error()
+    return Gained(
+        gain=Gain(
+            heldout=heldout,
+            frequency_error_percent=_pair(error),
+            one_minus_mac=_pair(apart),
+            log_likelihood=_pair(likelihood),
+            change_error_percent=change.error,
+            n_modes=n_modes,
+            n_measured=len(after.residual),
+            noise_percent=noise,
+            exceeds_noise=fits[1].exceeds_noise(),
+        ),
+        std=Gain(
+            heldout=heldout,
+            frequency_error_percent=_pair(error_std),
+            one_minus_mac=_pair(apart_std),
+            log_likelihood=_pair([float(np.linalg.norm(fit.log_likelihood_std[common])) for fit in fits]),
+            change_error_percent=change.std,
+            n_modes=n_modes,
+        ),
+        significant=change.significant,
+    )
 
 
 def _blind(data: Comparison, mode: int) -> Comparison:
@@ -72,29 +126,14 @@ def _without(whitener: Whitener, mode: int) -> Whitener:
     return Whitener(matrix, whitener.log_det)
 
 
-def _gained(data: Comparison, after: Prediction, chosen: Sequence[Chosen], *, heldout: bool) -> Gained:
+def _change_gain(data: Comparison, after: Prediction, chosen: Sequence[Chosen]) -> ChangeGain:
     before = prediction(data, None)
     whitener = data.drifting if any(c.cause.drifting for c in chosen) else data.plain
     rests = [residual(data, before, data.plain)[0], residual(data, after, whitener)[0]]
     likelihood = [-0.5 * float(r @ r) + w.log_det for r, w in zip(rests, (data.plain, whitener), strict=True)]
-    error, error_std = zip(*(_frequency_error(data, p) for p in (before, after)), strict=True)
-    apart, apart_std = zip(*(_one_minus_mac(data, p) for p in (before, after)), strict=True)
+    error, std = zip(*(_frequency_error(data, p) for p in (before, after)), strict=True)
     distance = float(np.linalg.norm(residual(data, before, whitener)[0] - rests[1]))
-    return Gained(
-        gain=Gain(
-            heldout=heldout,
-            frequency_error_percent=_pair(error),
-            one_minus_mac=_pair(apart),
-            log_likelihood=_pair(likelihood),
-        ),
-        std=Gain(
-            heldout=heldout,
-            frequency_error_percent=_pair(error_std),
-            one_minus_mac=_pair(apart_std),
-            log_likelihood=_pair([float(np.linalg.norm(r)) for r in rests]),
-        ),
-        significant=likelihood[1] - likelihood[0] > _SIGNIFICANT * distance,
-    )
+    return ChangeGain(_pair(error), _pair(std), likelihood[1] - likelihood[0] > _SIGNIFICANT * distance)
 
 
 def _pair(values: Sequence[float | None]) -> Pair:
@@ -107,23 +146,3 @@ def _frequency_error(data: Comparison, predicted: Prediction) -> tuple[float, fl
     rms = float(np.sqrt(np.mean(rest**2)))
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
     return 100 * rms, 100 * float(np.linalg.norm(rest * std)) / (len(rest) * max(rms, 1e-12))
-
-
-def _one_minus_mac(data: Comparison, predicted: Prediction) -> tuple[float | None, float | None]:
-    """Return the mean and its standard deviation; None where no shape was measured, or is known to within its length.
-
-    1 - MAC is the squared length of what a unit shape d has beside the predicted one: its variance is
-    4 d^T C d + 2 tr(C^2).
-    """
-    shaped = np.flatnonzero(data.shaped)
-    root: FloatArray = np.linalg.inv(data.shape_whitener[shaped]).astype(np.float64)
-    covariance = root @ root.transpose(0, 2, 1)
-    known = np.trace(covariance, axis1=1, axis2=2) < 1
-    shaped, covariance = shaped[known], covariance[known]
-    if not len(shaped):
-        return None, None
-    apart = 1 - mac_of(data, predicted.shape[0])[shaped]
-    shape = predicted.shape[0, shaped] / np.linalg.norm(predicted.shape[0, shaped], axis=1, keepdims=True)
-    beside = data.shape[shaped] - (data.shape[shaped] * shape).sum(1, keepdims=True) * shape
-    variance = 4 * np.einsum("ic,icd,id->i", beside, covariance, beside) + 2 * (covariance**2).sum((1, 2))
-    return float(apart.mean()), float(np.sqrt(variance.sum())) / len(shaped)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.calibration import Calibration, best_model, calibrate, channel_rows, enough_modes
+from updater.calibration import Calibration, best_model, calibrate
 from updater.causes.model_parameters import ModelParameters, propose_model_parameters
 from updater.comparing import MODEL_ERROR, compare
 from updater.delays import DeviceDelays
@@ -21,15 +21,13 @@ from updater.fit import fit
 from updater.knobs import apply_knobs, knobs_of
 from updater.matching import match_modes, matched, without_fault
 from updater.modal_checks import check_unit
+from updater.own_modes import own_modes
 from updater.reference import Filed, Reference
 from updater.statistics import ModalMean, Scatter, TrackedModes
 from updater.structure import Structure
 
 FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
-_FREQUENCY_STD = 2e-3  # of ln f: model error of a beam model, whatever its parameters
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
-_SHAPE_STD = 0.01  # of a unit shape's components: gains are known to half a per cent, places to millimetres
-_TURNED = 0.02  # rad that sensors are turned by: share of the motion across them that they read
 _MAX_ROUNDS, _AT_REST = 6, 0.1  # until no parameter moves by so much of its prior standard deviation
 _N_STARTS, _SCATTER = 40, 0.7  # of a fit, and by how much ln of flexibilities scatters among them ...
 _SCATTERED_ROUNDS = 2  # ... in the first rounds
@@ -159,27 +157,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
     """
     measured = data.mean
     model = best_model(sprung)
-    rows, highest = channel_rows(model, measured.channels), float(np.exp(np.nanmax(measured.log_frequency)))
-    modes = enough_modes(model, rows, highest, len(measured.log_frequency), n_modes=data.n_modes)
-    at_channels = (rows @ modes.shape).T
-    seen = np.flatnonzero(np.linalg.norm(at_channels, axis=1) > 1e-9)
-    length = np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
-    shape = at_channels[seen] / length
-    across = channel_rows(model, measured.channels, across=True) @ modes.shape[:, seen]
-    crossing = np.linalg.norm(across.reshape(2, *shape.T.shape), axis=0).T / length
-    shape_std = np.hypot(_SHAPE_STD, _TURNED * crossing)
-    own = ModalMean(
-        channels=measured.channels,
-        n=np.ones(len(seen), np.intp),
-        log_frequency=np.log(modes.frequency[seen]),
-        log_frequency_std=np.full(len(seen), _FREQUENCY_STD),
-        damping=np.full(len(seen), np.nan),
-        damping_std=np.full(len(seen), np.nan),
-        shape=shape,
-        shape_std=shape_std,
-        imaginary=np.zeros(shape.shape),
-        imaginary_std=np.full(shape.shape, _SHAPE_STD),
-    )
+    modes, seen, own = own_modes(model, measured, n_modes=data.n_modes)
     check_unit(np.exp(measured.log_frequency), measured.shape, np.exp(own.log_frequency), own.shape)
     found = match_modes(own, measured)
     paired = np.flatnonzero(found >= 0)
@@ -197,7 +175,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
             paired=seen[paired],
             n_nominal=len(paired),
             nominal_frequency=modes.frequency[seen[paired]],
-            nominal_mac=(shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
+            nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
             reason="nothing was fitted",
             knobs=tuple(knobs_of(structure)),

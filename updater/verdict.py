@@ -114,12 +114,17 @@ class ModeFit(_Part):
 
 
 class Gain(_Part):
-    """What the extended model gains, on data that were not used where `heldout`."""
+    """The gain of the written model over the same model without the causes, on data that were not used if `heldout`."""
 
     heldout: bool
-    frequency_error_percent: Pair  #: root mean square
+    frequency_error_percent: Pair  #: root mean square over the modes measured that the written model has
     one_minus_mac: Pair  #: mean
     log_likelihood: Pair
+    change_error_percent: Pair | None = None  #: root mean square of what changes since the baseline are mispredicted by
+    n_modes: int = 0  #: measured modes that the written model has
+    n_measured: int = 0  #: all that were measured
+    noise_percent: float | None = None  #: frequency error that measurement noise alone would leave
+    exceeds_noise: bool = False  #: whether what the written model leaves is more than that
 
 
 class ReferenceStep(_Part):

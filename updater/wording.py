@@ -15,6 +15,7 @@ from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison
 from updater.filed import answers_of_file
+from updater.model_fit import ModelFit
 from updater.prediction import mac_of, prediction
 from updater.reference import Reference
 from updater.residual import residual
@@ -211,11 +212,27 @@ def _odds(log_odds: float) -> str:
 
 
 def modes_of(
-    reference: Reference, event: ModalMean, data: Comparison, chosen: Sequence[Chosen] | None
+    reference: Reference, event: ModalMean, data: Comparison, written: ModelFit | None = None
 ) -> tuple[ModeFit, ...]:
-    """Return each mode without and with the causes, lowest first; those without a partner have a null."""
-    return tuple(
-        sorted((*_paired(data, chosen), *_missing(reference, event), *_extra(data.circumstances.extra)), key=_place_of)
+    """Return each mode without and with the causes, lowest first; those without a partner have a null.
+
+    Parameters
+    ----------
+    reference, event, data : what was compared
+    written : (n + n_extra,) fit of the written model to the modes compared, then to those that the baseline has not
+    """
+    measured = [*_paired(data), *_extra(data.circumstances.extra)]
+    if written is not None:
+        measured = [_with_causes(mode, written, i) for i, mode in enumerate(measured)]
+    return tuple(sorted((*measured, *_missing(reference, event)), key=_place_of))
+
+
+def _with_causes(mode: ModeFit, written: ModelFit, row: int) -> ModeFit:
+    frequency, mac = (_said(values[row : row + 1])[0] for values in (written.frequency, written.mac))
+    shaped = mode.mac.before is not None or mode.frequency.before is None
+    return ModeFit(
+        frequency=mode.frequency.model_copy(update={"after": frequency}),
+        mac=mode.mac.model_copy(update={"after": mac if shaped else None}),
     )
 
 
@@ -223,20 +240,19 @@ def _place_of(mode: ModeFit) -> float:
     return mode.frequency.measured or mode.frequency.before or 0.0
 
 
-def _paired(data: Comparison, chosen: Sequence[Chosen] | None) -> list[ModeFit]:
+def _paired(data: Comparison) -> list[ModeFit]:
     base = np.log(data.frequency[data.paired])
-    measured = np.exp(base + data.log_ratio)
-    before, after = prediction(data, None), prediction(data, chosen)
-    macs = [_said(mac_of(data, predicted.shape[0])) for predicted in (before, after)]
+    measured, before = np.exp(base + data.log_ratio), prediction(data, None)
+    mac = _said(mac_of(data, before.shape[0]))
     return [
         ModeFit(
             frequency=FrequencyFit(
                 measured=float(measured[i]),
                 std=float(measured[i] * data.log_frequency_std[i]),
                 before=float(np.exp(base[i] + before.log_ratio[0, i])),
-                after=float(np.exp(base[i] + after.log_ratio[0, i])) if chosen else None,
+                after=None,
             ),
-            mac=Pair(before=macs[0][i], after=macs[1][i] if chosen else None),
+            mac=Pair(before=mac[i], after=None),
         )
         for i in range(len(base))
     ]

@@ -15,9 +15,9 @@ from monitor.words import (
     calibration_text,
     cause_text,
     failed_text,
-    gain_text,
     left_over_text,
     missed_text,
+    model_gain_text,
     plain,
     share_text,
     verdict_text,
@@ -121,17 +121,11 @@ def _sensor(found: DiscrepancyResult) -> str:
 
 
 def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
-    """Say what the causes gain, each figure with its standard deviation; or that it may be chance."""
+    """Return the gain of the written model with standard deviations; or that it may be chance."""
     gain = diagnosis.gain
     if gain is None:
         return "on data that did not choose the causes they gain no more than chance may" * bool(diagnosis.causes)
-    where = "held-out logs" if gain.heldout else "modes left out in turn"
-    before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent if std else None, ".3f")
-    text = f"on {where}: frequency error {before} -> {after} %"
-    if gain.one_minus_mac.before is None:
-        return text
-    before, after = gain_text(gain.one_minus_mac, std.one_minus_mac if std else None, ".2g")
-    return f"{text}, 1 - MAC {before} -> {after}"
+    return f"extended model {'on held-out logs' if gain.heldout else 'on the same logs'}: {model_gain_text(gain, std)}"
 
 
 def _refused(console: Console, diagnosis: Diagnosis) -> None:

@@ -273,6 +273,8 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
         ("frequency_error_percent", "frequency error, root mean square [%]", ".3f"),
         ("one_minus_mac", "1 - MAC, mean", ".5f"),
         ("log_likelihood", "log likelihood", ".1f"),
+        ("change_error_percent", "error of the frequencies' changes since the reference, root mean square [%]", ".3f"),
     )
-    rows = [(said, *gain_text(getattr(gain, n), getattr(std, n, None), form)) for n, said, form in names]
+    known = [(getattr(gain, n), n, said, form) for n, said, form in names]
+    rows = [(said, *gain_text(pair, getattr(std, n, None), form)) for pair, n, said, form in known if pair is not None]
     return {"heldout": gain.heldout, "rows": rows}

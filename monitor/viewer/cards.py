@@ -103,7 +103,9 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         error = diagnosis.gain.frequency_error_percent
         where = "data not used" if diagnosis.gain.heldout else "the same data"
         if error.before is not None and error.after is not None:
-            parts.append(f"Error of frequencies on {where}: {error.before:.3f} % without, {error.after:.3f} % with.")
+            parts.append(
+                f"Model error of frequencies on {where}: {error.before:.3f} % without, {error.after:.3f} % with."
+            )
     if diagnosis.next_measurement:
         parts.append(f"*Next: {diagnosis.next_measurement}*")
     nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)

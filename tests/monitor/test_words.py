@@ -13,11 +13,12 @@ from monitor.words import (
     gain_text,
     is_one_mass,
     left_over_text,
+    model_gain_text,
     number_text,
     parameter_text,
     where_text,
 )
-from updater import Cause, Pair, Quantity, Where
+from updater import Cause, Gain, Pair, Quantity, Where
 
 
 @pytest.mark.parametrize(
@@ -105,6 +106,23 @@ def test_a_gain_is_told_with_its_deviations_where_they_are_known() -> None:
     assert gain_text(pair, std, ".3f") == ("2.415 ± 0.021", "0.036 ± 0.005")
     assert gain_text(pair, None, ".3f") == ("2.415", "0.036")
     assert gain_text(Pair(before=None, after=None), None, ".3f") == ("", "")
+
+
+def test_the_gain_of_a_written_model_is_stated_over_all_modes() -> None:
+    gain = Gain(
+        heldout=True,
+        frequency_error_percent=Pair(before=5.83, after=0.131),
+        one_minus_mac=Pair(before=0.1, after=0.001),
+        log_likelihood=Pair(before=-100.0, after=50.0),
+        n_modes=9,
+        n_measured=10,
+        noise_percent=0.02,
+        exceeds_noise=True,
+    )
+    assert model_gain_text(gain, None) == (
+        "frequency error 5.830 -> 0.131 % rms over 9 of 10 modes, more than measurement noise (0.02 %), "
+        "1 - MAC 0.1 -> 0.001"
+    )
 
 
 @pytest.mark.parametrize(

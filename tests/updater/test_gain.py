@@ -10,7 +10,7 @@ from updater import Body, diagnose
 from updater.agreement import agreeing
 from updater.candidates import Weighing
 from updater.comparing import compare
-from updater.gain import gain_left_out, gain_on_heldout
+from updater.gain import change_gain_left_out, change_gain_on
 from updater.prediction import prediction
 
 CHANGE = Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))  # over 1 % in frequency
@@ -18,13 +18,14 @@ CHANGE = Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))  # over 1 % in freq
 
 @pytest.mark.parametrize("seed", [301, 302])
 def test_what_was_held_out_is_explained_to_its_noise(seed: int) -> None:
-    """The rest is at most 1.5 times the noise of the two records, and an eighth of what it was."""
+    """Changes are mispredicted by at most 1.5 times the noise of the records, and by an eighth of the changes."""
     reference, _, event = learnt(seed)
     found = diagnose(reference, event(CHANGE), heldout=(kept := event(CHANGE)))
     gain = found.diagnosis.gain
     assert gain is not None
     assert gain.heldout
-    before, after = gain.frequency_error_percent.before, gain.frequency_error_percent.after
+    assert gain.change_error_percent is not None
+    before, after = gain.change_error_percent.before, gain.change_error_percent.after
     assert before is not None
     assert after is not None
     noise = 100 * np.sqrt(np.mean(kept.log_frequency_std**2 + reference.baseline.log_frequency_std**2))
@@ -62,7 +63,9 @@ def test_each_mode_is_foretold_by_the_others() -> None:
     reference, _, event = learnt(303)
     found = diagnose(reference, event(CHANGE))
     assert found.gained is not None
-    error, std = found.gained.gain.frequency_error_percent, found.gained.std.frequency_error_percent
+    error, std = found.gained.gain.change_error_percent, found.gained.std.change_error_percent
+    assert error is not None
+    assert std is not None
     assert error.before is not None
     assert error.after is not None
     assert std.after is not None
@@ -77,5 +80,5 @@ def test_what_may_be_chance_is_not_significant() -> None:
     data = compare(reference, event(Change()))
     (mass,) = (c for c in Weighing(reference, data).singles() if c.names == ("added_mass",))
     small = tuple(replace(c, theta=c.theta * 1e-3) for c in mass.chosen)
-    assert not gain_on_heldout(data, small).significant
-    assert not gain_left_out(data, small).significant
+    assert not change_gain_on(data, small).significant
+    assert not change_gain_left_out(data, small).significant

@@ -43,8 +43,9 @@ def test_two_bodies_taken_off_are_among_what_is_named(tmp_path: Path) -> None:
     named = {name for cause in answer.causes for name in (cause.cause, *cause.cannot_be_told_from)}
     assert "added_mass" in named
     assert answer.gain is not None
-    assert answer.gain.frequency_error_percent.after is not None
-    assert answer.gain.frequency_error_percent.after < 0.1  # of 2.3 %: noise leaves 0.03 %
+    assert answer.gain.change_error_percent is not None
+    assert answer.gain.change_error_percent.after is not None
+    assert answer.gain.change_error_percent.after < 0.1  # of 2.3 %: noise leaves 0.03 %
 
 
 def test_damping_that_was_not_measured_is_no_datum(tmp_path: Path) -> None:

@@ -58,8 +58,9 @@ def test_a_loss_over_a_whole_member_is_one_stretch(which: str, bar: str, seed: i
     assert cause.parameters["extent"].value == pytest.approx(length, rel=0.05)
     gain = found.gain
     assert gain is not None
-    assert gain.frequency_error_percent.after is not None
-    assert gain.frequency_error_percent.after < 0.06
+    assert gain.change_error_percent is not None
+    assert gain.change_error_percent.after is not None
+    assert gain.change_error_percent.after < 0.06
 
 
 def halves_at_most(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
