@@ -9,6 +9,7 @@ block of which nothing was measured is empty or zero and adds nothing to the deg
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -87,6 +88,45 @@ class Comparison:
         variance = np.diag(self.plain.matrix) ** -2 - (1 - share**2) * self.model_variance
         plain, drifting = whiteners_of(variance)
         return replace(self, plain=plain, drifting=drifting)
+
+    def with_frequencies(self, modes: IndexArray, log_ratio: FloatArray, std: FloatArray) -> "Comparison":
+        """Return the same with frequencies of further modes, of which shapes, phases and damping are not compared.
+
+        Parameters
+        ----------
+        modes : (k,) of the reference
+        log_ratio, std : (k,) of their frequencies to the reference's own, and its standard deviation
+        """
+        k, n = len(modes), len(self.paired)
+        variance = np.concatenate([np.diag(self.plain.matrix) ** -2, std**2])
+        plain, drifting = whiteners_of(variance)
+        shape = self.at_channels[:, modes].T
+        shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
+        whitener = np.zeros((n + k, *self.shape_whitener.shape[1:]))
+        whitener[:n] = self.shape_whitener
+        lag_whitener = np.zeros((n + k) * len(self.channels) * np.ones(2, int))
+        lag_whitener[: len(self.lag_whitener), : len(self.lag_whitener)] = self.lag_whitener
+        more: dict[str, FloatArray | IndexArray | BoolArray] = {
+            "tracks": np.full(k, -1),
+            "paired": modes,
+            "log_ratio": log_ratio,
+            "log_frequency_std": std,
+            "model_variance": np.zeros(k),
+            "shaped": np.zeros(k, bool),
+            "shape": shape,
+            "base": shape,
+            "phased": np.zeros(k, bool),
+            "lag": np.zeros(shape.shape),
+            "base_lag": np.zeros(shape.shape),
+            "log_damping": np.zeros(k),
+            "log_damping_std": np.full(k, np.nan),
+            "damping_weight": np.zeros(k),
+            "model_base": shape,
+        }
+        joined: dict[str, Any] = {name: np.concatenate([getattr(self, name), added]) for name, added in more.items()}
+        return replace(
+            self, plain=plain, drifting=drifting, shape_whitener=whitener, lag_whitener=lag_whitener, **joined
+        )
 
     @property
     def log_det_of_shapes(self) -> float:

@@ -31,6 +31,7 @@ from updater.comparison import Comparison
 from updater.compositions import Compositions, common
 from updater.errors import SelectionError
 from updater.fit import Fit, fit
+from updater.further_modes import with_further_modes
 from updater.gain import Gained
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
@@ -385,8 +386,8 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     """
     named, sure, left_open = named_causes(case.data, found, _SURE)
     best = found[0]
-    chosen = agreeing(case.data, best.chosen)
-    chosen = (*chosen, *drift_beside(case.data, chosen, case.weighing.causes.get("global_stiffness")))
+    chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
+    chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get("global_stiffness")))
     extended = case.reference.file.calibration.structure
     acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
     for part in sorted(acting, key=_turn):
@@ -413,6 +414,18 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
         **settings,
     )
     return Explained(diagnosis, extended, gained, best.parts)
+
+
+def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chosen, ...], Comparison]:
+    """Return causes as they agree with all modes that were measured, those included that the baseline lacks."""
+
+    def refitted() -> tuple[tuple[Chosen, ...], Comparison]:
+        more = with_further_modes(case.data, case.event, case.measured.every, chosen)
+        return (chosen if more is case.data else agreeing(more, chosen)), more
+
+    if case.data.filed is not None:  # the model was recalibrated to these very modes
+        return chosen, case.data
+    return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 
 
 def _as_known(reference: Reference, extended: Structure, parts: Sequence[Fit[Cause]]) -> Structure:

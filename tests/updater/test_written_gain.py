@@ -16,6 +16,7 @@ AGAIN = ("model_parameters", *STRUCTURAL)
         ("added_mass", 8001),
         ("sensor_swap", 8001),
         ("portal: support_stiffness", 8001),
+        ("bridge: added_mass", 8001),  # shows a twist that the reference has not, and the fit must take up
         ("mast: added_mass", 8001),
     ],
 )
