@@ -12,6 +12,7 @@ import numpy as np
 
 from daq.errors import DataError
 from daq.matfile import read_mat
+from daq.origin import Origin, parse_origin
 from daq.recording import FloatArray
 from daq.timecolumn import time_column
 
@@ -20,6 +21,7 @@ _DAMAGED = (
     *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
     *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError),
 )
+ORIGIN = "origin"  #: array of one text
 _DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
 
 
@@ -32,6 +34,7 @@ class Arrays:
     rate: float | None  #: [Hz]; None if the file does not say
     t: FloatArray | None  #: (n_samples,) as they stand in it; None if the file does not say
     t_name: str = "t"  #: of the array of times, or of the one that was looked for
+    origin: Origin | None = None  #: of an exported file
 
 
 def read_arrays(path: Path, time: str | None = None) -> Arrays:
@@ -50,6 +53,7 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
     t_name = time_column(arrays, time) or time or "t"
     rate, t = _first(arrays, _RATE), arrays.pop(t_name, None)
     data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
+    origin = _origin(path, arrays)
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
         lengths = {array.shape for array in arrays.values()}
@@ -66,7 +70,16 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
         rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
         t=None if t is None else _numbers(path, t_name, t).ravel(),
         t_name=t_name,
+        origin=origin,
     )
+
+
+def _origin(path: Path, arrays: dict[str, Any]) -> Origin | None:
+    """Take the origin of an exported file out of its arrays; an array of numbers of that name is a signal."""
+    found = arrays.get(ORIGIN)
+    if found is None or np.asarray(found).dtype.kind != "U":
+        return None
+    return parse_origin(str(np.asarray(arrays.pop(ORIGIN)).squeeze()), path)
 
 
 def _load(path: Path) -> dict[str, Any]:

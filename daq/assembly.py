@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -18,6 +19,8 @@ _BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 
 _PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
 _SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
 _CHUNK = 1 << 13
+
+NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
 
 
 @lru_cache
@@ -60,11 +63,19 @@ def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> 
 
 
 class _Stretch:
-    """Blocks and clock of one device from one start to the next."""
+    """Blocks and clock of one device from one start to the next; `late` is its delay [ns]."""
 
-    def __init__(self, clock: ClockFit) -> None:
-        self.clock = clock
+    def __init__(self, clock: ClockFit, late: int) -> None:
+        self.clock, self._late = clock, late
         self.blocks: deque[Block] = deque()
+
+    def index_at(self, time: int) -> tuple[float, float]:
+        """Return the (fractional) scan at a time [ns UTC], the delay removed, and scans per second of UTC there."""
+        return self.clock.index_at(time + self._late)
+
+    def time_at(self, index: int) -> int:
+        """Return the time of a scan, the delay removed [ns UTC]."""
+        return self.clock.time_at(index) - self._late
 
     def add(self, block: Block) -> None:
         self.clock.add(block.pair_index, block.pair_time)
@@ -87,7 +98,7 @@ class _Stretch:
 
     def resampled(self, start: int, n: int, rate: float, ratio: float | None) -> FloatArray | None:
         """Return scans on a grid (n, n_axes), None if there is none near it; without a ratio they lie on it."""
-        first, scan_rate = self.clock.index_at(start)
+        first, scan_rate = self.index_at(start)
         if ratio is None:
             return self.scans(round(first), round(first) + n)
         position: FloatArray = first + np.arange(n, dtype=float) * (scan_rate / rate)
@@ -98,12 +109,13 @@ class _Stretch:
 
 
 class _Device:
-    """Stretches of one device, one a start; `clocks` are those that devices share, by name."""
+    """Stretches of one device, one a start; `clocks` are those that devices share, by name, `late` its delay [ns]."""
 
     def __init__(
-        self, rate: float, grid_rate: float, n_axes: int, clocks: dict[str, ClockFit], *, on_grid: bool
+        self, rate: float, grid_rate: float, n_axes: int, clocks: dict[str, ClockFit], late: int, *, on_grid: bool
     ) -> None:
         self._rate, self._grid_rate, self._n_axes, self._clocks = rate, grid_rate, n_axes, clocks
+        self._late = late
         self._ratio = None if on_grid else grid_rate / rate
         self._half = half_taps(self._ratio) if self._ratio else 0
         self._stretches: deque[_Stretch] = deque()
@@ -112,7 +124,8 @@ class _Device:
     def add(self, block: Block) -> None:
         if not self._stretches or block.flags & Flag.RESTARTED:
             own = ClockFit(self._rate)
-            self._stretches.append(_Stretch(self._clocks.setdefault(block.clock, own) if block.clock else own))
+            clock = self._clocks.setdefault(block.clock, own) if block.clock else own
+            self._stretches.append(_Stretch(clock, self._late))
         self._stretches[-1].add(block)
         self.lost = False
 
@@ -128,13 +141,13 @@ class _Device:
     def first_time(self) -> int:
         """Time from which on there can be samples [ns UTC]."""
         stretch = self._stretches[-1]
-        return stretch.clock.time_at(stretch.blocks[0].first_index + self._half)
+        return stretch.time_at(stretch.blocks[0].first_index + self._half)
 
     @property
     def end_time(self) -> int:
         """Time before which there can be samples, unless more blocks come [ns UTC]."""
         stretch = self._stretches[-1]
-        return stretch.clock.time_at(stretch.blocks[-1].end_index - self._half)
+        return stretch.time_at(stretch.blocks[-1].end_index - self._half)
 
     @property
     def temperatures(self) -> list[float]:
@@ -143,16 +156,13 @@ class _Device:
     def reaches(self, time: int) -> bool:
         """Tell whether all scans needed for samples before `time` are here."""
         stretch = self._stretches[-1]
-        return stretch.clock.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
+        return stretch.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
 
     def forget(self, time: int) -> None:
         """Drop blocks that end well before `time`."""
         for stretch in self._stretches:
-            stretch.forget(stretch.clock.index_at(time)[0] - 2 * self._half)
-        while (
-            len(self._stretches) > 1
-            and self._stretches[1].clock.time_at(self._stretches[1].blocks[0].first_index) < time
-        ):
+            stretch.forget(stretch.index_at(time)[0] - 2 * self._half)
+        while len(self._stretches) > 1 and self._stretches[1].time_at(self._stretches[1].blocks[0].first_index) < time:
             self._stretches.popleft()
 
     def resampled(self, start: int, n: int) -> FloatArray:
@@ -175,6 +185,7 @@ class Assembler:
     rates : device -> nominal scans a second [Hz]; the grid has the slowest one
     window_seconds, step_seconds : length of a window and distance of their starts [s]
     on_grid : scans of all devices lie on one grid already, as those of an imported file: nothing is interpolated
+    late : device -> delay of its scans, which is removed [s]; it needs interpolation, and so no `on_grid`
     by_record : after a pause of all devices the next window begins with what comes then, and what little a record has
         over makes none; else windows stay on their grid, and hold all that came
     """
@@ -187,6 +198,7 @@ class Assembler:
         window_seconds: float,
         step_seconds: float,
         on_grid: bool = False,
+        late: Mapping[str, float] = NO_DELAYS,
         by_record: bool = True,
     ) -> None:
         self._channels, self._by_record = channels, by_record
@@ -195,7 +207,8 @@ class Assembler:
         self._on_grid = on_grid
         clocks: dict[str, ClockFit] = {}
         self._devices = {
-            name: _Device(rate, self._rate, n_axes, clocks, on_grid=on_grid) for name, rate in rates.items()
+            name: _Device(rate, self._rate, n_axes, clocks, round(late.get(name, 0.0) * 1e9), on_grid=on_grid)
+            for name, rate in rates.items()
         }
         self._n = round(window_seconds * self._rate)
         self._step = round(round(step_seconds * self._rate) / self._rate * 1e9)  # whole samples: none is left over

@@ -9,11 +9,14 @@ from typing import IO
 
 import numpy as np
 
+from daq.arrayfile import ORIGIN as ORIGIN_ARRAY
 from daq.channelmap import CHANNELS, ChannelMap
+from daq.csvfile import ORIGIN as ORIGIN_COMMENT
 from daq.datafile import UNIVERSAL
 from daq.errors import DataError
 from daq.log import LogWriter
 from daq.matfile import write_mat
+from daq.origin import Origin
 from daq.recording import Block, Channel, FloatArray, Recording, find_gaps
 from daq.temperatures import known_mean
 from daq.universalfile import write_universal
@@ -122,7 +125,8 @@ def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int)
 def export_recording(path: Path, recording: Recording) -> None:
     """Write a recording to a new file that `read_data` reads: .npz, .mat, .uff, .unv, else a table of text.
 
-    Times count from the recording's start; a missing sample is NaN, which universal files do not have.
+    Times count from the recording's start; a missing sample is NaN, which universal files do not have. Each states its
+    origin: the devices and axes of the channels, and the start. In a table that is a comment before the header.
 
     Raises
     ------
@@ -133,23 +137,25 @@ def export_recording(path: Path, recording: Recording) -> None:
         raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
     names = [channel.name for channel in recording.channels]
     arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
+    origin = Origin(start=recording.start, channels=recording.channels).text
     try:
         with path.open("xb") as file:
             if path.suffix.lower() == ".npz":
-                np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+                np.savez_compressed(file, **arrays, **{ORIGIN_ARRAY: np.array(origin)})  # type: ignore[arg-type]
             elif path.suffix.lower() == ".mat":
-                write_mat(file, arrays | {"channels": np.array(names, object)})
+                write_mat(file, arrays | {"channels": np.array(names, object), ORIGIN_ARRAY: origin})
             elif path.suffix.lower() in UNIVERSAL:
                 write_universal(path, recording)
             else:
-                _write_csv(file, recording, names)
+                _write_csv(file, recording, names, origin)
     except OSError as error:
         raise DataError(path, f"cannot be written: {error.strerror}") from error
 
 
-def _write_csv(file: IO[bytes], recording: Recording, names: list[str]) -> None:
+def _write_csv(file: IO[bytes], recording: Recording, names: list[str], origin: str) -> None:
     """Write times [s] to the nanosecond and values [m/s2] to nine digits."""
     row = io.StringIO(newline="")
+    row.write(f"{ORIGIN_COMMENT}{origin}\n")
     csv.writer(row, lineterminator="\n").writerow(["t", *names])
     file.write(row.getvalue().encode())
     t = np.arange(len(recording.data)) / recording.rate

@@ -12,8 +12,10 @@ import numpy as np
 
 from daq.datecells import CLOCK, DAY, MOMENT, Dated, reads
 from daq.errors import DataError
+from daq.origin import Origin, parse_origin
 from daq.recording import FloatArray, IndexArray
 
+ORIGIN = "# modalwatch "  #: begins the comment that states the origin of an exported table
 _LINES = 20_000  # of a piece
 _DELIMITERS = ("\t", ";", ",")
 _LATIN = {0xDC00 + byte: byte for byte in range(0xA0, 0x100)}  # bytes that are no UTF-8, as they are read
@@ -40,6 +42,20 @@ class _Layout:
     chosen: tuple[int, ...]  # places in the header
     times: int | None = None  # place of the column of times
     dated: Mapping[int, Dated] = field(default_factory=dict)  # places of columns of dates and times of day
+
+
+def csv_origin(path: Path) -> Origin | None:
+    """Return the origin that a comment before the header states, None if there is none; errors as for `read_csv`."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            for line in file:
+                if line.startswith(ORIGIN):
+                    return parse_origin(line.removeprefix(ORIGIN), path)
+                if line.strip() and not line.startswith("#"):
+                    break
+    except OSError as error:
+        raise DataError(path, f"cannot be read: {error.strerror}") from error
+    return None
 
 
 def csv_head(path: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:

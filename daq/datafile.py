@@ -1,5 +1,7 @@
 """Files of measurements to recordings."""
 
+import itertools
+from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from daq.arrayfile import read_arrays
-from daq.csvfile import csv_head, read_csv
+from daq.csvfile import csv_head, csv_origin, read_csv
 from daq.derivative import differentiated
 from daq.errors import DataError
 from daq.headings import Signal, factors, signals_of, temperatures_of, unit_remark
+from daq.origin import Origin
 from daq.recording import Channel, FloatArray, Recording, find_gaps
 from daq.sampling import UnevenError, even_grid
 from daq.temperatures import known_mean, mean_temperature, temperature_remark
@@ -113,14 +116,15 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
     found = read(path, options)
     by_hand = options.factor
     factor = factors(path, found.signals, options.velocities) if by_hand is None else by_hand
-    channels = _channels(tuple(signal.channel for signal in found.signals), found.values)
+    channels = _channels(found)
     data = found.values * factor
     temperature = mean_temperature(path, found.warm, found.warmth, found.rate)
+    stated = found.origin.start if found.origin else None
     recording = Recording(
         channels=channels,
         data=data,
         rate=found.rate,
-        start=next((start for start in (options.start, found.began) if start is not None), 0),
+        start=next((start for start in (options.start, found.began, stated) if start is not None), 0),
         temperature=known_mean(temperature),
         gaps=find_gaps(channels, data),
     )
@@ -129,12 +133,13 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
         time_remark(found.time, options.time_unit) if found.time and found.began is None else None,
         unit_remark(found.signals, options.velocities, by_hand),
         temperature_remark(found.warm, temperature),
+        found.origin.remark if found.origin else None,
     ]
     return Measured(
         recording=recording,
         temperature=temperature,
         remarks=tuple(remark for remark in said if remark),
-        dated=found.began is not None,
+        dated=found.began is not None or stated is not None,
     )
 
 
@@ -148,6 +153,7 @@ class _Columns:
     rate: float  #: [Hz]
     time: str | None = None  #: name of the column of times; None if the rate was said
     began: int | None = None  #: when its first date was [ns UTC], if it holds dates
+    origin: Origin | None = None  #: of an exported file
 
     @property
     def values(self) -> FloatArray:
@@ -169,7 +175,7 @@ def _what(path: Path, names: Sequence[str], options: DataOptions) -> tuple[tuple
 
 
 def _table(path: Path, options: DataOptions) -> _Columns:
-    (every, first), rate = csv_head(path), options.rate
+    (every, first), rate, origin = csv_head(path), options.rate, csv_origin(path)
     time = time_column(every, options.time)
     day = date_column(every, first, time)
     signals, warm = _what(path, [name for name in every if name not in (time, day)], options)
@@ -182,15 +188,19 @@ def _table(path: Path, options: DataOptions) -> _Columns:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     values = table.values[:, [table.names.index(name) for name in columns]]
     if known is not None and not timed:
-        return _Columns(signals, warm, values, known)
+        return _Columns(signals, warm, values, known, origin=origin)
     if time is None or known is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
     try:
         t = table.values[:, table.names.index(time)]
         if table.dated:
             name = time if day is None else f"{day} {time}"
-            return _Columns(signals, warm, *_on_grid(t, values), name, 1000 * round(1e6 * float(t[0])))
-        return _Columns(signals, warm, *_on_grid(in_seconds(path, time, t, options.time_unit), values), time)
+            return _Columns(signals, warm, *_on_grid(t, values), name, 1000 * round(1e6 * float(t[0])), origin)
+        t = in_seconds(path, time, t, options.time_unit)
+        data, even_rate = _on_grid(t, values)
+        if origin:  # rows may have been taken out of the beginning
+            origin = replace(origin, start=origin.start + round(1e9 * float(t[0])))
+        return _Columns(signals, warm, data, even_rate, time, origin=origin)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
@@ -209,12 +219,13 @@ def _arrays(path: Path, options: DataOptions) -> _Columns:
     values = arrays.values[:, [arrays.names.index(name) for name in columns]]
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
-        return _Columns(signals, warm, values, _known(path, options.rate, arrays.rate, otherwise))
+        known = _known(path, options.rate, arrays.rate, otherwise)
+        return _Columns(signals, warm, values, known, origin=arrays.origin)
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
-        return _Columns(signals, warm, *_on_grid(t, values), arrays.t_name)
+        return _Columns(signals, warm, *_on_grid(t, values), arrays.t_name, origin=arrays.origin)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 
@@ -237,18 +248,28 @@ def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
     return data, grid.rate
 
 
-def _channels(names: tuple[str, ...], values: FloatArray) -> tuple[Channel, ...]:
-    """Give the columns to devices: those that lack the same samples to the same one."""
-    return devices_of(names, [np.packbits(missing).tobytes() for missing in np.isnan(values).T])
+def _channels(found: _Columns) -> tuple[Channel, ...]:
+    """Return the channels on the devices that the file states, else on one; see `devices_of`."""
+    stated = []
+    for axis, signal in enumerate(found.signals):
+        place = found.origin.channel(signal.column) if found.origin else None
+        stated.append(replace(place or Channel(name="", device=_DEVICE, axis=axis), name=signal.channel))
+    return devices_of(stated, [np.packbits(missing).tobytes() for missing in np.isnan(found.values).T])
 
 
-def devices_of(names: Sequence[str], patterns: Sequence[Hashable]) -> tuple[Channel, ...]:
-    """Give channels to devices, those of the same pattern to the same one."""
-    together: dict[Hashable, list[int]] = {}
-    for column, pattern in enumerate(patterns):
-        together.setdefault(pattern, []).append(column)
-    place = {}
-    for number, columns in enumerate(together.values(), 1):
-        device = _DEVICE if number == 1 else f"{_DEVICE}-{number}"
-        place.update({column: Channel(name=names[column], device=device, axis=i) for i, column in enumerate(columns)})
-    return tuple(place[column] for column in range(len(names)))
+def devices_of(stated: Sequence[Channel], patterns: Sequence[Hashable]) -> tuple[Channel, ...]:
+    """Return channels with devices split by pattern: what lacks different samples comes from different devices."""
+    together: dict[tuple[str, Hashable], list[int]] = {}
+    for column, (channel, pattern) in enumerate(zip(stated, patterns, strict=True)):
+        together.setdefault((channel.device, pattern), []).append(column)
+    parts = Counter(device for device, _ in together)
+    taken: set[str] = set()
+    found: dict[int, Channel] = {}
+    for (device, _), columns in together.items():
+        others = (f"{device}-{number}" for number in itertools.count(2))
+        name = next(name for name in itertools.chain([device], others) if name not in taken | parts.keys() - {device})
+        taken.add(name)
+        whole = parts[device] == 1  # and so its axes are its own
+        for axis, column in enumerate(columns):
+            found[column] = replace(stated[column], device=name, axis=stated[column].axis if whole else axis)
+    return tuple(found[column] for column in range(len(stated)))

@@ -1,12 +1,12 @@
 """A whole log as recordings."""
 
 import itertools
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from daq.assembly import Assembler
+from daq.assembly import NO_DELAYS, Assembler
 from daq.channelmap import CHANNELS, ChannelMap, parse_channel_map
 from daq.errors import LogError
 from daq.log import Event, read_attachments, read_log
@@ -24,7 +24,11 @@ _PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
 
 
 def load_recordings(
-    log: AnyLog, *, window_seconds: float | None = None, channels: tuple[Channel, ...] | None = None
+    log: AnyLog,
+    *,
+    window_seconds: float | None = None,
+    channels: tuple[Channel, ...] | None = None,
+    late: Mapping[str, float] = NO_DELAYS,
 ) -> Iterator[Recording]:
     """Yield the recordings of a log, cut in windows of equal length.
 
@@ -33,6 +37,7 @@ def load_recordings(
     log : its path, or all files of a run
     window_seconds : length of a window [s]; unless given, the whole log is one
     channels : which axis of which device is which sensor; unless given, as the log's own channel map says
+    late : device -> delay of its scans, which is removed [s]
 
     Yields
     ------
@@ -53,11 +58,12 @@ def load_recordings(
     stored = read_channel_map(log)
     if channels is None and stored is None:
         raise LogError(str(log), "does not say which channel is which sensor")
-    known = ChannelMap(channels=channels or stored.channels, on_grid=bool(stored and stored.on_grid))  # type: ignore[union-attr]
+    on_grid = bool(stored and stored.on_grid) and not any(late.values())
+    known = ChannelMap(channels=channels or stored.channels, on_grid=on_grid)  # type: ignore[union-attr]
     rates = _rates(log, known.channels)
     rate = min(rates.values())
     length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
-    pieces = _cut(log, known, rates, length / rate, by_record=window_seconds is not None)
+    pieces = _cut(log, known, rates, length / rate, late, by_record=window_seconds is not None)
     if window_seconds is None:
         yield from _joined(log, pieces)
     else:
@@ -100,7 +106,13 @@ def _rates(log: AnyLog, channels: tuple[Channel, ...]) -> dict[str, float]:
 
 
 def _cut(
-    log: AnyLog, known: ChannelMap, rates: dict[str, float], seconds: float, *, by_record: bool
+    log: AnyLog,
+    known: ChannelMap,
+    rates: dict[str, float],
+    seconds: float,
+    late: Mapping[str, float],
+    *,
+    by_record: bool,
 ) -> Iterator[Recording]:
     """Yield windows one after the other, the last one shorter."""
     devices = {c.device for c in known.channels}
@@ -112,6 +124,7 @@ def _cut(
         window_seconds=seconds,
         step_seconds=seconds,
         on_grid=known.on_grid,
+        late=late,
         by_record=by_record,
     )
     for device in missing | absent_devices(log, devices):

@@ -65,7 +65,7 @@ def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
     for (before_path, _), (path, _), (before, found) in zip(ordered, ordered[1:], pairwise(recordings), strict=False):
         places.append(places[-1] + len(before.data) + _pause(path, found, before_path, before))
     patterns = zip(*([channel.device for channel in recording.channels] for recording in recordings), strict=True)
-    channels = devices_of([channel.name for channel in model.channels], list(patterns))
+    channels = devices_of(model.channels, list(patterns))
     return tuple(
         replace(
             measured,

@@ -6,6 +6,7 @@ Structural Dynamics Research Corporation: universal file format, datasets 58 (fu
 kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
 """
 
+import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ import pyuff
 from daq.arrayfile import Arrays
 from daq.derivative import derivative
 from daq.errors import DataError
-from daq.recording import FloatArray, Recording
+from daq.origin import Origin
+from daq.recording import Channel, FloatArray, Recording
 
 _TIME_RESPONSE = 1
 _UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION = 0, 1, 11, 12
@@ -24,6 +26,7 @@ _READ = {_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION}
 _KINDS = {8: "displacement", 9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
 _AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
 _TIME = 17  # of an abscissa [s]
+_BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
 _SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
 _SAME = 1e-6  # relative: sampling intervals are printed with six digits
 
@@ -66,11 +69,12 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
         values=np.column_stack(columns) / length if chosen else np.empty((0, len(names))),
         rate=rate,
         t=None,
+        origin=_origin([(names[i], series[i][1]) for i in chosen]),
     )
 
 
 def write_universal(path: Path, recording: Recording) -> None:
-    """Write a recording as time responses (text, twelve digits) with the channels' names in their first ID line.
+    """Write a recording as time responses (text, twelve digits): channels' names in ID line 1, their origin in 3 and 4.
 
     The interval between samples is printed with six digits, as the format asks for. The file must be there and empty.
 
@@ -80,13 +84,13 @@ def write_universal(path: Path, recording: Recording) -> None:
     recording : Recording
     """
     t = np.arange(len(recording.data)) / recording.rate
-    begun = f"first sample at {recording.start} ns UTC"
     responses = [
         pyuff.prepare_58(
             func_type=_TIME_RESPONSE,
             id1=channel.name,
             id2="acceleration [m/s2]",
-            id3=begun,
+            id3=_BEGUN.format(recording.start),
+            id4=_PLACE.format(channel.device, channel.axis),
             rsp_ent_name="NONE",
             rsp_node=0,
             rsp_dir=0,
@@ -104,6 +108,20 @@ def write_universal(path: Path, recording: Recording) -> None:
         for channel, column in zip(recording.channels, recording.data.T, strict=True)
     ]
     pyuff.UFF(str(path)).write_sets([_SI_UNITS, *responses], "overwrite")
+
+
+def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
+    """Return the origin that the ID lines of all channels state, None if any states none."""
+    begun = [re.fullmatch(_BEGUN.format(r"(\d+)"), str(s["id3"]).strip()) for _, s in series]
+    place = [re.fullmatch(_PLACE.format("(.+)", r"(\d+)"), str(s["id4"]).strip()) for _, s in series]
+    if not series or not all(begun) or not all(place):
+        return None
+    channels = tuple(
+        Channel(name=name, device=found[1], axis=int(found[2]))
+        for (name, _), found in zip(series, place, strict=True)
+        if found
+    )
+    return Origin(start=min(int(found[1]) for found in begun if found), channels=channels)
 
 
 def _datasets(path: Path) -> list[tuple[int, Dataset]]:

@@ -1,8 +1,9 @@
 """Logs of this program, whoever wrote them, as recordings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from statistics import median
+from types import MappingProxyType
 
 from daq import (
     AnyLog,
@@ -40,9 +41,11 @@ def log_channels(log: AnyLog) -> tuple[Channel, ...]:
     return parse_settings(attached["site.toml"], f"{log}: site.toml").channels
 
 
-def log_recordings(log: AnyLog, window_seconds: float | None = None) -> Iterator[Recording]:
-    """Yield the recordings of a log, the whole one unless a window [s] is given; errors as for `load_recordings`."""
-    return load_recordings(log, window_seconds=window_seconds, channels=log_channels(log))
+def log_recordings(
+    log: AnyLog, window_seconds: float | None = None, late: Mapping[str, float] = MappingProxyType({})
+) -> Iterator[Recording]:
+    """Yield the recordings of a log, the whole one unless a window [s] is given; else as `load_recordings`."""
+    return load_recordings(log, window_seconds=window_seconds, channels=log_channels(log), late=late)
 
 
 def log_rate(log: AnyLog) -> float:

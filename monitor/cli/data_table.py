@@ -26,7 +26,9 @@ def import_(
         str | None, typer.Option(help="Of the numbers: m/s2, mm/s2, g, mg; as their columns say, or m/s2.")
     ] = None,
     scale: Annotated[float | None, typer.Option(help="Units a number, if not 1.", min=1e-12)] = None,
-    start: Annotated[str | None, typer.Option(help="Time of the first sample, ISO 8601; 1970 unless given.")] = None,
+    start: Annotated[
+        str | None, typer.Option(help="Time of the first sample, ISO 8601; as DATA says, else 1970.")
+    ] = None,
     time: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Column of times; t or time (t_ms, time [s]) unless given."),

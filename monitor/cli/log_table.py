@@ -30,7 +30,10 @@ def log_export(
     start: From = None,
     stop: To = None,
 ) -> None:
-    """Write the signals of a log, on one time grid, to a file that other programs and `import` read."""
+    """Write the signals of a log, on one time grid, to a file that other programs and `import` read.
+
+    Delays of devices that the log's newest baseline has found are removed; `import` restores devices and start.
+    """
     from monitor.cli.logs import export_command
     from monitor.time_range import time_range
 

@@ -1,6 +1,6 @@
 """`repair`, `log info`, `log export` and `log expand`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -80,8 +80,10 @@ def one_log(paths: Sequence[Path]) -> Path | PartedLog:
 
 def export_command(paths: Sequence[Path], out: Path, within: TimeRange = WHOLE) -> int:
     """Write the signals of a log, or of a range of it, to a file of measurements."""
-    log = within.of_log(one_log(paths), say_range)
-    recordings = list(log_recordings(log))
+    whole = one_log(paths)
+    log = within.of_log(whole, say_range)
+    late = late_devices(whole)
+    recordings = list(log_recordings(log, late=late))
     if not recordings:
         raise LogError(str(log), "holds less than the two seconds that the clocks need")
     export_recording(out, recordings[0])
@@ -91,6 +93,7 @@ def export_command(paths: Sequence[Path], out: Path, within: TimeRange = WHOLE) 
         f"{len(found.gaps)} gaps; it starts at {found.start} ns UTC",
         soft_wrap=True,
     )
+    _say_late(late)
     return DONE
 
 
@@ -103,10 +106,15 @@ def expand_command(paths: Sequence[Path], out: Path, within: TimeRange = WHOLE) 
         written = expand_log(log, out, late)
     devices = ", ".join(f"/view/{device} {count}" for device, count in written.items())
     console.print(f"{escape(str(out))}: {sum(written.values())} messages; {escape(devices)}", soft_wrap=True)
+    _say_late(late)
+    return DONE
+
+
+def _say_late(late: Mapping[str, float]) -> None:
+    """Print the delays that were removed."""
     if late:
         said = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
-        console.print(f"taken out, as the baseline found devices late: {escape(said)}", soft_wrap=True)
-    return DONE
+        console.print(f"removed, as the baseline found devices late: {escape(said)}", soft_wrap=True)
 
 
 def as_json(log: AnyLog, info: LogInfo) -> dict[str, Any]:

@@ -9,8 +9,9 @@ from cli_helpers import Commands, assert_refused
 from daq_helpers import START, make_block
 
 from daq import Block, Event, Flag, LogRecorder, LogWriter, Rotation, inspect_log, read_data
+from monitor.logged import late_devices
 from monitor.mending import mend_logs
-from monitor.recordings import log_recordings
+from monitor.recordings import log_channels, log_recordings
 
 
 def block(first: int, *, flags: Flag = Flag.NONE, device: str = "beam") -> Block:
@@ -102,10 +103,14 @@ def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
     done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
     assert done.code == 0, done.err
-    (expected,) = log_recordings(path)
-    found = read_data(tmp_path / "data.npz", start=expected.start)
+    late = late_devices(path)
+    (expected,) = log_recordings(path, late=late)
+    found = read_data(tmp_path / "data.npz")
     np.testing.assert_array_equal(found.data, expected.data)
-    assert [c.name for c in found.channels] == [c.name for c in expected.channels]
+    assert (found.channels, found.start) == (expected.channels, expected.start)
+    assert max(late.values()) - min(late.values()) > 1e-3
+    for device, seconds in late.items():
+        assert f"{device} {1e3 * seconds:+.3f} ms" in done.out
     assert f"12 channels, {found.duration:.6g} s at 500 Hz, " in done.out
     assert f"it starts at {expected.start} ns UTC" in done.out
     done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
@@ -141,3 +146,27 @@ def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_pa
     other.close()
     done = modalwatch("log", "info", recorder.paths[0], other.paths[0])
     assert_refused(done, "LOG: expected the files of one run, found those of 2", other.paths[0])
+
+
+def test_modes_of_an_exported_log_are_those_of_the_log(modalwatch: Commands, tmp_path: Path) -> None:
+    """Six devices with delays of up to 1.2 ms; with and without the comment that states the devices."""
+    path = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
+    table, bare = tmp_path / "data.csv", tmp_path / "bare.csv"
+    assert modalwatch("log", "export", path, "--to", 70, "-o", table).code == 0
+    bare.write_text("".join(table.read_text(encoding="utf-8").splitlines(keepends=True)[1:]), encoding="utf-8")
+    modes = []
+    for data in (None, table, bare):
+        log, limit = (path, ("--to", 70)) if data is None else (data.with_suffix(".mcap"), ())
+        if data is not None:
+            assert modalwatch("import", data, "-o", log).code == 0
+        done = modalwatch("identify", log, "--window", 60, "--json", tmp_path / "modes.json", *limit)
+        assert (done.code, "not synchronous" in done.out) == (0, False)
+        modes.append(json.loads((tmp_path / "modes.json").read_text())["modes"])
+    expected, *others = modes
+    for found in others:
+        for a, b in zip(found, expected, strict=True):
+            assert abs(a["frequency"]["value"] - b["frequency"]["value"]) < b["frequency"]["std"]
+            assert abs(a["quality"]["mpc"] - b["quality"]["mpc"]) < 0.02
+    devices = [{channel.device for channel in log_channels(one)} for one in (path, table.with_suffix(".mcap"))]
+    assert devices[0] == devices[1]
+    assert len(devices[0]) == 6
