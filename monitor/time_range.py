@@ -15,7 +15,9 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SECOND = 10**9  # ns
 _LEAST_SECONDS = 2.0  # that the fit of a device's clock needs
 _NUMBER = r"(\d+(?:\.\d*)?|\.\d+)"
-_OFFSET = re.compile(rf"(-?)(?=[\d.])(?:{_NUMBER}d)?(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s?)?")
+_OFFSET = re.compile(rf"(-?)(?=[\d.])(?:{_NUMBER}d)?(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?")
+_BARE = re.compile(rf"-?{_NUMBER}")  # seconds
+_MAX_SECONDS = 1e12  # longer than any log, and finite
 _UNITS = (86400, 3600, 60, 1)  # s
 _EXPECTED = "seconds from the start of the log (90, 1h30m; -10m from its end) or a time (2026-01-31T12:00:00Z)"
 
@@ -153,10 +155,11 @@ def instant(text: str) -> int:
 
 
 def _moment(text: str, option: str) -> Moment:
-    found = _OFFSET.fullmatch(text)
+    found = _OFFSET.fullmatch(f"{text}s" if _BARE.fullmatch(text) else text)
     if found:
         sign, *parts = found.groups()
         seconds = sum(float(part) * unit for part, unit in zip(parts, _UNITS, strict=True) if part)
+        seconds = min(seconds, _MAX_SECONDS)
         return Moment(text, round((-seconds if sign else seconds) * _SECOND), absolute=False)
     try:
         return Moment(text, instant(text), absolute=True)

@@ -155,7 +155,12 @@ def replay_command(
     report = replay(log, load_site(site, given) if site else None, say, overrides(given, {}))
     if json_path:
         results = [result.payload() for result in report.found]
-        found = {"same_as_live": report.same, "comparison": report.comparison.payload(), "results": results}
+        compared = report.from_beginning
+        found = {
+            "same_as_live": report.same if compared else None,
+            "comparison": report.comparison.payload() if compared else None,
+            "results": results,
+        }
         json_path.write_text(json.dumps(found), encoding="utf-8")
     note = _nothing_watched(report)
     if note:

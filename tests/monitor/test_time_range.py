@@ -46,7 +46,7 @@ def part(ambient: Recording, first: float, last: float) -> Recording:
     ("start", "stop", "seconds"),
     [
         ("90", None, (90, 600)),
-        ("1m30", "2m", (90, 120)),
+        ("1m30s", "2m", (90, 120)),
         ("1.5m", "0h2m0.5s", (90, 120.5)),
         (None, "-10", (0, 590)),
         ("-5m", "-4m", (300, 360)),
@@ -69,6 +69,7 @@ def test_a_range_is_read_to_the_sample(
     ("start", "stop", "says"),
     [
         ("700", None, "--from: 700 is outside the log: {log} holds 0 to 600 s, 2026-01-01T00:00:00Z to 2026-01-01T00:"),
+        ("9" * 400, None, "--from: 9999999"),
         ("600", None, "--from: 600 is outside the log"),
         (None, "0", "--to: 0 is outside the log"),
         (None, "-11m", "--to: -11m is outside the log"),
@@ -81,6 +82,7 @@ def test_a_range_is_read_to_the_sample(
         (None, "", "--to: expected seconds"),
         ("1e3", None, "--from: expected seconds"),
         ("5m1h", None, "--from: expected seconds"),
+        ("1h30", None, "--from: expected seconds"),  # minutes or seconds?
     ],
 )
 def test_a_range_that_makes_no_sense_is_refused(
