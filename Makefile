@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds soak unit clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -157,6 +157,10 @@ false-alarms: $(VENV)/.done
 # False alarms and delays by kind of site: the table in docs/detection.md, half an hour; `make site-kinds ARGUMENTS="--sites 8 --days 90"`.
 site-kinds: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/site_kinds.py $(ARGUMENTS)
+
+# Rates of slow trends by kind of site: the table in docs/detection.md, some minutes; `make trends ARGUMENTS="--drift 0 quiet"`.
+trends: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/trends.py $(ARGUMENTS)
 
 # The service through every fault of a rig's life, two hours: docs/soak.md; `make soak ARGUMENTS="--minutes 10"`, `--devices 32`.
 soak: $(VENV)/.done

@@ -8,7 +8,7 @@ The sites are those of the tests' examiner (tests/sealed_sites.py), which shares
 import argparse
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sealed_sites import KINDS, SimulatedSites, SiteKind
@@ -65,6 +65,16 @@ def false_alarms(sites: WatchedSites, days: float) -> str:
     return f"{years:.0f} | {n} ({parts}) | {places} | {n / years:.2f} | {low:.2f} to {high:.2f} | {100 * share:.2f} %"
 
 
+def trend_columns(sites: WatchedSites) -> str:
+    """Return the table's columns of slow trends that are significant at the end."""
+    found = [watch.present for watch in sites.trends if watch.present]
+    if not found:
+        return f"0 | {sites.trend_events} | "
+    rate = 100 * np.median([t.common_rate for t in found])
+    std = 100 * np.median([t.common_std for t in found])
+    return f"{len(found)} of {len(sites.trends)} | {sites.trend_events} | {rate:+.3f} ± {std:.3f}"
+
+
 def delay(kind: SiteKind, n_sites: int, baseline_hours: float, seed: int) -> str:
     """Return the table's columns of delays until a change is found."""
     size = 1e-3 if kind.name == "quiet" else 3e-3
@@ -94,19 +104,24 @@ def main() -> None:
     parser.add_argument("--days", type=float, default=365.0)
     parser.add_argument("--baseline-hours", type=float, default=24.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--step", type=float, help="seconds from one window to the next; the kind's own unless given")
     parser.add_argument("--without-delays", action="store_true")
     parser.add_argument("kinds", nargs="*", metavar="KIND")
     a = parser.parse_args()
     head = "| kind of site | years | false alarms (jump, quick, slow) | sites | per year | 95 % | in alarm "
+    head += "| trend reported | reports | median rate, % per year "
     print(head + "| change | found | delay, median / 9 of 10 | CPU |")
-    print("|---" * 11 + "|")
-    for kind in KINDS:
-        if a.kinds and not any(part in kind.name for part in a.kinds):
+    print("|---" * 14 + "|")
+    for own in KINDS:
+        if a.kinds and not any(part in own.name for part in a.kinds):
             continue
+        kind = own if a.step is None else replace(own, step=a.step)
         began = time.process_time()
-        alarms = false_alarms(started(kind, a.sites, a.baseline_hours, a.seed), a.days)
+        sites = started(kind, a.sites, a.baseline_hours, a.seed)
+        alarms = false_alarms(sites, a.days)
+        trends = trend_columns(sites)
         late = " | | " if a.without_delays else delay(kind, a.sites, a.baseline_hours, a.seed)
-        print(f"| {kind.name} | {alarms} | {late} | {time.process_time() - began:.0f} s |", flush=True)
+        print(f"| {kind.name} | {alarms} | {trends} | {late} | {time.process_time() - began:.0f} s |", flush=True)
 
 
 if __name__ == "__main__":

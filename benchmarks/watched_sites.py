@@ -1,6 +1,6 @@
 """Many sites watched at once by the detectors of the live monitor, with its learning and its alarm."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -8,7 +8,19 @@ from scipy.stats import chi2
 
 from daq import FloatArray
 from monitor.alarms import Alarm, AlarmRules
-from monitor.detection import CHUNK, DETECTORS, GUARD, Judged, Watched, Watching, accept, judge, start
+from monitor.detection import (
+    CHUNK,
+    DETECTORS,
+    GUARD,
+    NO_TREND,
+    Judged,
+    Watched,
+    Watching,
+    accept,
+    follow_trend,
+    judge,
+    start,
+)
 
 RULES = AlarmRules(hold_windows=2, clear_windows=2, clear_ratio=0.8, cooldown=3600 * 10**9)
 YEAR_SECONDS = 365.25 * 86400
@@ -53,7 +65,8 @@ class WatchedSites:
         self.alarms = [Alarm(rules=self.rules) for _ in b.log_frequency]
         self.waiting: list[Judged] = []
         self.raised: list[tuple[int, int, str]] = []  # site, window, detector
-        self.window = self.in_alarm = 0
+        self.window = self.in_alarm = self.trend_events = 0
+        self.trends = [NO_TREND for _ in b.log_frequency]
 
     def watch(self) -> None:
         """Judge and learn from one chunk of windows."""
@@ -65,7 +78,17 @@ class WatchedSites:
         self.waiting.append(judged)
         if len(self.waiting) > GUARD // CHUNK:
             first = self.waiting.pop(0)
-            self.watched = accept(self.watched, first.terms, first.teaching, first.variance)
+            self.watched = accept(self.watched, first.terms, first.teaching, first.variance, first.age)
+            self._follow_trends()
+
+    def _follow_trends(self) -> None:
+        weekly = self.watched.weekly
+        if weekly.week[-1] == self.trends[0].week:
+            return
+        for site, trend in enumerate(self.trends):
+            own = {name: getattr(weekly, name)[site] for name in ("count", "total", "n_terms", "terms")}
+            self.trends[site], new = follow_trend(trend, replace(weekly, **own))
+            self.trend_events += new
 
     def reset_alarms(self) -> None:
         """Forget alarms."""

@@ -19,6 +19,8 @@ Kind = Literal[
     "seen_again",
     "refused",
     "failed",
+    "trend",
+    "trend_over",
 ]
 
 

@@ -29,6 +29,7 @@ from monitor.novelty import MOST_OUT
 from monitor.results import AlarmResult, ModeResult, Phase, ReferenceResult, Result, WindowResult
 from monitor.self_test import NEVER_TESTED, SelfTests
 from monitor.settings import Settings
+from monitor.trend_words import trend_text
 from monitor.window import Window
 from monitor.words import utc
 from updater import NO_DELAYS, DeviceDelays, Structure, UpdaterError
@@ -161,7 +162,7 @@ class Judge:
         score = watch.judge(window)
         over = score.t2 > score.limit
         self._alarm, changes = self._alarm.consider(window.end, score.level)
-        watch.detector.settle(calm=self._alarm.state == "normal")
+        trending = watch.detector.settle(calm=self._alarm.state == "normal")
         self._out = [*self._out, window][-MOST_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
         result = result.model_copy(update={"novelty": score, "phase": self.phase})
@@ -175,6 +176,8 @@ class Judge:
             result = result.model_copy(update={"sensors": health or {}})
         yield result
         yield from (self._changed(window.end, c, change_said(c, result)) for c in changes)
+        if trending:
+            yield self._trend(window.end, watch)
         yield from self._accept(window.end, watch)
         yield from self._extras.found("the self-test", lambda: self._test(watch, window, over=over)) or ()
         yield from (self._notice(window.end, "failed", text) for text in self._extras.failed())
@@ -264,6 +267,12 @@ class Judge:
         """Return what is said without a change of the alarm."""
         last = max(0, self.n_windows - 1)
         return AlarmResult(time=time, state=self._alarm.state, text=text, window=last, kind=kind, quiet=True)
+
+    def _trend(self, time: int, watch: Watch) -> AlarmResult:
+        """Return the event of a slow trend that has begun, changed or ended: the alarm's state stays as it is."""
+        trend = watch.detector.trend
+        notice = self._notice(time, "trend" if trend else "trend_over", trend_text(trend))
+        return notice.model_copy(update={"quiet": self._settings.alarm.trend != "notify"})
 
     def _changed(self, time: int, change: Change, text: str) -> AlarmResult:
         return AlarmResult(

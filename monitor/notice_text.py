@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 from jinja2 import StrictUndefined, TemplateError
 from jinja2.sandbox import SandboxedEnvironment
 
-NoticeKind = Literal["alarm", "update", "recovery", "acknowledged", "flapping", "trouble"]
+NoticeKind = Literal["alarm", "update", "recovery", "acknowledged", "flapping", "trouble", "trend"]
 
 DEFAULT_TEMPLATE = """\
 {% for notice in notices %}{{ notice.site }}, {{ notice.utc }}: {{ notice.text }}
@@ -49,8 +49,8 @@ class Message:
 
 
 def foremost(notices: list[Notice]) -> Notice:
-    """Return the last that changes the alarm; without one the last update, without that the last."""
-    for passed_over in (("trouble", "update"), ("trouble",), ()):
+    """Return the last that changes the alarm; without one the last update, then the last trend, then the last."""
+    for passed_over in (("trouble", "trend", "update"), ("trouble", "trend"), ("trouble",), ()):
         left = [notice for notice in notices if notice.kind not in passed_over]
         if left:
             return left[-1]

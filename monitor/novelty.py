@@ -10,19 +10,23 @@ from monitor.detection import (
     CHUNK,
     DETECTORS,
     GUARD,
+    NO_TREND,
     Judged,
     Shift,
+    TrendWatch,
     Watched,
     Watching,
     accept,
+    follow_trend,
     judge,
     least_unsure,
     shift_of,
     shifted,
     start,
 )
-from monitor.results import DetectorFigure, Novelty, SingleMode
+from monitor.results import DetectorFigure, Novelty, SingleMode, TrendResult
 from monitor.settings import Settings
+from monitor.trend_words import trend_result
 from monitor.window import Window
 from updater import TrackedModes, stack_tracks
 
@@ -38,6 +42,7 @@ class DetectorState:
     before: int  #: start of the last window [ns UTC]
     calm: tuple[Judged, ...] = ()  #: not learnt from yet
     out: tuple[Judged, ...] = ()  #: over the limit, without a break, the newest `MOST_OUT`
+    trend: TrendWatch = NO_TREND
 
 
 class Detector:
@@ -54,12 +59,25 @@ class Detector:
         self._step = settings.step_seconds
         self._watched = replace(state.watched, watching=watching_of(settings))
         self._before, self._calm, self._out = state.before, list(state.calm), list(state.out)
+        self._trend, self._forgiven = state.trend, settings.alarm.trend == "forgive"
         self.least: float | None = None  #: change that the last window could tell, if unsure: see `least_unsure`
 
     @property
     def state(self) -> DetectorState:
         """What to go on from."""
-        return DetectorState(watched=self._watched, before=self._before, calm=tuple(self._calm), out=tuple(self._out))
+        return DetectorState(
+            watched=self._watched,
+            before=self._before,
+            calm=tuple(self._calm),
+            out=tuple(self._out),
+            trend=self._trend,
+        )
+
+    @property
+    def trend(self) -> TrendResult | None:
+        """Return the significant trend, unless it is forgiven."""
+        present = self._trend.present
+        return None if present is None or self._forgiven else trend_result(present)
 
     @property
     def silent_hours(self) -> float | None:
@@ -70,7 +88,7 @@ class Detector:
     def moved(self, n: int) -> tuple[DetectorState, Shift]:
         """Return what to go on from where the structure is now by the last n windows, all over the limit."""
         shift = shift_of(self._watched, self._out[-n:])
-        return DetectorState(watched=shifted(self._watched, shift), before=self._before), shift
+        return self._at(shifted(self._watched, shift)), shift
 
     def seen_again(self, modes: TrackedModes, tracks: IndexArray) -> tuple[DetectorState, Shift]:
         """Return what to go on from where hidden modes are watched again, and where they are now.
@@ -86,11 +104,15 @@ class Detector:
         now = shift_of(self._watched, [replace(j, whitened=w[None]) for j, w in zip(calm, whitened, strict=True)])
         again = np.isin(np.arange(len(law.scale)), tracks)
         own = Shift(log_frequency=np.where(again, now.log_frequency, 0.0), std=np.where(again, now.std, np.nan))
-        return DetectorState(watched=shifted(self._watched, own), before=self._before), own
+        return self._at(shifted(self._watched, own)), own
 
     def moved_back(self, shift: Shift) -> DetectorState:
         """Return what to go on from where a move was wrong."""
-        return DetectorState(watched=shifted(self._watched, shift, back=True), before=self._before)
+        return self._at(shifted(self._watched, shift, back=True))
+
+    def _at(self, watched: Watched) -> DetectorState:
+        """Return the state by a law that was moved: windows judged by the former one are dropped."""
+        return DetectorState(watched=watched, before=self._before, trend=self._trend)
 
     def consider(self, window: Window, track: IndexArray) -> Novelty:
         """Judge one window, whose modes `track` (n_tracks,) gives the tracks of; -1 where one is missing."""
@@ -124,6 +146,7 @@ class Detector:
             modes=(seen + 1).tolist(),
             detectors=figures,
             single_mode=self._single_mode(int(judged.waiting[0])),
+            trend=self.trend,
         )
 
     def _single_mode(self, waiting: int) -> SingleMode | None:
@@ -133,15 +156,25 @@ class Detector:
         needed = int(runs.hold(self._watched.watching.rate))
         return SingleMode(mode=waiting + 1, windows=int(runs.length), needed=needed)
 
-    def settle(self, *, calm: bool) -> None:
-        """Learn from windows that have been followed by enough calm ones; forget those that have not been."""
+    def settle(self, *, calm: bool) -> bool:
+        """Learn from windows that have been followed by enough calm ones; forget those that have not been.
+
+        Returns
+        -------
+        bool
+            Whether a slow trend has begun, ended or changed.
+        """
         if not calm:
             self._calm = []
         elif len(self._calm) >= GUARD + CHUNK:
             chunk, self._calm = self._calm[:CHUNK], self._calm[CHUNK:]
             known = np.concatenate([j.terms for j in chunk])
             variance = np.concatenate([j.variance for j in chunk])
-            self._watched = accept(self._watched, known, np.concatenate([j.teaching for j in chunk]), variance)
+            teaching, age = np.concatenate([j.teaching for j in chunk]), np.concatenate([j.age for j in chunk])
+            self._watched = accept(self._watched, known, teaching, variance, age)
+            self._trend, new = follow_trend(self._trend, self._watched.weekly)
+            return new and not self._forgiven
+        return False
 
 
 def watching_of(settings: Settings) -> Watching:

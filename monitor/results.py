@@ -84,6 +84,23 @@ class SingleMode(_Result):
     needed: int  #: from which on it is taken for a change
 
 
+class ModeTrend(_Result):
+    """Rate of change of one mode's frequency."""
+
+    mode: int  #: identity
+    percent_per_year: Number
+    std_percent_per_year: Number
+
+
+class TrendResult(_Result):
+    """Slow trend of the frequencies since the baseline, the effects of temperature and season removed."""
+
+    weeks: float  #: that it is estimated from
+    percent_per_year: float  #: of the mean over all modes
+    std_percent_per_year: float
+    modes: list[ModeTrend]  #: null rates of those that too few weeks show
+
+
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
@@ -93,6 +110,7 @@ class Novelty(_Result):
     detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
     unsure: Unsure | None = None  #: where changes must be at least three times what they must be by a sure law
     single_mode: SingleMode | None = None  #: where one mode alone is inconsistent, not for long enough to be a change
+    trend: TrendResult | None = None  #: significant slow trend, unless forgiven; it is no part of the distance
 
     @property
     def level(self) -> float:

@@ -185,6 +185,7 @@ class Vitals:
                 "window_age": now - self._windowed,
                 "window_overdue": now - self._windowed > self._pace.window + 2 * self._pace.step,
                 "window": self._window,
+                "trend": (self._window.get("novelty") or {}).get("trend"),
                 "blind": self._sight.blind,
                 "unheard": self._unheard.texts,
                 "late": self._late,

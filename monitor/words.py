@@ -8,6 +8,7 @@ import numpy as np
 from monitor.discrepancy import BalanceResult, SensorBeside, Vector
 from monitor.results import AcceptedShift, IncrementPlace, MassAnswer, MassIncrements, OtherPlace, WindowResult
 from monitor.story import Story
+from monitor.trend_words import standing_trend
 from monitor.unsure_words import unsure_now
 from updater import CalibrationSummary, Cause, Diagnosis, Failed, Gain, Pair, ParameterChange, Quantity, Where
 
@@ -348,8 +349,11 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
         return f"A change was accepted {accepted_text(change, story.accepted_at(change))}; {unsure or then}."
     if any(alarm.state == "alarm" for alarm in story.alarms):
         return f"Back to normal after an alarm, {n} windows watched{f'; {unsure}' if unsure else ''}."
+    trend = standing_trend(story)
     if unsure:
-        return f"No large change: {unsure}."
+        return f"No large change: {unsure}{f'; {trend}' if trend else ''}."
+    if trend:
+        return f"No sudden change in {n} windows; {trend}."
     return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
 
 

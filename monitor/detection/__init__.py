@@ -5,17 +5,22 @@ from monitor.detection.law import CHUNK
 from monitor.detection.least import least_unsure
 from monitor.detection.run_length import Watching
 from monitor.detection.shift import Shift, shift_of, shifted
+from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
 
 __all__ = [
     "CHUNK",
     "DETECTORS",
     "GUARD",
+    "NO_TREND",
     "DetectorName",
     "Judged",
     "Shift",
+    "Trend",
+    "TrendWatch",
     "Watched",
     "Watching",
     "accept",
+    "follow_trend",
     "judge",
     "least_unsure",
     "shift_of",

@@ -14,12 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray
+from monitor.detection.constant import wandered
 from monitor.detection.environment import Climate, first_climate, follow, terms
 from monitor.detection.law import Law, first_law, learn
 from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
 from monitor.detection.scatter import Scatter, ScatterState, first_scatter, follow_scatter, regressors
 from monitor.detection.scores import alone, clipped, distance, tamed
 from monitor.detection.single_mode import SingleModeRuns, most_inconsistent, no_runs, wait
+from monitor.detection.trend import WeeklyMeans, add_windows, no_weeks
 
 WEIGHTS = (0.2, 0.02)  #: of the newest window, in the quick and the slow average
 DetectorName = Literal["jump", "quick drift", "slow drift"]
@@ -40,6 +42,7 @@ class Watched:
     scatter: ScatterState  #: variance common to all modes
     average_variance: FloatArray  #: (2, ...) the same as averaged in `average`
     runs: SingleModeRuns  #: of windows in which one mode alone is inconsistent
+    weekly: WeeklyMeans  #: of the windows learnt from since the baseline
     age: float = 0.0  #: since the baseline [s]
 
 
@@ -52,6 +55,7 @@ class Judged:
     terms: FloatArray  #: (..., n_windows, 3, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
     variance: FloatArray  #: (..., n_windows) of what is new in a window, over the stated one of the law
+    age: FloatArray  #: (n_windows,) since the baseline [s]
     carried: npt.NDArray[np.bool_]  #: (..., n_windows) whether temperatures are unsure for want of readings
     waiting: npt.NDArray[
         np.intp
@@ -106,6 +110,7 @@ def start(
         scatter=state,
         average_variance=level,
         runs=no_runs(law.freedom.shape),
+        weekly=no_weeks(law.freedom.shape, law.scale.shape[-1]),
     )
 
 
@@ -164,6 +169,7 @@ def judge(
         terms=known,
         whitened=whitened,
         variance=scatter.variance,
+        age=age,
         carried=temperatures.carried,
         waiting=np.where(waits, mode, -1),
     )
@@ -215,15 +221,28 @@ def _single(
     return np.where(over.any(0) & (single | ~over).all(0) & (highest == lowest), highest, -1)
 
 
-def accept(watched: Watched, known: FloatArray, whitened: FloatArray, variance: FloatArray | None = None) -> Watched:
+def accept(
+    watched: Watched,
+    known: FloatArray,
+    whitened: FloatArray,
+    variance: FloatArray | None = None,
+    age: FloatArray | None = None,
+) -> Watched:
     """Learn from windows that have been judged and stayed calm; NaN for those that have not.
 
     Parameters
     ----------
-    known, whitened, variance : `terms`, `teaching` and `variance` of `Judged`
+    known, whitened, variance, age : `terms`, `teaching`, `variance` and `age` of `Judged`; without age, windows enter
+        no weekly mean
     """
-    law = learn(watched.law, known, whitened, lag=_lag(watched.watching), age=watched.age, variance=variance)
-    return replace(watched, law=law)
+    weekly = watched.weekly
+    if age is not None:
+        residual = watched.law.residual(known, whitened)
+        deviation = whitened * watched.law.scale[..., None, :]
+        weekly = add_windows(weekly, age, known[..., 0, :], deviation, residual)
+    law = wandered(watched.law, known.shape[-3] * watched.law.step)
+    law = learn(law, known, whitened, lag=_lag(watched.watching), age=watched.age, variance=variance)
+    return replace(watched, law=law, weekly=weekly)
 
 
 def _averaged(average: FloatArray, deviation: FloatArray, weight: float) -> FloatArray:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
+from monitor.detection.constant import less_sure
 from monitor.detection.detector import Judged, Watched
-from monitor.detection.law import Law
+from monitor.detection.trend import next_state
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,19 +56,7 @@ def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
     law = replace(watched.law, centre=watched.law.centre + sign * np.nan_to_num(shift.log_frequency))
     if not back:
         variance = (shift.std / law.scale) ** 2
-        law = _less_sure(law, np.where(np.isfinite(variance), variance, np.nanmean(variance, axis=-1, keepdims=True)))
+        law = less_sure(law, np.where(np.isfinite(variance), variance, np.nanmean(variance, axis=-1, keepdims=True)))
     scatter = replace(watched.scatter, residual=np.full_like(watched.scatter.residual, np.nan))
-    return replace(watched, law=law, average=np.zeros_like(watched.average), scatter=scatter)
-
-
-def _less_sure(law: Law, variance: FloatArray) -> Law:
-    """Return a law of the same coefficients, whose constant has that much more variance (..., n_tracks), whitened."""
-    common = law.common
-    along = (common**2 * variance).sum(-1)
-    unknown = law.unknown.copy()
-    unknown[..., 0, 0, 0] += along
-    unknown[..., 1, 0, 0] += (variance.sum(-1) - along) / max(variance.shape[-1] - 1, 1)
-    information = np.asarray(np.linalg.inv(unknown), dtype=np.float64)
-    alike = (law.coefficient @ common[..., :, None]) * common[..., None, :]
-    moment = information[..., 0, :, :] @ alike + information[..., 1, :, :] @ (law.coefficient - alike)
-    return replace(law, unknown=unknown, sums=replace(law.sums, information=information, moment=moment))
+    average, weekly = np.zeros_like(watched.average), next_state(watched.weekly)
+    return replace(watched, law=law, average=average, scatter=scatter, weekly=weekly)

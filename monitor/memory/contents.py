@@ -17,7 +17,7 @@ from monitor.window import Window
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 6  # of what is written here, or of how modes are identified: another one is not read
+VERSION = 7  # of what is written here, or of how modes are identified: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -82,6 +82,8 @@ class News:
             return self._notice("flapping", change.time, change.text)
         if change.kind == "acknowledged":
             return self._notice("acknowledged", change.time, change.text)
+        if change.kind in ("trend", "trend_over"):
+            return self._notice("trend", change.time, change.text)
         if change.kind in ("latched", "accepted"):
             return self._notice("recovery", change.time, change.text)
         if change.raised:
@@ -118,5 +120,5 @@ class News:
         return self._notice("update", window.end, change_text(found)) if new else None
 
     def _notice(self, kind: NoticeKind, time: int, text: str) -> Notice:
-        alarm = None if kind == "trouble" else self._raised
+        alarm = None if kind in ("trouble", "trend") else self._raised
         return Notice(kind=kind, site=self._site, time=time, utc=utc(time), state=self._state, text=text, alarm=alarm)

@@ -16,6 +16,7 @@ from monitor.report.picture import Picture, optional, picture
 from monitor.results import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.sensors_said import health_rows
 from monitor.story import Story, find_mode
+from monitor.trend_words import standing_trend
 from monitor.unsure_words import unsure_ever, unsure_now
 from monitor.words import (
     accepted_text,
@@ -109,6 +110,8 @@ def _facts(story: Story) -> list[tuple[str, str]]:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
     if unsure := unsure_ever(story):
         facts.append(("What could be told", unsure))
+    if trend := standing_trend(story):
+        facts.append(("Slow trend", trend))
     alarms = [a for a in story.alarms if a.raised]
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
     for change in story.accepted:

@@ -24,7 +24,7 @@ class NotifySettings(Section):
     """`mqtt://HOST:PORT/TOPIC`, `mqtts://` with TLS; needs `modalwatch[fleet]`"""
     headers: Mapping[str, str] = {}
     """of the webhook's request"""
-    on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble")
+    on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
     """what is told; there is `acknowledged` too (service.md)"""
     template: Annotated[str | None, Field(examples=["{{ notice.site }}: {{ notice.text }}"])] = None
     """jinja2 text of `notices`; the program's own unless given"""

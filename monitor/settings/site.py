@@ -1,7 +1,7 @@
 """A whole SITE.toml."""
 
 from ipaddress import ip_address
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -66,6 +66,8 @@ class AlarmSettings(Section):
     """alarms raised and cleared within `flapping_hours`, from which on they wake nobody"""
     flapping_hours: Annotated[float, Field(ge=0)] = 24.0
     """see `flapping_changes`"""
+    trend: Literal["forgive", "report", "notify"] = "report"
+    """what is done of a slow trend: `forgive` it, `report` it in log, status and report, or `notify` people too"""
     self_test_days: Annotated[float, Field(ge=0)] = 7.0
     """between tests whether a mass would raise the alarm; 0 for none"""
     self_test_percent: Positive = 2.0

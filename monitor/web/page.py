@@ -11,7 +11,8 @@ from markupsafe import Markup
 from monitor.alarm_words import duration_text
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
-from monitor.results import SingleMode, Unsure
+from monitor.results import SingleMode, TrendResult, Unsure
+from monitor.trend_words import trend_text
 from monitor.unsure_words import single_mode_text, unsure_text
 from monitor.web.drawings import course_svg, structure_svg
 from monitor.web.source import Past, Source, problems, self_test_said
@@ -49,6 +50,7 @@ def _content(source: Source) -> dict[str, Any]:
         "colour": "watch" if unsure else state,
         "said": _SAID[state] + (", as far as can be told" if unsure else ""),
         "unsure": unsure,
+        "trend": _trend(vitals) if vitals else "",
         "so_far": _so_far(vitals) if vitals and state == "learning" else None,
         "problems": problems(vitals) + ([] if past or (vitals and vitals["history"]) else [_NO_PAST]),
         "alarm": _alarm(standing[-1]) if standing else None,
@@ -77,6 +79,11 @@ def _unsure(vitals: dict[str, Any]) -> str:
     return "; ".join(
         part for part in (unsure, single_mode_text(SingleMode.model_validate(single)) if single else "") if part
     )
+
+
+def _trend(vitals: dict[str, Any]) -> str:
+    found = vitals.get("trend")
+    return trend_text(TrendResult.model_validate(found)) if found else ""
 
 
 def _alarm(alarm: AlarmRow) -> dict[str, Any]:

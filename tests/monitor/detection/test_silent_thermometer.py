@@ -74,6 +74,7 @@ def test_a_change_that_temperature_does_not_make_is_found_in_silence_and_what_co
         terms=judged.terms[-1:],
         whitened=judged.whitened[-1:],
         variance=judged.variance[-1:],
+        age=judged.age[-1:],
         carried=judged.carried[-1:],
         waiting=judged.waiting[-1:],
     )
