@@ -39,6 +39,7 @@ class Watched:
     watching: Watching
     climate: Climate  #: temperatures so far
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
+    average_lasting: FloatArray  #: (2, ..., n_tracks, n_tracks) covariance of what lasts, as averaged in `average`
     scatter: ScatterState  #: variance common to all modes
     average_variance: FloatArray  #: (2, ...) the same as averaged in `average`
     runs: SingleModeRuns  #: of windows in which one mode alone is inconsistent
@@ -52,7 +53,7 @@ class Judged:
 
     value: FloatArray  #: (3, ..., n_windows), by `DETECTORS`
     limit: FloatArray  #: (3, ..., n_windows)
-    terms: FloatArray  #: (..., n_windows, 3, q)
+    terms: FloatArray  #: (..., n_windows, 4, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
     variance: FloatArray  #: (..., n_windows) of what is new in a window, over the stated one of the law
     age: FloatArray  #: (n_windows,) since the baseline [s]
@@ -101,12 +102,14 @@ def start(
     scatter, state = follow_scatter(before, even.residual(known, even.whiten(taught)), x, seconds)
     law = first_law(taught, std, known, measured=measured, lag=lag, step=step, variance=scatter.variance)
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
+    lasting = np.repeat(law.lasting(known, np.zeros(1))[None, ..., -1, :, :], len(WEIGHTS), axis=0)
     level = np.repeat(scatter.variance[None, ..., -1], len(WEIGHTS), axis=0)
     return Watched(
         law=law,
         watching=watching,
         climate=climate,
         average=average,
+        average_lasting=lasting,
         scatter=state,
         average_variance=level,
         runs=no_runs(law.freedom.shape),
@@ -148,18 +151,20 @@ def judge(
     single = [most_inconsistent(squared, score, n)]
     taken = _entering(deviation, covariance, values[0] > limits[0], *single[0])
     taken = np.where(temperatures.carried[..., None], np.nan, taken)
-    averages, levels = [], []
+    averages, levels, lastings = [], [], []
     for i, weight in enumerate(WEIGHTS):
         path = _averaged(watched.average[i], taken, weight)
         level = _averaged_variance(watched.average_variance[i], scatter.variance, taken, weight)
         fast = law.fast[..., None] * averaged(weight, watched.watching.overlap)[0] * level
-        covariance = lasting + _even(fast, p)
+        lasted = _averaged_lasting(watched.average_lasting[i], lasting, taken, weight)
+        covariance = lasted + _even(fast, p)
         squared = distance(path, covariance)[0]
         values.append(squared / p)
         limits.append(drift[..., i])
         single.append(most_inconsistent(squared, alone(path, covariance), np.full(squared.shape, p)))
         averages.append(path[..., -1, :])
         levels.append(level[..., -1])
+        lastings.append(lasted[..., -1, :, :])
     value, limit = np.array(values), np.array(limits)
     mode = _single(value > limit, np.array([s[0] for s in single]), np.array([s[1] for s in single]))
     waits, runs = wait(watched.runs, mode, score, watched.watching.rate)
@@ -180,6 +185,7 @@ def judge(
         age=float(age[-1]),
         scatter=state,
         average_variance=np.array(levels),
+        average_lasting=np.array(lastings),
         runs=runs,
     )
     return judged, after
@@ -262,6 +268,21 @@ def _averaged_variance(level: FloatArray, variance: FloatArray, taken: FloatArra
         entered = np.isfinite(taken[..., window, :]).any(-1)
         level = np.where(entered, kept * level + (1 - kept) * variance[..., window], level)
         out[..., window] = level
+    return out
+
+
+def _averaged_lasting(average: FloatArray, lasting: FloatArray, taken: FloatArray, weight: float) -> FloatArray:
+    """Return an upper bound (..., n_windows, n_tracks, n_tracks) of an average's covariance due to what lasts.
+
+    The square of a weighted mean is at most the weighted mean of squares, however correlated the windows are.
+    """
+    out = np.empty_like(lasting)
+    for window in range(lasting.shape[-3]):
+        entered = np.asarray(np.isfinite(taken[..., window, :]).any(-1))
+        average = np.where(
+            entered[..., None, None], (1 - weight) * average + weight * lasting[..., window, :, :], average
+        )
+        out[..., window, :, :] = average
     return out
 
 

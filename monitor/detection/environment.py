@@ -15,15 +15,16 @@ import numpy.typing as npt
 from daq import FloatArray
 
 MEMORY = np.array([1.0, 6.0, 36.0]) * 3600  #: time constants with which a structure may follow the air [s]
-KNOTS = np.arange(-20.0, 36.0, 5.0)  #: temperatures at which the slope may change [degC]
+_FREEZING = np.array([-5.0, -2.5, 0.0, 2.0])  # degC, at which the slope may change much ...
+_FREEZING_LATE = np.array([-5.0, 0.0])  # ... and those of them in the longer memories
+KNOTS = np.union1d(np.arange(-20.0, 36.0, 5.0), _FREEZING)  #: temperatures at which the slope may change [degC]
 _MIDDLE = 15.0  # degC, where the law is centred
-_FREEZING = np.array([-5.0, 0.0, 5.0])  # degC, knots at which the slope may change much
 _CONSTANT = 100.0  # standard deviations of a window: nothing is known of the constant before the baseline
 _SLOPE, _OWN_SLOPE = 1e-3, 3e-4  # 1/K, of all modes together and of each: steel has -2e-4, concrete -2e-4 to -4e-4,
 # bridges on bearings, arches and whatever is held at both ends up to -2e-3, each mode another
 _KINK, _OWN_KINK = 5e-5, 2e-5  # 1/K, changes of slope at a knot ...
-_ICE, _OWN_ICE = 3e-3, 1e-3  # 1/K, ... and where it freezes: the Z24 bridge's modes had up to -1e-2
-_N_LATE = (len(MEMORY) - 1) * len(_FREEZING)
+_ICE, _OWN_ICE = 6e-3, 3e-3  # 1/K, ... and where it freezes: the Z24 bridge's modes had up to -1e-2, each another
+_N_LATE = (len(MEMORY) - 1) * len(_FREEZING_LATE)
 N_TERMS = 2 + len(MEMORY) + len(KNOTS) + _N_LATE
 THERMOMETER_STD = 1.0  #: of the devices' temperature as the structure's [K]
 _RATE, _SWING = 1 / 3600, 4.0  # K/s, K: rms rate and distance from the mean of days, before any is measured ...
@@ -155,10 +156,10 @@ def _ramp(passed: FloatArray) -> FloatArray:
 
 
 def terms(temperatures: Temperatures) -> FloatArray:
-    """Return the regressors (..., 3, N_TERMS), what a kelvin makes of them, and what missing readings may.
+    """Return the regressors and three deviations of them (..., 4, N_TERMS): a kelvin, missing readings, freezing.
 
-    Constant, temperature, how far the past differs from it, hinges in the shortest memory, and what the hinges at
-    freezing are in the longer ones beside that. Where no reading ever was, the constant alone.
+    Regressors are constant, temperature, how far the past differs from it, hinges in the shortest memory, and what
+    hinges at freezing are in the longer ones beside that. Where no reading ever was, the constant alone.
     """
     air, lagged = temperatures.air, temperatures.lagged
     known = np.isfinite(air)[..., None]
@@ -166,15 +167,35 @@ def terms(temperatures: Temperatures) -> FloatArray:
     kelvin = _varying(air + 0.5, lagged + 0.5) - _varying(air - 0.5, lagged - 0.5)
     up = _varying(air + temperatures.air_std, lagged + temperatures.lagged_std)
     down = _varying(air - temperatures.air_std, lagged - temperatures.lagged_std)
-    rows = [np.where(known, row, 0.0) for row in (value, kelvin, (up - down) / 2)]
-    constant = np.stack([np.ones_like(air), np.zeros_like(air), np.zeros_like(air)], axis=-1)
-    return np.concatenate([constant[..., None], np.stack(rows, axis=-2)], axis=-1)
+    rows = [np.where(known, row, 0.0) for row in (value, kelvin, (up - down) / 2, _frost(air, lagged))]
+    constant = np.zeros((*air.shape, len(rows), 1))
+    constant[..., 0, :] = 1.0
+    return np.concatenate([constant, np.stack(rows, axis=-2)], axis=-1)
+
+
+def _frost(air: FloatArray, lagged: FloatArray) -> FloatArray:
+    """Return the standard deviation of the regressors beside the constant (..., N_TERMS - 1) due to freezing.
+
+    Inside a structure temperatures lie anywhere between those of the air and of its past, also because latent heat
+    holds parts at the freezing point. Below it, where the slope may be large, the law's value is taken as uniform
+    between those of a structure as cold as the coldest and as warm as the warmest of them.
+    """
+    here = np.minimum(np.concatenate([air[..., None], lagged], axis=-1), _FREEZING[-1])
+    coldest, warmest = (
+        _varying(t, np.repeat(t[..., None], len(MEMORY), axis=-1)) for t in (here.min(-1), here.max(-1))
+    )
+    return np.asarray((coldest - warmest) / np.sqrt(12))
+
+
+def _hinges(temperature: FloatArray) -> FloatArray:
+    """Return the hinges (..., n_knots): temperature below each knot, counted from the middle [K]."""
+    return np.asarray(np.minimum(temperature[..., None] - KNOTS, 0.0) - np.minimum(_MIDDLE - KNOTS, 0.0))
 
 
 def _varying(air: FloatArray, lagged: FloatArray) -> FloatArray:
     """Return the regressors beside the constant (..., N_TERMS - 1)."""
-    hinges = np.minimum(lagged[..., :1] - KNOTS, 0.0) - np.minimum(_MIDDLE - KNOTS, 0.0)
-    colder = np.minimum(lagged[..., None] - _FREEZING, 0.0)  # (..., memory, knot)
+    hinges = _hinges(lagged[..., 0])
+    colder = np.minimum(lagged[..., None] - _FREEZING_LATE, 0.0)  # (..., memory, knot)
     late = (colder[..., 1:, :] - colder[..., :1, :]).reshape(*air.shape, -1)
     return np.concatenate([air[..., None] - _MIDDLE, lagged - air[..., None], hinges, late], axis=-1)
 

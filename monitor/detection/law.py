@@ -99,7 +99,7 @@ class Law:
 
         Parameters
         ----------
-        terms : (..., n_windows, 3, q)
+        terms : (..., n_windows, 4, q)
         age : (n_windows,) since the baseline [s], from which on what is feared may have come; None: long ago
         """
         unknown = self.unsure(terms)
@@ -121,8 +121,8 @@ class Law:
         return variance
 
     def by_temperature(self, terms: FloatArray) -> FloatArray:
-        """Return what the thermometer's deviation and missing readings make of modes (..., n_windows, 2, n_tracks)."""
-        return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * [[THERMOMETER_STD], [1.0]])
+        """Return what the thermometer, missing readings and frost make of modes (..., n_windows, 3, n_tracks)."""
+        return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * [[THERMOMETER_STD], [1.0], [1.0]])
 
     def lasting_directions(self, terms: FloatArray, age: FloatArray, variance: FloatArray) -> npt.NDArray[np.intp]:
         """Return in how many directions (..., n_windows) successive windows differ from the law alike.
@@ -166,7 +166,7 @@ def first_law(
     Parameters
     ----------
     log_frequency, std : (..., n_windows, n_tracks), NaN where a window lacks a mode
-    terms : (..., n_windows, 3, q) from `environment.terms`
+    terms : (..., n_windows, 4, q) from `environment.terms`
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
     step : from one window to the next [s]

@@ -1,0 +1,58 @@
+"""Frost after a baseline without any: hardly a false alarm, and limits that are narrow again once it is learnt."""
+
+import numpy as np
+from scipy.stats import poisson
+from sealed_sites import SimulatedSites, SiteKind
+
+from monitor.detection import CHUNK, DETECTORS, Watching, accept, judge, least_unsure, start
+
+STEP, HOURS, DAYS, SITES = 3600.0, 24, 140, 10
+HOURLY = Watching(rate=1 / 8766 / len(DETECTORS), overlap=0.0, hold=2)
+P, STD = 6, 5e-4
+
+
+def test_first_winter_after_a_summer_baseline_raises_hardly_an_alarm() -> None:
+    """One to 3 % of stiffening: less than 1.5 alarms per year, Poisson bound at 1e-3. Without the widening: 27."""
+    seed = 1
+    kind = SiteKind(name="frost", frost=(0.01, 0.03), summer_start=True, step=STEP)
+    sites, alarms, frozen = SimulatedSites(kind, SITES, seed), 0, 0
+    w = sites.windows(2 * HOURS)
+    y, std = np.log(w.frequency / sites.frequency[:, None, :]), w.frequency_std / w.frequency
+    watched = start(y, std, w.temperature, np.full(y.shape[1], STEP), HOURLY, w.rms)
+    for _ in range(DAYS):
+        w = sites.windows(CHUNK)
+        y, std = np.log(w.frequency / sites.frequency[:, None, :]), w.frequency_std / w.frequency
+        judged, watched = judge(watched, y, w.temperature, np.full(CHUNK, STEP), std, w.rms)
+        taught = np.where(judged.over[..., None], np.nan, judged.teaching)
+        watched = accept(watched, judged.terms, taught, judged.variance)
+        alarms += int((judged.over[:, 1:] & judged.over[:, :-1]).any(-1).sum())
+        frozen += int((w.structure < -1).any(-1).sum())
+    print(f"seed {seed}: {alarms} site-days with an alarm, {frozen} with frost")
+    assert frozen > 100
+    assert alarms <= poisson.ppf(1 - 1e-3, 1.5 * SITES * DAYS / 365)
+
+
+def test_frost_that_the_baseline_has_not_seen_widens_limits_until_it_is_learnt() -> None:
+    """A window at -4 degC after a warm baseline could hide a per cent; after ten nights of frost far less."""
+    random, hours = np.random.default_rng(3), np.arange(10 * HOURS)
+
+    def frequencies(temperature: np.ndarray) -> np.ndarray:
+        return np.outer(-2e-4 * temperature, np.ones(P)) + STD * random.standard_normal((len(temperature), P))
+
+    def least(temperature: float) -> float | None:
+        last, after = judge(watched, np.zeros((1, P)), np.array([temperature]), np.full(1, STEP))
+        return least_unsure(after, last)
+
+    day = np.sin(2 * np.pi * hours / HOURS)
+    warm, cold = 20 + 5 * day, -3 + 6 * day
+    y = frequencies(warm)
+    watched = start(y, np.full(y.shape, STD), warm, np.full(len(hours), STEP), HOURLY)
+    assert least(20.0) is None
+    unseen = least(-4.0)
+    judged, watched = judge(watched, frequencies(cold), cold, np.full(len(hours), STEP))
+    watched = accept(watched, judged.terms, judged.teaching, judged.variance)
+    learnt = least(-4.0)
+    print(f"seed 3: at -4 degC {unseen} unseen, {learnt} once learnt")
+    assert unseen is not None
+    assert unseen > 0.01
+    assert learnt is None or learnt < unseen / 4
