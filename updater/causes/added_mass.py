@@ -19,6 +19,7 @@ from updater.fe.element import local_axes
 from updater.posterior import Place, credible, places
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
+from updater.removed_mass import mass_outside_model
 from updater.screening import most_likely
 from updater.size import fineness, size
 from updater.structure import Body, Member, Structure
@@ -37,6 +38,7 @@ _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior
 _ARRIVED = 300.0  # of log density under the best: what is farther may not have come to where it could
 _MOST_FINE = 120  # fine positions on one member
 _MOST_FINE_IN_ALL = 480
+_FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
@@ -198,7 +200,26 @@ class AddedMass:
         magnitude = self.magnitude(fit.theta[here, 0], np.sqrt(fit.covariance[here, 0, 0]))
         mean = float(share @ magnitude.mean)
         variance = share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
-        return mean, float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
+        std = float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
+        row = int(here[np.argmax(share)])
+        return self._outside_the_file(row, mean, std) if mean < 0 and not self._is_filed(row) else (mean, std)
+
+    def _is_filed(self, row: int) -> bool:
+        """Return whether the structure file has a body at a position, which is part of the model's mass."""
+        structure = self.reference.calibration.structure
+        near = _FILED * fineness(structure)
+        at = self._member(row).point(self.position[row])
+        return any(body.mass > 0 and np.linalg.norm(np.subtract(body.at, at)) < near for body in structure.body)
+
+    def _outside_the_file(self, row: int, mass: float, std: float) -> tuple[float, float]:
+        """Return mass and deviation [kg] of a removed body that is not in the file, from those taken off the model.
+
+        The correction is known to a third of itself: the model was calibrated with the body on.
+        """
+        at = self.translation[row].reshape(-1, self.translation.shape[-1])
+        whitener, paired = self.comparison.drifting.matrix, self.comparison.paired
+        body = -mass_outside_model(-mass, at.T @ at, 2 * np.pi * self.reference.frequency, paired, whitener)
+        return body, float(np.hypot(std * (body / mass) ** 2, (body - mass) / 3))
 
     def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:
         """Return mean and standard deviation of a parameter over the positions of a place."""
