@@ -21,6 +21,7 @@ from monitor.alarms import Alarm, Change, Kind
 from monitor.answering import answer, sensors
 from monitor.baseline_change import MAX_RESTARTS, change_in_baseline
 from monitor.describe import mode_results, reference_result
+from monitor.detectable_words import NO_THERMOMETER
 from monitor.extras import Extras
 from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.learning import Watch, learn_watch
@@ -156,7 +157,8 @@ class Judge:
         self._watch, self._baseline, self._restarts = watch, [], 0
         yield self._reference(watch, window.end)
         unsteady = f", though {change[1].partition(';')[0]}" if change else ""
-        yield self._said(window, f"baseline learnt from {len(watch.baseline)} windows{unsteady}")
+        warning = "" if watch.detector.has_thermometer else f"; {NO_THERMOMETER}"
+        yield self._said(window, f"baseline learnt from {len(watch.baseline)} windows{unsteady}{warning}")
 
     def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
         score = watch.judge(window)

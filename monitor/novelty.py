@@ -17,6 +17,7 @@ from monitor.detection import (
     Watched,
     Watching,
     accept,
+    detectable_change,
     follow_trend,
     judge,
     least_unsure,
@@ -24,7 +25,7 @@ from monitor.detection import (
     shifted,
     start,
 )
-from monitor.results import DetectorFigure, Novelty, SingleMode, TrendResult
+from monitor.results import DetectableChange, DetectorFigure, Novelty, SingleMode, TrendResult
 from monitor.settings import Settings
 from monitor.trend_words import trend_result
 from monitor.window import Window
@@ -78,6 +79,11 @@ class Detector:
         """Return the significant trend, unless it is forgiven."""
         present = self._trend.present
         return None if present is None or self._forgiven else trend_result(present)
+
+    @property
+    def has_thermometer(self) -> bool:
+        """Return whether most of the baseline's windows have a temperature."""
+        return bool(self._watched.law.measured)
 
     @property
     def silent_hours(self) -> float | None:
@@ -146,7 +152,16 @@ class Detector:
             modes=(seen + 1).tolist(),
             detectors=figures,
             single_mode=self._single_mode(int(judged.waiting[0])),
+            detectable=self._detectable(judged),
             trend=self.trend,
+        )
+
+    def _detectable(self, judged: Judged) -> DetectableChange:
+        found = detectable_change(self._watched, judged)
+        return DetectableChange(
+            alike_percent=100 * found.alike,
+            modes_percent=(100 * found.each).tolist(),
+            thermometer=self.has_thermometer,
         )
 
     def _single_mode(self, waiting: int) -> SingleMode | None:

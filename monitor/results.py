@@ -101,6 +101,14 @@ class TrendResult(_Result):
     modes: list[ModeTrend]  #: null rates of those that too few weeks show
 
 
+class DetectableChange(_Result):
+    """Smallest lasting changes of frequency that bring a detector to its limit, by what is learnt so far."""
+
+    alike_percent: Number  #: of all modes alike [%]
+    modes_percent: list[Number]  #: of each mode alone, by identities from 1 on [%]
+    thermometer: bool  #: whether the baseline has temperatures
+
+
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
@@ -110,6 +118,7 @@ class Novelty(_Result):
     detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
     unsure: Unsure | None = None  #: where changes must be at least three times what they must be by a sure law
     single_mode: SingleMode | None = None  #: where one mode alone is inconsistent, not for long enough to be a change
+    detectable: DetectableChange | None = None  #: in the conditions of the window
     trend: TrendResult | None = None  #: significant slow trend, unless forgiven; it is no part of the distance
 
     @property

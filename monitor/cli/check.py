@@ -12,6 +12,7 @@ from rich.table import Table
 
 from daq import low_grade
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
+from monitor.detectable_words import NO_THERMOMETER
 from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
@@ -44,11 +45,17 @@ def check_command(path: Path, given: Sequence[str] = ()) -> int:
     for device in site.settings.device:
         if why := low_grade(device.driver):
             console.print(f"[yellow]{escape(f'device {device.name} is of low grade: {why}')}[/]", soft_wrap=True)
+    if not site.settings.temperature and not any(_has_thermometer(probe) for probe in found.values()):
+        console.print(f"[yellow]{escape(NO_THERMOMETER)}[/]", soft_wrap=True)
     for problem in problems:
         console.print(f"[yellow]{escape(problem)}[/]")
     console.print("all devices answer" if not problems else "the devices answer, but see above")
     well = _say_around(site)
     return DONE if well and not problems else NEEDS_A_PERSON
+
+
+def _has_thermometer(found: Probe | str) -> bool:
+    return not isinstance(found, str) and bool(np.isfinite(found.temperature))
 
 
 def _say_around(site: Site) -> bool:

@@ -2,7 +2,7 @@
 
 from monitor.detection.detector import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
 from monitor.detection.law import CHUNK
-from monitor.detection.least import least_unsure
+from monitor.detection.least import Detectable, detectable_change, least_unsure
 from monitor.detection.run_length import Watching
 from monitor.detection.shift import Shift, shift_of, shifted
 from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
@@ -12,6 +12,7 @@ __all__ = [
     "DETECTORS",
     "GUARD",
     "NO_TREND",
+    "Detectable",
     "DetectorName",
     "Judged",
     "Shift",
@@ -20,6 +21,7 @@ __all__ = [
     "Watched",
     "Watching",
     "accept",
+    "detectable_change",
     "follow_trend",
     "judge",
     "least_unsure",

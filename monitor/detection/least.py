@@ -1,16 +1,52 @@
-"""The smallest change of all frequencies alike that a window could have told as a jump."""
+"""The smallest changes that the detectors find: of all frequencies alike, and of one mode alone."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from daq import FloatArray
-from monitor.detection.detector import Judged, Watched
+from monitor.detection.detector import GUARD, WEIGHTS, Judged, Watched
 from monitor.detection.law import BoolArray, Law
-from monitor.detection.scores import distance, tamed
+from monitor.detection.run_length import averaged
+from monitor.detection.scores import CLIP, distance, tamed
 
 _SIZES = np.geomspace(1e-6, 1.0, 241)  # of log frequencies, between which is interpolated
 _MUCH = 3.0  # times as large as where the law is sure
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Detectable:
+    """Smallest lasting changes that bring a detector to its limit if errors are zero, as log frequencies."""
+
+    alike: float  #: of all modes alike
+    each: FloatArray  #: (n_tracks,) of one mode alone
+
+
+def detectable_change(watched: Watched, judged: Judged) -> Detectable:
+    """Return the smallest lasting changes that would be found in the conditions of the last window.
+
+    All modes being identified, the change enters the averages for `GUARD` windows, after which the law begins to learn
+    it. One mode alone enters averages clipped, so that a larger change of one must be a jump.
+
+    Parameters
+    ----------
+    watched : by which it was judged, from `judge`, of one site
+    judged : windows
+    """
+    law, p = watched.law, len(watched.law.scale)
+    lasting, variance = law.lasting(judged.terms[-1:])[0], law.fast * judged.variance[-1]
+    covariance = lasting + variance * np.eye(p)
+    alone_std = 1 / np.sqrt(np.diagonal(np.linalg.inv(covariance)))
+    changes = np.vstack([np.ones(p), np.eye(p)]) / law.scale  # (1 + p, p), whitened
+    found = [np.array([_jump(change, covariance, law, float(judged.limit[0, -1])) for change in changes])]
+    for weight, limit in zip(WEIGHTS, judged.limit[1:, -1], strict=True):
+        fast = averaged(weight, watched.watching.overlap)[0] * variance
+        squared = distance(changes, lasting + fast * np.eye(p))[0] / p
+        size = np.sqrt(limit / squared) / (1 - (1 - weight) ** GUARD)
+        size[1:] = np.where(size[1:] <= CLIP * alone_std * law.scale, size[1:], np.inf)
+        found.append(size)
+    least = np.min(found, axis=0)
+    return Detectable(alike=float(least[0]), each=least[1:])
 
 
 def least_unsure(watched: Watched, judged: Judged) -> float | None:
@@ -44,6 +80,10 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
 
 def _least(law: Law, age: FloatArray | None, judged: Judged, terms: FloatArray, seen: BoolArray) -> float:
     covariance = law.lasting(terms, age)[-1] + law.fast * judged.variance[-1] * np.eye(len(law.scale))
-    moved: FloatArray = np.where(seen, _SIZES[:, None] / law.scale, np.nan)
-    squared, n = distance(tamed(moved, covariance, law.tail), covariance)
-    return float(np.exp(np.interp(np.log(judged.limit[0, -1]), np.log(squared / n), np.log(_SIZES))))
+    return _jump(np.where(seen, 1 / law.scale, np.nan), covariance, law, float(judged.limit[0, -1]))
+
+
+def _jump(change: FloatArray, covariance: FloatArray, law: Law, limit: float) -> float:
+    """Return the multiple of a whitened change (n_tracks,) that brings one window to the jump's limit."""
+    squared, n = distance(tamed(_SIZES[:, None] * change, covariance, law.tail), covariance)
+    return float(np.exp(np.interp(np.log(limit), np.log(squared / n), np.log(_SIZES))))

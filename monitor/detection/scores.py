@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from daq import FloatArray
 
-_CLIP = 3.0  # standard deviations
+CLIP = 3.0  #: standard deviations to which one mode given the others is clipped
 _MUCH = 4.0  # times the other directions' variance has one in which modes move together
 
 
@@ -71,7 +71,7 @@ def clipped(deviation: FloatArray, covariance: FloatArray, mode: npt.NDArray[np.
     """Return deviations, those of some modes (..., n_tracks) given the others clipped to three standard deviations."""
     precision = np.asarray(np.linalg.inv(_known(deviation, covariance)), dtype=np.float64)
     score, std = _alone(deviation, precision)
-    return np.asarray(np.where(mode, deviation - (score - np.clip(score, -_CLIP, _CLIP)) * std, deviation))
+    return np.asarray(np.where(mode, deviation - (score - np.clip(score, -CLIP, CLIP)) * std, deviation))
 
 
 def _alone(deviation: FloatArray, precision: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from daq import files_of
+from monitor.detectable_words import last_detectable
 from monitor.discrepancy import DiscrepancyResult
 from monitor.logged import Run
 from monitor.report import fits, places, trends
@@ -108,6 +109,8 @@ def _facts(story: Story) -> list[tuple[str, str]]:
     judged = [w.novelty for w in story.watched if w.novelty]
     if judged:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
+    if detectable := last_detectable(story):
+        facts.append(("Smallest detectable change", detectable))
     if unsure := unsure_ever(story):
         facts.append(("What could be told", unsure))
     if trend := standing_trend(story):

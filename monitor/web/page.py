@@ -9,9 +9,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from monitor.alarm_words import duration_text
+from monitor.detectable_words import detectable_text
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
-from monitor.results import SingleMode, TrendResult, Unsure
+from monitor.results import DetectableChange, SingleMode, TrendResult, Unsure
 from monitor.trend_words import trend_text
 from monitor.unsure_words import single_mode_text, unsure_text
 from monitor.web.drawings import course_svg, structure_svg
@@ -51,6 +52,7 @@ def _content(source: Source) -> dict[str, Any]:
         "said": _SAID[state] + (", as far as can be told" if unsure else ""),
         "unsure": unsure,
         "trend": _trend(vitals) if vitals else "",
+        "detectable": _detectable(vitals) if vitals else "",
         "so_far": _so_far(vitals) if vitals and state == "learning" else None,
         "problems": problems(vitals) + ([] if past or (vitals and vitals["history"]) else [_NO_PAST]),
         "alarm": _alarm(standing[-1]) if standing else None,
@@ -79,6 +81,11 @@ def _unsure(vitals: dict[str, Any]) -> str:
     return "; ".join(
         part for part in (unsure, single_mode_text(SingleMode.model_validate(single)) if single else "") if part
     )
+
+
+def _detectable(vitals: dict[str, Any]) -> str:
+    found = (vitals["window"].get("novelty") or {}).get("detectable")
+    return detectable_text(DetectableChange.model_validate(found)) if found else ""
 
 
 def _trend(vitals: dict[str, Any]) -> str:

@@ -148,6 +148,17 @@ def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monk
         assert (said in modalwatch("check", site).out) == is_low
 
 
+def test_lack_of_a_thermometer_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    found = probe(Sending(clock), seconds=1.0, now=clock)
+    text = SITE.format(driver="epson-uart", port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y =")
+    site.write_text(text)
+    for celsius, lacks in ((20.0, False), (float("nan"), True)):
+        probed = {"beam_left": replace(found, rate=500.0, temperature=celsius)}
+        monkeypatch.setattr("monitor.cli.check.probe_devices", lambda _, probed=probed: probed)
+        assert ("a thermometer is needed" in modalwatch("check", site).out) == lacks
+
+
 def test_a_device_that_does_not_answer_exits_3(modalwatch: Commands, site: Path) -> None:
     site.write_text(SITE.format(driver="epson-uart", port=site.parent / "no-such-port"))
     done = modalwatch("check", site)

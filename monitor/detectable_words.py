@@ -1,0 +1,28 @@
+"""The smallest detectable change in words, and the consequence of having no thermometer."""
+
+import numpy as np
+
+from monitor.results import DetectableChange
+from monitor.story import Story
+
+NO_THERMOMETER = (
+    "no temperature is measured: season and frost, which change frequencies by up to several per cent, raise alarms or "
+    "hide changes; a thermometer is needed ([temperature] in the settings, or a device that has one)"
+)
+
+
+def detectable_text(found: DetectableChange) -> str:
+    """Return the smallest detectable change, and that a thermometer is needed where there is none."""
+    each = np.array(found.modes_percent)
+    least, most = int(each.argmin()), int(each.argmax())
+    text = (
+        f"a lasting change of all frequencies alike by {found.alike_percent:.2g} %, or of one mode alone by "
+        f"{each[least]:.2g} % (mode {least + 1}) to {each[most]:.2g} % (mode {most + 1})"
+    )
+    return text if found.thermometer else f"{text}; {NO_THERMOMETER}"
+
+
+def last_detectable(story: Story) -> str:
+    """Return the smallest detectable change at the last window that was judged; empty where that is not known."""
+    judged = [window.novelty for window in story.watched if window.novelty]
+    return detectable_text(judged[-1].detectable) if judged and judged[-1].detectable else ""

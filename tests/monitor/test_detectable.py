@@ -1,0 +1,48 @@
+"""The smallest detectable change is stated, and that a thermometer is needed where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from watch_helpers import BASELINE, Played, judged, run, without_answers
+
+from monitor.detectable_words import NO_THERMOMETER, detectable_text
+from monitor.detection import DETECTORS, GUARD, Watching, detectable_change, judge, start
+from monitor.results import AlarmResult, WindowResult
+
+P, STD, DAY, SEED = 5, 3e-4, 144, 4
+WATCHING = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+
+
+def test_stated_change_is_the_one_that_brings_a_detector_to_its_limit() -> None:
+    """Noiseless windows, changed by the stated size: all modes alike, then each alone."""
+    random, day = np.random.default_rng(SEED), 15 + 8 * np.sin(2 * np.pi * np.arange(3 * DAY) / DAY)
+    y = STD * random.standard_normal((len(day), P))
+    watched = start(y, np.full(y.shape, STD), day, np.full(len(day), 600.0), WATCHING)
+    at = np.full(GUARD, 15.0)
+    predicted, _ = judge(watched, y[:GUARD], at, np.full(GUARD, 600.0))
+    law = watched.law
+    expected = law.centre + law.scale * (predicted.terms[:, 0, :] @ law.coefficient)
+    last, after = judge(watched, expected, at, np.full(GUARD, 600.0))
+    found = detectable_change(after, last)
+    print(f"seed {SEED}: {100 * found.alike:.3f} % of all alike, {np.round(100 * found.each, 3)} % of one")
+    for change in [np.full(P, found.alike), *np.diag(found.each)]:
+        reached = judge(watched, expected + change, at, np.full(GUARD, 600.0))[0]
+        assert (reached.value / reached.limit)[:, -1].max() == pytest.approx(1.0, rel=0.1)
+
+
+def test_it_is_told_of_every_window_and_a_missing_thermometer_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    without_answers(monkeypatch)
+    played = Played(5, monkeypatch)
+    windows = (replace(w, temperature=np.nan) for w in played.windows(BASELINE + 2))
+    results = run(played.pipeline(), windows)
+    said = [r.text for r in results if isinstance(r, AlarmResult)]
+    assert said == [f"baseline learnt from {BASELINE} windows; {NO_THERMOMETER}"]
+    last = WindowResult.model_validate(judged(results)[-1].payload())
+    assert last.novelty is not None
+    assert last.novelty.detectable is not None
+    text = detectable_text(last.novelty.detectable)
+    assert text.startswith(
+        f"a lasting change of all frequencies alike by {last.novelty.detectable.alike_percent:.2g} %"
+    )
+    assert text.endswith(NO_THERMOMETER)
