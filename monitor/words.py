@@ -17,6 +17,8 @@ _CERTAIN = 0.999
 _LEAST_P = 1e-12  # that is told as it is
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
+_OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
+_BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _SHARES = frozenset(
     {"loss", *_LOSSES, "error", "damping"}
@@ -132,10 +134,19 @@ def _parameter_name(cause: Cause, change: ParameterChange) -> str:
 
 
 def change_texts(change: ParameterChange) -> tuple[str, str]:
-    """Return a parameter before and after, such as `rigid`, `60 ± 3 kN m/rad`; or `210`, `203.1 ± 0.4 GPa (-3.3 %)`."""
-    size, prefix = next(pair for pair in _PREFIXES if abs(change.after) >= pair[0])
+    """Return a parameter before and after, such as `rigid`, `60 ± 3 kN m/rad`; or `210`, `203.1 ± 0.4 GPa (-3.3 %)`.
+
+    Of a stiffness that may be infinite, such as that of a locked bearing, only a lower bound is known: the flexibility
+    is Gaussian. It is `over 12.7 MN m/rad (95 %)`.
+    """
+    bound = change.after / (1 + _BOUND * change.std / change.after) if change.after > 0 else change.after
+    open_above = change.unit.startswith("N") and change.std > _OPEN * change.after
+    shown = bound if open_above else change.after
+    size, prefix = next(pair for pair in _PREFIXES if abs(shown) >= pair[0])
     scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
     before = "rigid" if change.before is None else f"{scale * change.before:.4g}"
+    if open_above:
+        return before, f"over {scale * bound:.3g}{unit} (95 %)"
     percent = "" if change.before is None else f" ({100 * (change.after / change.before - 1):+.1f} %)"
     return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}"
 

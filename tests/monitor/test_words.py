@@ -9,6 +9,7 @@ from monitor.discrepancy import BalanceResult
 from monitor.viewer.cards import window_card
 from monitor.words import (
     cause_text,
+    change_texts,
     fit_text,
     gain_text,
     is_one_mass,
@@ -18,7 +19,7 @@ from monitor.words import (
     parameter_text,
     where_text,
 )
-from updater import Cause, Gain, Pair, Quantity, Where
+from updater import Cause, Gain, Pair, ParameterChange, Quantity, Where
 
 
 @pytest.mark.parametrize(
@@ -36,6 +37,24 @@ from updater import Cause, Gain, Pair, Quantity, Where
 )
 def test_a_value_is_rounded_by_its_standard_deviation(value: float, std: float, text: str) -> None:
     assert number_text(value, std) == text
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "std", "unit", "texts"),
+    [
+        (None, 6.02e4, 2.9e3, "N m/rad", ("rigid", "60.2 ± 2.9 kN m/rad")),
+        (2.1e11, 2.031e11, 4e8, "Pa", ("210", "203.1 ± 0.4 GPa (-3.3 %)")),
+        (1.181e7, 2.15e9, 2.2e11, "N m/rad", ("11.81", "over 12.7 MN m/rad (95 %)")),
+    ],
+)
+def test_a_parameter_before_and_after(
+    before: float | None, after: float, std: float, unit: str, texts: tuple[str, str]
+) -> None:
+    """Of the bearing that locks only a lower bound is known."""
+    change = ParameterChange(
+        name="a", quantity="b", of="c", position=None, unit=unit, before=before, after=after, std=std
+    )
+    assert change_texts(change) == texts
 
 
 def test_what_fits_worse_than_any_noise_is_known_is_told_as_that() -> None:
