@@ -8,6 +8,7 @@ _LARGEST = 1e30  # of any figure: products of them stay numbers
 _FARTHEST = 1e6  # m
 
 Positive = Annotated[float, Field(gt=0, lt=_LARGEST)]
+NotNegative = Annotated[float, Field(ge=0, lt=_LARGEST)]
 Number = Annotated[float, Field(gt=-_LARGEST, lt=_LARGEST)]
 Coordinate = Annotated[float, Field(ge=-_FARTHEST, le=_FARTHEST)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]

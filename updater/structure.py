@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from daq import FloatArray
-from updater.entry import Entry, Number, Positive, Vector
+from updater.entry import Entry, NotNegative, Number, Positive, Vector
 from updater.section import Section
 from updater.sensor import Correction, Sensor
 from updater.structure_checks import ON_MEMBER, check_names, check_places
@@ -152,7 +152,8 @@ class Segment(Entry):
     )  #: beside that, on bending about the member's local y and z axes [-]
     torsion: Positive = 1.0  #: beside that, on twist [-]
     shear_stiffness: Positive = 1.0  #: factor on what it bears shear and axial force with [-]
-    mass: Number = 0.0  #: more over its length, spread as the member's own is [kg]
+    mass: Number = 0.0  #: more over its length, spread along it as the member's own is [kg]
+    gyration: NotNegative = 1.0  #: square of that mass's radii of gyration over that of the section [-]
 
 
 class Body(Entry):
@@ -283,20 +284,22 @@ class Structure(Entry):
         own = [(float(np.subtract(s.at, member.start) @ axis), s) for s in self.segment if s.member == member.name]
         return [(max(x - s.extent / 2, 0.0), min(x + s.extent / 2, member.length), s) for x, s in own]
 
-    def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, float]:
-        """Return a member's material at a distance from its start [m] as segments make it, and their factors.
+    def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, float, float]:
+        """Return a member's material at a distance from its start [m] as segments make it, and factors.
 
-        Those on stiffness in twist and in bending about the local y and z axes, and that in shear and along the axis.
+        Those on stiffness in twist and in bending about the local y and z axes, that in shear and along the axis, and
+        that on rotary and polar inertia beside the density's.
         """
         material, area = self.material[member.material], self.section[member.section].area
         here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]
         if not here:
-            return material, (1.0, 1.0, 1.0), 1.0
+            return material, (1.0, 1.0, 1.0), 1.0, 1.0
         density = material.density + sum(s.mass / s.extent for s in here) / area
+        turning = material.density + sum(s.gyration * s.mass / s.extent for s in here) / area
         factors = np.prod([[s.stiffness * factor for factor in (s.torsion, *s.bending)] for s in here], axis=0)
         twist, about_y, about_z = factors.tolist()
         shear = float(np.prod([s.shear_stiffness for s in here]))
-        return material.model_copy(update={"density": density}), (twist, about_y, about_z), shear
+        return material.model_copy(update={"density": density}), (twist, about_y, about_z), shear, turning / density
 
     def with_mesh(self, element_length: float) -> "Structure":
         """Return the same structure with elements no longer than `element_length` [m]."""

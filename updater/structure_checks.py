@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 ON_MEMBER = 1e-4  # m
 _SHORTEST = 1e-3  # of its member's length, extent of a segment
+_ROUNDING = 1e-9  # of a factor that is 0
 
 
 def check_names(structure: Structure) -> None:
@@ -123,11 +124,17 @@ def _check_weight(structure: Structure, member: Member) -> None:
     """Refuse segments that take off all the mass that a stretch has."""
     ends = sorted({end for start, stop, _ in structure.segments_of(member) for end in (start, stop)})
     for start, stop in pairwise(ends):
-        left = structure.part_at(member, (start + stop) / 2)[0].density
+        material, _, _, rotary = structure.part_at(member, (start + stop) / 2)
+        left = material.density
         if left <= 0:
             raise ValueError(
                 f"segment of {member.name}: no mass is left from {start:.4g} to {stop:.4g} m of it, its density "
                 f"would be {left:.4g} kg/m3"
+            )
+        if rotary < -_ROUNDING:
+            raise ValueError(
+                f"segment of {member.name}: gyration: expected less, no rotary inertia is left from {start:.4g} to "
+                f"{stop:.4g} m of it"
             )
 
 

@@ -69,6 +69,43 @@ def test_segment_about_one_axis_is_a_member_of_another_section() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize("gyration", [0.0, 0.5, 2.0])
+def test_mass_turns_as_its_gyration_states(gyration: float) -> None:
+    """A clamped shaft in twist, omega^2 = (pi / 2 L)^2 G J / (rho I_p + g m I_p / (A L)); as a whole it moves alike."""
+    section = t_frame().section["tube_40x40x3"]
+    shaft = {
+        "name": "shaft",
+        "from": (0, 0, 0),
+        "to": (0, 0, 1),
+        "material": "steel",
+        "section": "tube",
+        "elements": 40,
+    }
+    structure = Structure.model_validate(
+        {
+            "name": "shaft",
+            "material": {"steel": STEEL},
+            "section": {"tube": section},
+            "member": [shaft],
+            "support": [{"at": (0, 0, 0), "fixed": ["x", "y", "z", "rx", "ry", "rz"]}],
+            "segment": [{"member": "shaft", "at": (0, 0, 0.5), "extent": 1.0, "mass": 4.0, "gyration": gyration}],
+        }
+    )
+    model = build_model(parse_structure(dump_structure(structure)), shear_flexible=True, mass="consistent")
+    polar = sum(section.second_moment) * (STEEL.density + gyration * 4.0 / section.area)
+    twist = np.sqrt(STEEL.shear_modulus * section.torsion_constant / polar) / 4
+    found = model.modes(30).frequency
+    assert np.abs(found / twist - 1).min() < 1e-4  # of 40 elements, (pi / 80)^2 / 24
+    assert model.total_mass() == pytest.approx(STEEL.density * section.area + 4.0)
+
+
+def test_mass_that_is_taken_off_leaves_rotary_inertia() -> None:
+    weight = STEEL.density * t_frame().section["tube_40x40x3"].area * 0.2
+    segment = Segment(member="column", at=(0, 0, 0.6), extent=0.2, mass=-0.6 * weight, gyration=2.0)
+    with pytest.raises(ValueError, match="gyration: expected less"):
+        with_segments(segment)
+
+
 def test_segments_that_overlap_add_up() -> None:
     """Two halves over the same stretch are a quarter; ends need no node of the mesh."""
     half = Segment(member="column", at=(0, 0, 0.613), extent=0.111, stiffness=0.5, mass=0.1)

@@ -92,9 +92,12 @@ class DistributedMass(Spread):
         }
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Add a segment of the stretch's mass."""
+        """Add a segment of the stretch's mass; what is taken off takes no more rotary inertia than is there."""
         member, at, extent = self.stretch(row, theta)
-        segment = Segment(member=member, at=at, extent=extent, mass=float(theta[0]))
+        mass, gyration = float(theta[0]), float(1 + theta[3])
+        if mass < 0:
+            gyration = min(gyration, self.own[self.member[row]] * extent / -mass)
+        segment = Segment(member=member, at=at, extent=extent, mass=mass, gyration=gyration)
         return structure.model_copy(update={"segment": (*structure.segment, segment)})
 
 

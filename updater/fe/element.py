@@ -32,6 +32,7 @@ class Element:
     local_y: Vector | None = None  #: roughly where the local y axis points; horizontally if not said
     turning: Vector = (1.0, 1.0, 1.0)  #: factors on the stiffness in twist and in bending about y and z [-]
     shear: float = 1.0  #: factor on the stiffness in shear and along the axis [-]
+    rotary: float = 1.0  #: factor on rotary and polar inertia [-]
 
     def axes(self, direction: FloatArray) -> FloatArray:
         """Return (3, 3), rows = local x, y, z of the element that points in a direction (3,)."""
@@ -138,7 +139,8 @@ class Element:
     def consistent_mass(self) -> FloatArray:
         """Return the consistent mass matrix (12, 12) with rotary and polar inertia, by Gauss quadrature (exact)."""
         iy, iz = self.section.second_moment
-        inertia = self.material.density * np.array([self.section.area] * 3 + [iy + iz, iy, iz])
+        turning = self.rotary * np.array([iy + iz, iy, iz])
+        inertia = self.material.density * np.array([*[self.section.area] * 3, *turning])
         mass = np.zeros((12, 12))
         for x, weight in zip(_GAUSS_X, _GAUSS_W, strict=True):
             n = self.displacement((1 + x) / 2)
