@@ -20,6 +20,7 @@ from monitor.alarm_words import (
 from monitor.alarms import Alarm, Change, Kind
 from monitor.answering import answer, sensors
 from monitor.baseline_change import MAX_RESTARTS, change_in_baseline
+from monitor.baseline_length import baseline_shortcomings, extended_text, longer_baseline
 from monitor.describe import mode_results, reference_result
 from monitor.detectable_words import NO_THERMOMETER
 from monitor.extras import Extras
@@ -52,6 +53,7 @@ class Judge:
         self._alarm = Alarm(rules=settings.alarm.rules)
         self.n_windows = 0  #: that have come, also those that are left out or show nothing
         self._baseline: list[Window] = []  # until there are enough
+        self._target = settings.analysis.first_windows  # to learn from
         self._restarts = 0  # of learning, by changes of the structure within the baseline
         self._watch: Watch | None = None
         self._out: list[Window] = []  # windows over the limit, without a break
@@ -68,6 +70,7 @@ class Judge:
         self._out, self._calm, self._wanted = list(memory.out), list(memory.calm), memory.wanted
         if memory.detector is None:
             self._baseline, self._restarts = list(memory.baseline), memory.restarts
+            self._target = max(self._target, min(memory.target, self._settings.analysis.most_windows))
         else:
             self._watch = learn_watch(
                 self._structure, memory.baseline, self._devices, self._settings, memory.detector, memory.accepted
@@ -81,6 +84,7 @@ class Judge:
             matters=matters(self._structure, self._settings),
             n_windows=self.n_windows,
             baseline=watch.baseline if watch else tuple(self._baseline),
+            target=self._target,
             restarts=self._restarts,
             detector=watch.detector.state if watch else None,
             alarm=self._alarm,
@@ -127,7 +131,7 @@ class Judge:
             yield self._reference(watch, time)
             text = resumed_said(len(watch.baseline), watch.learnt, since)
         else:
-            text = f"learning goes on: {len(self._baseline)} of {self._settings.analysis.baseline_windows} windows"
+            text = f"learning goes on: {len(self._baseline)} of {self._target} windows"
         last = max(0, self.n_windows - 1)
         yield AlarmResult(time=time, state=alarm.state, text=text, window=last, kind="resumed", quiet=True, since=since)
 
@@ -140,7 +144,7 @@ class Judge:
     def _learn(self, window: Window, result: WindowResult) -> Iterator[Result]:
         self._baseline.append(window)
         yield result
-        if len(self._baseline) < self._settings.analysis.baseline_windows:
+        if len(self._baseline) < self._target:
             return
         try:
             watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
@@ -152,13 +156,23 @@ class Judge:
         if change and self._restarts < MAX_RESTARTS:
             self._restarts += 1
             self._baseline = self._baseline[change[0] :]
+            self._target = self._settings.analysis.first_windows
             yield self._said(window, change[1])
+            return
+        lacking = baseline_shortcomings(watch.baseline, watch.reference.windows, self._settings.step_seconds)
+        longer = longer_baseline(len(watch.baseline), lacking, self._settings.analysis.most_windows)
+        if longer > len(watch.baseline) and not change:
+            said, self._target = self._target == self._settings.analysis.first_windows, longer
+            if said:
+                yield self._said(window, extended_text(len(watch.baseline), lacking, longer, self._settings))
             return
         self._watch, self._baseline, self._restarts = watch, [], 0
         yield self._reference(watch, window.end)
-        unsteady = f", though {change[1].partition(';')[0]}" if change else ""
+        doubts = [change[1].partition(";")[0]] if change else []
+        doubts += [f"it {one.text}" for one in lacking]
+        though = f", though {' and '.join(doubts)}" if doubts else ""
         warning = "" if watch.detector.has_thermometer else f"; {NO_THERMOMETER}"
-        yield self._said(window, f"baseline learnt from {len(watch.baseline)} windows{unsteady}{warning}")
+        yield self._said(window, f"baseline learnt from {len(watch.baseline)} windows{though}{warning}")
 
     def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
         score = watch.judge(window)
@@ -172,7 +186,7 @@ class Judge:
             found = self._extras.found("the diagnosis", lambda: self._answer(watch)) or {}
             result = result.model_copy(update=found)
         calm: list[Window] = []
-        if len(self._calm) >= self._settings.analysis.baseline_windows:
+        if len(self._calm) >= self._settings.analysis.first_windows:
             calm, self._calm = self._calm, []
             health = self._extras.found("the look at the sensors", lambda: sensors(watch, calm, self._devices))
             result = result.model_copy(update={"sensors": health or {}})

@@ -200,7 +200,7 @@ def _watch(
 ) -> tuple[Watch, list[Window]]:
     """Return what is watched by, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
-        n, of = len(memory.baseline), settings.analysis.baseline_windows
+        n, of = len(memory.baseline), memory.target
         raise ProofError(f"the baseline is being learnt, {n} of {of} windows: hang the mass on once it is")
     minutes = settings.step_seconds * (1 + settings.alarm.hold_windows) / 60
     if not memory.out:

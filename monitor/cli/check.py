@@ -16,9 +16,11 @@ from monitor.detectable_words import NO_THERMOMETER
 from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
 from monitor.probe import Probe, probe_devices
-from monitor.settings import AXES, DeviceSettings
+from monitor.settings import AXES, DeviceSettings, Settings
 from monitor.site import Site, load_site
 from monitor.surroundings import look_around
+
+_DAY_HOURS = 24.0
 
 console = Console(highlight=False)
 
@@ -75,7 +77,7 @@ def _say_plan(site: Site) -> None:
     console.print(f"structure: {escape(str(site.folder / settings.structure))}", soft_wrap=True)
     console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
-    console.print(f"baseline:  {analysis.baseline_windows} windows, {settings.learning_seconds / 3600:.2g} h")
+    console.print(f"baseline:  {_baseline_text(settings)}", soft_wrap=True)
     acknowledged = ", once acknowledged" if settings.alarm.latch else ""
     console.print(
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
@@ -116,3 +118,13 @@ def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
     still = [name for axis, name in device.channels.items() if found.rms[AXES.index(axis)] == 0]
     problems += [f"device {device.name}: channel {name} does not move at all" for name in still]
     return problems
+
+
+def _baseline_text(settings: Settings) -> str:
+    """Return how many windows are learnt from, and for how long."""
+    analysis, hours = settings.analysis, settings.learning_seconds / 3600
+    text = f"{analysis.first_windows} windows, {hours:.2g} h"
+    if analysis.most_windows > analysis.first_windows:
+        most = hours + (analysis.most_windows - analysis.first_windows) * settings.step_seconds / 3600
+        return f"{text}; up to {analysis.most_windows}, {most:.2g} h, if these are too few for what they show"
+    return text if hours >= _DAY_HOURS else f"{text}, less than a day's cycle"

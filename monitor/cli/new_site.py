@@ -97,6 +97,6 @@ def learning_notes(settings: Settings, seconds: float, site: Path) -> Iterator[s
         return
     analysis = settings.analysis
     yield (
-        f"by {site} a watch learns for {settings.learning_seconds:g} s ({analysis.baseline_windows} windows of "
+        f"by {site} a watch learns for {settings.learning_seconds:g} s ({analysis.first_windows} windows of "
         f"{analysis.window_seconds:g} s), the log has {seconds:.6g} s: mind window_seconds and baseline_windows there"
     )

@@ -1,5 +1,6 @@
 """Change detection that holds a false alarm rate: a law of temperature, the scatter about it, limits by run length."""
 
+from monitor.detection.correlated_noise import effective_number
 from monitor.detection.detector import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
 from monitor.detection.law import CHUNK
 from monitor.detection.least import Detectable, detectable_change, least_unsure
@@ -22,6 +23,7 @@ __all__ = [
     "Watching",
     "accept",
     "detectable_change",
+    "effective_number",
     "follow_trend",
     "judge",
     "least_unsure",

@@ -150,6 +150,8 @@ def trend_of(weekly: WeeklyMeans) -> Trend | None:
     x, prior = _design(weekly, time)
     mean = np.where(weekly.count > 0, weekly.total / np.maximum(weekly.count, 1), np.nan)
     often = np.isfinite(mean).mean(0) > 0.5
+    if not often.any():
+        return None
     series = np.column_stack([mean, mean[:, often].mean(1)])
     weights = np.column_stack([weekly.count, weekly.count[:, often].min(1, initial=np.inf)])
     found = [_rate(y, weight, x, prior, time) for y, weight in zip(series.T, weights.T, strict=True)]

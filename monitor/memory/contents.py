@@ -17,7 +17,7 @@ from monitor.window import Window
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 7  # of what is written here, or of how modes are identified: another one is not read
+VERSION = 8  # of what is written here, or of how modes are identified: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,6 +27,7 @@ class Memory:
     matters: dict[str, str]  #: what it depends on, each as words (see `matters`)
     n_windows: int  #: so far
     baseline: tuple[Window, ...]  #: learnt from, or so far
+    target: int  #: windows to learn from
     restarts: int  #: of learning, by changes of the structure within the baseline
     detector: DetectorState | None  #: None while the baseline is being learnt
     alarm: Alarm

@@ -12,6 +12,8 @@ from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.section import Positive, Section
 
+_BASELINE_WINDOWS = 24  # to begin with
+
 
 class RecorderSettings(Section):
     """Where the log goes, and how much of it is kept."""
@@ -43,8 +45,24 @@ class AnalysisSettings(Section):
     """share of a window that the next one repeats"""
     band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
     """[low, high] in Hz; chosen from rate and window unless given"""
-    baseline_windows: Annotated[int, Field(ge=5)] = 24
-    """windows to learn from before watching"""
+    baseline_windows: Annotated[int | None, Field(ge=5, examples=[24])] = None
+    """windows to learn from before watching; unless given 24, and more while these are too few for what they show"""
+    baseline_windows_max: Annotated[int, Field(ge=5)] = 144
+    """at which learning ends in any case; ignored with `baseline_windows`"""
+
+    @property
+    def first_windows(self) -> int:
+        """Windows that are learnt from at least."""
+        return (
+            min(_BASELINE_WINDOWS, self.baseline_windows_max)
+            if self.baseline_windows is None
+            else self.baseline_windows
+        )
+
+    @property
+    def most_windows(self) -> int:
+        """Windows that are learnt from at most."""
+        return self.baseline_windows_max if self.baseline_windows is None else self.baseline_windows
 
 
 class AlarmSettings(Section):
@@ -225,5 +243,5 @@ class Settings(Section):
 
     @property
     def learning_seconds(self) -> float:
-        """How long the baseline takes [s]."""
-        return self.analysis.window_seconds + (self.analysis.baseline_windows - 1) * self.step_seconds
+        """How long the baseline takes at least [s]."""
+        return self.analysis.window_seconds + (self.analysis.first_windows - 1) * self.step_seconds

@@ -88,7 +88,7 @@ class LiveResults:
     def __init__(self, recording: rr.RecordingStream, name: str, settings: Settings) -> None:
         self._recording, self._name = recording, name
         analysis = settings.analysis
-        self._most = int(_BASELINES * max(analysis.baseline_windows, _LEAST_WINDOWS))  # windows that are kept
+        self._most = int(_BASELINES * max(analysis.most_windows, _LEAST_WINDOWS))  # windows that are kept
         shown = self._most * analysis.window_seconds
         channels = tuple(channel.name for channel in settings.channels)
         self._live = Live(seconds=shown, channels=channels)

@@ -8,7 +8,7 @@ from scipy.stats import binom
 from sealed_sites import KINDS, SimulatedSites
 
 from daq import FloatArray
-from monitor.detection.correlated_noise import regress
+from monitor.detection.correlated_noise import effective_number, regress
 from monitor.detection.environment import first_climate, follow, terms
 from monitor.detection.trend import (
     NO_TREND,
@@ -126,8 +126,14 @@ def test_effective_number_of_values_is_that_of_the_theory() -> None:
     random, n, constant = np.random.default_rng(11), 200, 5.0
     time, rho = np.arange(n, dtype=float), np.exp(-1 / constant)
     found = [
-        regress(autoregressive(random, n, constant), np.ones((n, 1)), np.array([1e3]), time, (1.0, 5.0, 25.0)).effective
-        for _ in range(20)
+        effective_number(
+            np.column_stack([autoregressive(random, n, constant) for _ in range(4)]),
+            np.ones((n, 1)),
+            np.array([1e3]),
+            time,
+            (1.0, 5.0, 25.0),
+        )
+        for _ in range(10)
     ]
     expected = n * (1 - rho) / (1 + rho)
     print(f"seed 11: {np.median(found):.1f}, expected {expected:.1f}")

@@ -1,0 +1,113 @@
+"""Whether a baseline is long enough for what it shows: a day's cycle, and enough independent windows."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from monitor.detection import effective_number
+from monitor.settings import Settings
+from monitor.window import Window
+from updater import TrackedModes
+
+_DAY = 86400.0  # s
+_MOST = 288  # windows that the autocorrelation is estimated from, the newest
+_CONSTANTS = (2.0, 5.0, 12.0, 30.0, 80.0)  # windows, of the autocorrelation
+_MOVED = 1.0  # K: a thermometer is no more certain as that of the structure
+_SLOPE_STD = 1e-3  # 1/K of a log frequency: steel has 2e-4, bridges on bearings up to 2e-3
+_REGRESSORS = 4  # of the law that a few days determine: constant, temperature, and two of its past
+_CORRELATED = 0.5  # of the windows: with fewer effective ones successive windows are not independent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shortcoming:
+    """What a baseline is too short for."""
+
+    text: str  #: predicate of a sentence on the baseline
+    needed: int  #: windows that would be enough
+
+
+def baseline_shortcomings(windows: Sequence[Window], modes: TrackedModes, step: float) -> tuple[Shortcoming, ...]:
+    """Return what a live baseline is too short for.
+
+    Parameters
+    ----------
+    windows : of the baseline
+    modes : (n_windows, n_tracks) of these
+    step : from one window to the next [s]
+    """
+    seconds = 1e-9 * np.array([window.start - windows[0].start for window in windows])
+    return shortcomings(modes, seconds, np.array([window.temperature for window in windows]), step)
+
+
+def longer_baseline(n: int, lacking: Sequence[Shortcoming], most: int) -> int:
+    """Return how many windows to learn from: as many as needed, but at most twice as many as now."""
+    needed = max((one.needed for one in lacking), default=n)
+    return max(n, min(needed, 2 * n, most))
+
+
+def extended_text(n: int, lacking: Sequence[Shortcoming], longer: int, settings: Settings) -> str:
+    """Return a sentence on a baseline that is continued."""
+    return (
+        f"the baseline is too short: that of {n} windows {' and '.join(one.text for one in lacking)}; learning goes on "
+        f"to {longer} windows, then as long as needed to at most {settings.analysis.most_windows} "
+        "(analysis.baseline_windows_max)"
+    )
+
+
+def shortcomings(
+    modes: TrackedModes, seconds: FloatArray, temperature: FloatArray, step: float
+) -> tuple[Shortcoming, ...]:
+    """Return what a baseline is too short for; empty where it is long enough.
+
+    Windows that are independent of one another and have no temperature that moves are enough at any length. Otherwise a
+    day must be covered, and the windows must be worth as many independent ones as make the squared distance of a new
+    window from p estimated means and variances at most twice that from the true ones in the mean: 2 p + 3, and one for
+    each regressor of the law (Hotelling's T2: expectation of the inverse Wishart distribution).
+
+    Parameters
+    ----------
+    modes : (n_windows, n_tracks)
+    seconds : (n_windows,) start of each window, ascending [s]
+    temperature : (n_windows,) [degC], NaN where not known
+    step : from one window to the next [s]
+    """
+    n, p = modes.log_frequency.shape
+    known = bool(np.isfinite(temperature).all())
+    moved = float(np.ptp(temperature)) if known else 0.0
+    effective = _effective(modes, temperature if known and moved > 0 else None)
+    correlated = effective < _CORRELATED * n
+    found = []
+    covered = float(seconds[-1] - seconds[0]) + step
+    if covered < _DAY and (correlated or moved > _MOVED):
+        reason = " and ".join(
+            text
+            for text, there in (
+                (f"the temperature moved by {moved:.1f} K", moved > _MOVED),
+                ("successive windows move alike", correlated),
+            )
+            if there
+        )
+        needed = n + math.ceil((_DAY - covered) / step)
+        found.append(Shortcoming(text=f"covers {covered / 3600:.1f} h of a day's cycle, while {reason}", needed=needed))
+    least = 2 * p + 3 + (_REGRESSORS if known else 1)
+    if correlated and effective < least:
+        text = f"is worth {effective:.0f} independent windows, while its {p} modes need {least}"
+        found.append(Shortcoming(text=text, needed=math.ceil(n * least / effective)))
+    return tuple(found)
+
+
+def _effective(modes: TrackedModes, temperature: FloatArray | None) -> float:
+    """Return the number of independent windows, beside a straight line over temperature if that is given."""
+    y = modes.log_frequency[-_MOST:]
+    y = y - np.nanmean(y, axis=0)
+    n = len(y)
+    columns = [np.ones(n)]
+    if temperature is not None:
+        columns.append(temperature[-_MOST:] - temperature[-_MOST:].mean())
+    prior = np.array([1.0, _SLOPE_STD])[: len(columns)]
+    constants = tuple(c for c in _CONSTANTS if c <= max(n / 2, _CONSTANTS[0]))  # slower ones are a constant to so few
+    found = effective_number(y, np.column_stack(columns), prior, np.arange(n, dtype=float), constants)
+    return found * len(modes.log_frequency) / n
