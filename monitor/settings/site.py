@@ -85,7 +85,7 @@ class AlarmSettings(Section):
     flapping_hours: Annotated[float, Field(ge=0)] = 24.0
     """see `flapping_changes`"""
     trend: Literal["forgive", "report", "notify"] = "report"
-    """what is done of a slow trend: `forgive` it, `report` it in log, status and report, or `notify` people too"""
+    """slow trends of the frequencies: `forgive`, `report` in log, status and report, or `notify` people as well"""
     self_test_days: Annotated[float, Field(ge=0)] = 7.0
     """between tests whether a mass would raise the alarm; 0 for none"""
     self_test_percent: Positive = 2.0
