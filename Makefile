@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit clean
+.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -98,6 +98,11 @@ sensors: $(VENV)/.done
 # How often one and two masses are counted rightly, and how near the worse is placed: prints a table, half an hour.
 several: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/several_masses.py
+
+# Reliability of the stated number of masses, one to three of them: the tables in docs/localization.md, an hour;
+# it continues where it was stopped (count_masses.jsonl): `make counting ARGUMENTS="--minutes 10 --seed 1"`.
+counting: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/count_masses.py $(ARGUMENTS)
 
 # One added mass at 1000 random places a line, from modes with known noise: the table in docs/localization.md, an hour.
 localization: $(VENV)/.done

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from counting_helpers import frame_with_masses
 from updater_helpers import measure, t_frame, true_model
 
 from updater import (
@@ -56,7 +57,7 @@ def place(change: MassChange) -> np.ndarray:
 def test_masses_are_counted_placed_and_weighed(loaded: Loaded, bodies: tuple[Body, ...]) -> None:
     """Within four standard deviations and 2 mm of rounding; each at least told to 0.1 m."""
     reference, event = loaded
-    found = locate_masses(reference, event(bodies))
+    found = locate_masses(reference, event(bodies), most=max(len(bodies), 2))
     assert found.number == len(bodies)
     assert found.probability.sum() == pytest.approx(1)
     assert found.probability.argmax() == len(bodies)
@@ -93,3 +94,12 @@ def test_at_most_one_is_at_most_one(loaded: Loaded) -> None:
     found = locate_masses(reference, event(bodies), most=1)
     assert found.number == 1
     assert len(found.probability) == 2
+
+
+def test_three_masses_are_not_surely_two() -> None:
+    """Three masses on a frame of the examiner's, one of which hardly shows; two were stated with 0.97."""
+    case = frame_with_masses(3, "coarse", np.random.default_rng((11, 1, 3, 3)))
+    found = locate_masses(case.reference, case.event)
+    print(found.probability)
+    assert found.probability[3] > 0.1
+    assert found.number == 3 or found.probability.max() < 0.9
