@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit clean
+.PHONY: demo test thorough check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -12,8 +12,14 @@ demo: $(VENV)/.done
 test: export OPENBLAS_NUM_THREADS = 1
 test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/.done
-	$(BIN)/python -m pytest -m "not live" --numprocesses auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m live --numprocesses auto --dist loadgroup
+
+# More draws of what the tests cover: other seeds, other structures, pairs of causes.
+thorough: export OPENBLAS_NUM_THREADS = 1
+thorough: export PYTHONDONTWRITEBYTECODE =
+thorough: $(VENV)/.done
+	$(BIN)/python -m pytest -m thorough --numprocesses auto
 
 check: $(VENV)/.done
 	$(BIN)/ruff check .

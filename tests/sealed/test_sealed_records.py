@@ -12,16 +12,17 @@ from sealed_score import score
 from sealed_signals import recorded
 from sealed_solid import STRUCTURE as BAR
 from sealed_specimen import State
+from thorough_helpers import few_of
 
 from daq import Recording, write_recording
 from updater import t_structure_toml
 
 SECONDS = 120.0
 CASES = [
-    ("nothing", 401),
     ("added_mass", 401),
-    ("sensor_delay", 401),
     ("solid: local_stiffness", 402),
+    ("nothing", 401),
+    ("sensor_delay", 401),
 ]
 
 
@@ -42,7 +43,7 @@ def log_of(case: Case, folder: Path, when: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("share", [0.004, 0.1])
+@pytest.mark.parametrize("share", few_of([0.004, 0.1]))
 def test_channels_that_a_machine_overdrives_are_reported_and_are_no_cause(
     logs: Path, modalwatch: Commands, share: float
 ) -> None:
@@ -72,7 +73,7 @@ def overdriven(state: State, recording: Recording, share: float) -> Recording:
     return replace(recording, data=data)
 
 
-@pytest.mark.parametrize(("cell", "seed"), CASES)
+@pytest.mark.parametrize(("cell", "seed"), few_of(CASES, 2))
 def test_what_was_done_is_what_is_said(logs: Path, modalwatch: Commands, cell: str, seed: int) -> None:
     """Fixed seeds; benchmarks/confusion_records.py draws others, and says how often this fails."""
     case = draw(cell, seed)

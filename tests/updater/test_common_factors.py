@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
@@ -102,7 +103,9 @@ def test_tones_that_moved_along_tell_the_clock(learnt: tuple[Reference, Model]) 
     assert explained.extended.recorder.clock == pytest.approx(1 + error.value, abs=2 * error.std)
 
 
-@pytest.mark.parametrize("tones", [[0.0001], [0.0, -0.0003, 0.02]], ids=["mains", "mains and a machine that slowed"])
+@pytest.mark.parametrize(
+    "tones", few_of([[0.0, -0.0003, 0.02], [0.0001]]), ids=["mains and a machine that slowed", "mains"]
+)
 def test_tones_that_stayed_exclude_the_clock(learnt: tuple[Reference, Model], tones: list[float]) -> None:
     still: FloatArray = np.array(tones)
     diagnosis = found(learnt, denser(learnt[1], 1.02), Circumstances(tones=still), 851).diagnosis

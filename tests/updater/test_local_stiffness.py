@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
@@ -75,7 +76,7 @@ def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: B
 
 @pytest.mark.parametrize(
     ("seed", "name", "start", "end", "left"),
-    [(181, "column", 0.67, 0.73, 0.5), (182, "column", 0.30, 0.60, 0.8), (183, "crossbeam", 0.55, 0.63, 0.4)],
+    few_of([(181, "column", 0.67, 0.73, 0.5), (182, "column", 0.30, 0.60, 0.8), (183, "crossbeam", 0.55, 0.63, 0.4)]),
 )
 def test_softened_stretch_is_found(seed: int, name: str, start: float, end: float, left: float) -> None:
     """Its middle within 4 deviations of itself and 3 cm; what the loss adds up to over its length, within 15 %.
@@ -99,7 +100,7 @@ def test_softened_stretch_is_found(seed: int, name: str, start: float, end: floa
 
 @pytest.mark.parametrize(
     ("seed", "name", "start", "end", "left"),
-    [(185, "column", 0.70, 0.76, (0.4, 0.9, 0.8)), (186, "crossbeam", 0.58, 0.64, (0.8, 0.35, 0.7))],
+    few_of([(185, "column", 0.70, 0.76, (0.4, 0.9, 0.8)), (186, "crossbeam", 0.58, 0.64, (0.8, 0.35, 0.7))]),
 )
 def test_a_cut_from_one_side_is_found(
     seed: int, name: str, start: float, end: float, left: tuple[float, float, float]
@@ -125,6 +126,7 @@ def test_a_cut_from_one_side_is_found(
     assert [*segment.bending, segment.torsion] == pytest.approx(said, abs=0.1)
 
 
+@pytest.mark.thorough
 def test_one_factor_beside_a_body_is_told_as_one() -> None:
     """Alone, losses of their own about the axes take up what the body does: beside it nothing speaks for them."""
     body = Body(at=(0.25, 0.0, 1.48), mass=0.1)
@@ -136,6 +138,7 @@ def test_one_factor_beside_a_body_is_told_as_one() -> None:
     assert abs(parameters["loss"].value - 0.68) < 3 * parameters["loss"].std
 
 
+@pytest.mark.thorough
 def test_a_body_beside_a_stretch_is_no_oscillator() -> None:
     """One whose mode nobody sees fits too: its own frequency takes up what the crossbeam has lost."""
     body = Body(at=(0.0, 0.0, 0.945), mass=0.39)

@@ -6,6 +6,7 @@ from sealed_path import observation
 from sealed_signals import estimated
 from sealed_specimen import State
 from sealed_storeys import FOOT, LOOSE_FOOT, as_it_stands, toml, with_channels, with_loose_foot
+from thorough_helpers import few_of
 
 from monitor.diagnosing import Observation
 from updater import Reference, diagnose, learn_reference, matched_surely, parse_structure
@@ -21,7 +22,7 @@ def learnt(before: Observation) -> Reference:
     return learn_reference(STRUCTURE, before.estimates, before.tracks, before.lateness.delays)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", few_of([1, 2]))
 def test_a_loosened_foot_is_sized_within_its_deviations(seed: int) -> None:
     """The file has the second mode 35 % off and the feet clamped: 60 kN m/rad before, 15 after."""
     random, state = np.random.default_rng((seed, 6)), as_it_stands(seed)

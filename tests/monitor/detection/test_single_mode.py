@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import poisson
+from thorough_helpers import few_of
 
 from daq import FloatArray
 from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
@@ -46,7 +47,7 @@ def over(found: list[Judged]) -> FloatArray:
     return np.concatenate([judged.over for judged in found], axis=-1).astype(float)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", few_of([1, 2]))
 def test_bursts_of_one_wrong_pole_raise_no_alarm(seed: int) -> None:
     """290 bursts at 30 sites in 30 days; 1.5 false alarms per year would be 3.7: Poisson bound at 1e-3."""
     random = np.random.default_rng(seed)
@@ -59,7 +60,7 @@ def test_bursts_of_one_wrong_pole_raise_no_alarm(seed: int) -> None:
     assert alarms <= poisson.ppf(1 - 1e-3, 1.5 * 30 * 30 / 365)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", few_of([1, 2]))
 @pytest.mark.parametrize("busy", [False, True])
 def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, *, busy: bool) -> None:
     """0.5 % of one mode, ten deviations, on sites without wrong poles and on sites with bursts of them."""
