@@ -16,7 +16,7 @@ from updater.knobs import Knob, with_springs
 from updater.recalibration import Measured, Recalibrated, is_far, model_reference, parameters_of, recalibrated
 from updater.reference import NEAR, SAME_SHAPE, Reference, first_stage
 from updater.statistics import ModalMean, learn_scatter, mean_modes, stack_tracks, stated_scatter
-from updater.structure import Structure
+from updater.structure import Body, Structure
 
 _LEAST_P = 1e-3  # of data and prior, under which the file's parameters are believed less
 
@@ -72,6 +72,32 @@ def learn_reference(
         delays=delays,
         unanswered=every.only(others) if len(others) else None,
     )
+
+
+def calibrated_with(reference: Reference, bodies: Sequence[Body], *, shaped: bool) -> Calibration:
+    """Return the calibration of a structure that bore bodies which its file does not have, without them.
+
+    Its parameters are fitted to the baseline with the bodies on. The model of the result is still that with them.
+
+    Parameters
+    ----------
+    reference : learnt from a baseline with the bodies on
+    bodies : that were there
+    shaped : whether shapes were measured
+
+    Raises
+    ------
+    PairingError
+        If fewer than three modes of the baseline have a partner in the model.
+    """
+    nominal = reference.calibration.nominal
+    loaded = nominal.with_bodies(bodies)
+    measured = Measured(windows=reference.windows, scatter=reference.scatter)
+    found = calibrate(loaded, measured.mean)
+    if shaped:
+        found = _with_shapes(loaded, found, measured)
+    bare = found.structure.model_copy(update={"body": nominal.body})
+    return replace(found, structure=bare, nominal=nominal)
 
 
 def _with_shapes(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:

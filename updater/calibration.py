@@ -66,6 +66,7 @@ class Calibration:
     """A structure whose model answers to measured frequencies as well as its parameters can."""
 
     structure: Structure
+    nominal: Structure  #: before calibration, as the file has it
     model: Model
     modes: Modes
     tracks: IndexArray  #: (n_tracks,) measured modes that have a partner
@@ -173,6 +174,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
     return Calibration(
         structure=fitted,
+        nominal=structure,
         model=model,
         modes=model.modes(len(modes.frequency)),
         tracks=tracks,

@@ -18,6 +18,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from updater.agreement import agreeing, drift_beside, fixed
+from updater.baseline import calibrated_with
+from updater.calibration import Calibration
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
 from updater.causes.attached_oscillator import hides
@@ -41,7 +43,7 @@ from updater.structure import Structure
 from updater.touching import merged
 from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, calibration_summary, modes_of, named_causes, oddest, rejected_causes
-from updater.written_gain import WindowModes, fit_of_compared, written_gain
+from updater.written_gain import WindowModes, fit_of_compared, fit_of_written, written_gain
 from updater.written_structure import rounded, simplified
 
 _SURE = 0.8  # posterior at which a cause is named
@@ -388,11 +390,8 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     best = found[0]
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
     chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get("global_stiffness")))
-    extended = case.reference.file.calibration.structure
-    acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
-    for part in sorted(acting, key=_turn):
-        extended = part.cause.extend(extended, part.row, part.theta)
-    extended = _as_known(case.reference.file, extended, best.parts)
+    extended = _extended(case.reference.file.calibration, chosen, best.parts)
+    extended = _without_unlisted(case, extended, chosen, best.parts)
     if OF_THE_FILE in best.names:
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
@@ -428,13 +427,47 @@ def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chos
     return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 
 
-def _as_known(reference: Reference, extended: Structure, parts: Sequence[Fit[Cause]]) -> Structure:
+def _without_unlisted(
+    case: _Case, extended: Structure, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]
+) -> Structure:
+    """Return the structure without removed bodies that its file never had, if it fits the event better so.
+
+    The reference was calibrated to modes with these bodies on, for which its parameters made up. Written with a
+    negative mass on it, it is neither the structure with the bodies nor without them.
+    """
+    unlisted = [(c, c.cause.unlisted(c.row, c.theta)) for c in chosen if isinstance(c.cause, AddedMass)]
+    bodies = [body for _, body in unlisted if body is not None]
+    if not bodies or case.reference.filed is not None or not case.reference.calibration.fitted:
+        return extended
+    others = [c for c in chosen if not any(c is one for one, body in unlisted if body is not None)]
+
+    def nearer() -> Structure:
+        shaped = bool(case.data.shaped.any())
+        other = _extended(calibrated_with(case.reference, bodies, shaped=shaped), others, parts)
+        fits = [fit_of_written(case.data, case.measured, one, chosen) for one in (extended, other)]
+        common = np.isfinite(fits[0].residual) & np.isfinite(fits[1].residual)
+        as_calibrated, anew = (float(one.log_likelihood[common].sum()) for one in fits)
+        return other if anew > as_calibrated else extended
+
+    return case.weighing.faults.attempt("removed bodies that the file lacks", nearer) or extended
+
+
+def _extended(calibration: Calibration, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]) -> Structure:
+    """Return a calibrated structure with causes written in."""
+    extended = calibration.structure
+    acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
+    for part in sorted(acting, key=_turn):
+        extended = part.cause.extend(extended, part.row, part.theta)
+    return _as_known(calibration, extended, parts)
+
+
+def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit[Cause]]) -> Structure:
     """Return an extended structure without springs and welds that change nothing, rounded to what is known of it."""
-    std = reference.calibration.physical_std()
+    std = calibration.physical_std()
     for part in parts:
         if isinstance(part.hypotheses, Parametric):
             std |= part.hypotheses.physical_std(part)
-    knobs = reference.calibration.knobs
+    knobs = calibration.knobs
     return rounded(simplified(extended, knobs), knobs, std)
 
 

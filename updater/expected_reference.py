@@ -88,6 +88,7 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
     own = np.arange(len(seen))
     calibration = Calibration(
         structure=model.structure,
+        nominal=model.structure,
         model=model,
         modes=modes,
         tracks=own,

@@ -169,6 +169,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
     return Reference(
         calibration=Calibration(
             structure=sprung,
+            nominal=structure,
             model=model,
             modes=modes,
             tracks=found[paired],

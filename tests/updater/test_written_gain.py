@@ -14,6 +14,7 @@ AGAIN = ("model_parameters", *STRUCTURAL)
     ("cell", "seed"),
     [
         ("added_mass", 8001),
+        ("added_mass", 9006),  # taken off, and the file does not have it
         ("sensor_swap", 8001),
         ("portal: support_stiffness", 8001),
         ("bridge: added_mass", 8001),  # shows a twist that the reference has not, and the fit must take up

@@ -204,6 +204,16 @@ class AddedMass:
         row = int(here[np.argmax(share)])
         return self._outside_the_file(row, mean, std) if mean < 0 and not self._is_filed(row) else (mean, std)
 
+    def unlisted(self, row: int, theta: FloatArray) -> Body | None:
+        """Return a removed body as it was if the structure file does not have it, else None."""
+        mass = float(theta[0])
+        if mass >= 0 or self._is_filed(row):
+            return None
+        found = self.extend(self.reference.calibration.structure, row, theta).body[-1]
+        whole = self._outside_the_file(row, mass, 0.0)[0]
+        inertia = vector(whole / mass * np.abs(found.inertia))
+        return found.model_copy(update={"mass": -whole, "inertia": inertia})
+
     def _is_filed(self, row: int) -> bool:
         """Return whether the structure file has a body at a position, which is part of the model's mass."""
         structure = self.reference.calibration.structure
