@@ -53,7 +53,7 @@ class Judged:
 
     value: FloatArray  #: (3, ..., n_windows), by `DETECTORS`
     limit: FloatArray  #: (3, ..., n_windows)
-    terms: FloatArray  #: (..., n_windows, 4, q)
+    terms: FloatArray  #: (..., n_windows, 5, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
     variance: FloatArray  #: (..., n_windows) of what is new in a window, over the stated one of the law
     age: FloatArray  #: (n_windows,) since the baseline [s]

@@ -26,7 +26,8 @@ _KINK, _OWN_KINK = 5e-5, 2e-5  # 1/K, changes of slope at a knot ...
 _ICE, _OWN_ICE = 6e-3, 3e-3  # 1/K, ... and where it freezes: the Z24 bridge's modes had up to -1e-2, each another
 _N_LATE = (len(MEMORY) - 1) * len(_FREEZING_LATE)
 N_TERMS = 2 + len(MEMORY) + len(KNOTS) + _N_LATE
-THERMOMETER_STD = 1.0  #: of the devices' temperature as the structure's [K]
+_OF_FROST = np.concatenate([np.zeros(1 + len(MEMORY)), np.isin(KNOTS, _FREEZING), np.ones(_N_LATE)])
+THERMOMETER_STD = 1.0  #: of the devices' temperature as the structure's, before any is measured [K]
 _RATE, _SWING = 1 / 3600, 4.0  # K/s, K: rms rate and distance from the mean of days, before any is measured ...
 _CLIMATE_WORTH = 86400.0  # s of readings that this is worth
 _FRONT = 3.0  # K in a day by which weather wanders beside the day's cycle
@@ -156,10 +157,11 @@ def _ramp(passed: FloatArray) -> FloatArray:
 
 
 def terms(temperatures: Temperatures) -> FloatArray:
-    """Return the regressors and three deviations of them (..., 4, N_TERMS): a kelvin, missing readings, freezing.
+    """Return the regressors and four deviations of them (..., 5, N_TERMS).
 
     Regressors are constant, temperature, how far the past differs from it, hinges in the shortest memory, and what
-    hinges at freezing are in the longer ones beside that. Where no reading ever was, the constant alone.
+    hinges at freezing are in the longer ones beside that. Where no reading ever was, the constant alone. Deviations
+    are those by a kelvin, by missing readings, by freezing of unknown inertia, and by a kelvin where it freezes.
     """
     air, lagged = temperatures.air, temperatures.lagged
     known = np.isfinite(air)[..., None]
@@ -167,7 +169,8 @@ def terms(temperatures: Temperatures) -> FloatArray:
     kelvin = _varying(air + 0.5, lagged + 0.5) - _varying(air - 0.5, lagged - 0.5)
     up = _varying(air + temperatures.air_std, lagged + temperatures.lagged_std)
     down = _varying(air - temperatures.air_std, lagged - temperatures.lagged_std)
-    rows = [np.where(known, row, 0.0) for row in (value, kelvin, (up - down) / 2, _frost(air, lagged))]
+    ice = kelvin * _OF_FROST
+    rows = [np.where(known, row, 0.0) for row in (value, kelvin - ice, (up - down) / 2, _frost(air, lagged), ice)]
     constant = np.zeros((*air.shape, len(rows), 1))
     constant[..., 0, :] = 1.0
     return np.concatenate([constant, np.stack(rows, axis=-2)], axis=-1)
@@ -181,9 +184,8 @@ def _frost(air: FloatArray, lagged: FloatArray) -> FloatArray:
     between those of a structure as cold as the coldest and as warm as the warmest of them.
     """
     here = np.minimum(np.concatenate([air[..., None], lagged], axis=-1), _FREEZING[-1])
-    coldest, warmest = (
-        _varying(t, np.repeat(t[..., None], len(MEMORY), axis=-1)) for t in (here.min(-1), here.max(-1))
-    )
+    ends = (np.repeat(end[..., None], len(MEMORY), axis=-1) for end in (here.min(-1), here.max(-1)))
+    coldest, warmest = (_varying(end[..., 0], end) for end in ends)
     return np.asarray((coldest - warmest) / np.sqrt(12))
 
 

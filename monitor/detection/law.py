@@ -31,9 +31,12 @@ BoolArray = npt.NDArray[np.bool_]
 
 CHUNK = 24  #: windows learnt from at once; what their mean moves by is slow
 FEARED_STD = 3e-4  #: of what an environment not yet seen may do to all log frequencies alike, and to each
-_FEARED_WORTH = 10 * 86400.0  # s of windows that this fear is worth
+_FEARED_WORTH = 4.0  # degrees of freedom that its variance is worth
+_FITTED = 4.0  # degrees of freedom that the law of temperature takes from residuals
 _YEAR_WORTH = 15.6e6  # s that an unmeasured temperature's seasons are worth: half a year
 _FEARED_SECONDS = 6 * 3600.0  # in which that comes
+_THERMOMETER = np.array([0.15, 0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.5])  # K, that the thermometer's deviation may be ...
+_THERMOMETER_PRIOR = -0.5 * (np.log(_THERMOMETER / THERMOMETER_STD) / 0.7) ** 2  # ... and the logarithm of how likely
 _LASTING = 0.5  # of the fast variance: a direction that varies more for long makes successive windows alike
 COMMON_STD = 3e-3  # of what an unmeasured temperature does to all log frequencies alike (steel 0.018 %/K)
 _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
@@ -61,6 +64,7 @@ class Sums:
     weight: FloatArray  #: (...,) inverse variances by which windows' products were weighted, summed
     weight_of_means: FloatArray  #: (...,) the same of means
     tail: FloatArray  #: (..., n_tails) log likelihood of each tail
+    thermometer: FloatArray  #: (..., n) log likelihood of each deviation of the thermometer
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,6 +84,7 @@ class Law:
     feared: FloatArray  #: (..., n_tracks, n_tracks) the same of what the baseline was too short to see
     rank: npt.NDArray[np.intp]  #: (...,) of what lasts
     tail: FloatArray  #: (...,) degrees of freedom of a deviation's tail
+    thermometer: FloatArray  #: (...,) standard deviation of the thermometer's as the structure's temperature [K]
 
     @property
     def common(self) -> FloatArray:
@@ -99,7 +104,7 @@ class Law:
 
         Parameters
         ----------
-        terms : (..., n_windows, 4, q)
+        terms : (..., n_windows, 5, q)
         age : (n_windows,) since the baseline [s], from which on what is feared may have come; None: long ago
         """
         unknown = self.unsure(terms)
@@ -108,21 +113,38 @@ class Law:
         spread = (
             unknown[..., 0, None, None] * along[..., None, :, :] + unknown[..., 1, None, None] * across[..., None, :, :]
         )
-        slow = self.slow[..., None, :, :] + _come(age)[:, None, None] * self.feared[..., None, :, :]
+        slow = self.slow[..., None, :, :] + self.come(age)[..., None, None] * self.feared[..., None, :, :]
         moved = self.by_temperature(terms)
         return np.asarray(spread + slow + np.swapaxes(moved, -1, -2) @ moved)
 
     def unsure(self, terms: FloatArray) -> FloatArray:
         """Return the law's own variance (..., n_windows, 2) along the common direction and across it."""
         variance = np.zeros((*terms.shape[:-2], 2))
-        for row in (0, 2):
+        for row in (0, 2, 3):
             value = terms[..., None, :, row, :]
             variance += np.moveaxis((value @ self.unknown * value).sum(-1), -2, -1)
         return variance
 
     def by_temperature(self, terms: FloatArray) -> FloatArray:
-        """Return what the thermometer, missing readings and frost make of modes (..., n_windows, 3, n_tracks)."""
-        return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * [[THERMOMETER_STD], [1.0], [1.0]])
+        """Return deviations of modes (..., n_windows, 4, n_tracks) by those of the regressors.
+
+        The thermometer's, as it is learnt, holds above freezing only.
+        """
+        one = np.ones_like(self.thermometer)
+        std = np.stack([self.thermometer, one, one, THERMOMETER_STD * one], axis=-1)
+        return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * std[..., None, :, None])
+
+    def come(self, age: FloatArray | None) -> FloatArray:
+        """Return the share of the variance of what is feared that may have come by then (..., n_windows).
+
+        A short baseline is one moment, which differs from a later one by twice the variance; a long one averages it.
+        """
+        come = np.ones(1) if age is None else -np.expm1(-age / _FEARED_SECONDS)
+        return np.asarray((1 + self._unseen)[..., None] * come)
+
+    @property
+    def _unseen(self) -> FloatArray:
+        return _unseen(np.mean(self.sums.n_product, axis=(-2, -1)) * self.step)
 
     def lasting_directions(self, terms: FloatArray, age: FloatArray, variance: FloatArray) -> npt.NDArray[np.intp]:
         """Return in how many directions (..., n_windows) successive windows differ from the law alike.
@@ -132,8 +154,9 @@ class Law:
         least = _LASTING * self.fast[..., None] * variance
         unknown = self.unsure(terms)
         rank = np.repeat(self.rank[..., None], terms.shape[-3], axis=-1)
-        young = np.flatnonzero(np.broadcast_to(_come(age), terms.shape[-3]) < 1.0)  # less is feared than rank counts
-        come = _come(age)[young, None, None] * self.feared[..., None, :, :]
+        share = np.broadcast_to(self.come(age), rank.shape)
+        young = np.flatnonzero((share < 1.0).reshape(-1, rank.shape[-1]).any(0))  # less is feared than rank counts
+        come = share[..., young, None, None] * self.feared[..., None, :, :]
         value = np.linalg.eigvalsh(self.slow[..., None, :, :] + come)
         rank[..., young] = (value > least[..., young, None]).sum(-1)
         some = rank + ((self.by_temperature(terms) ** 2).sum(-1) > least[..., None]).sum(-1) + (unknown[..., 0] > least)
@@ -141,9 +164,13 @@ class Law:
         return np.asarray(np.where(unknown[..., 1] > least, p, np.minimum(some, p)), dtype=np.intp)
 
 
-def _come(age: FloatArray | None) -> FloatArray:
-    """Return how much of what is feared may have come by then: two moments differ by twice its variance."""
-    return 2 * (np.ones(1) if age is None else -np.expm1(-age / _FEARED_SECONDS))
+def _unseen(watched: FloatArray) -> FloatArray:
+    """Return the weight (...,) of the prior in the variance of what lasts, after that time of windows [s].
+
+    Movements of some hours show their variance with one degree of freedom in that time.
+    """
+    freedom = np.maximum(watched / _FEARED_SECONDS - _FITTED, 0.0)
+    return np.asarray(_FEARED_WORTH / (_FEARED_WORTH + freedom))
 
 
 def common_direction(scale: FloatArray) -> FloatArray:
@@ -166,7 +193,7 @@ def first_law(
     Parameters
     ----------
     log_frequency, std : (..., n_windows, n_tracks), NaN where a window lacks a mode
-    terms : (..., n_windows, 4, q) from `environment.terms`
+    terms : (..., n_windows, 5, q) from `environment.terms`
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
     step : from one window to the next [s]
@@ -213,7 +240,8 @@ def learn(
     new_information = np.swapaxes(value[..., None, :, :] * weights[..., None], -1, -2) @ value[..., None, :, :]
     moment = np.swapaxes(value, -1, -2) @ weighted
     solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
-    scattered = _scattered(solved, solved.residual(terms, kept), lag, variance)
+    residual = solved.residual(terms, kept)
+    scattered = _thermometer(_scattered(solved, residual, lag, variance), terms, residual, variance)
     return _tail(scattered, terms, scattered.residual(terms, whitened), age, variance)
 
 
@@ -257,6 +285,7 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         weight=np.zeros(lead),
         weight_of_means=np.zeros(lead),
         tail=np.broadcast_to(_TAILS_PRIOR, (*lead, len(_TAILS))),
+        thermometer=np.broadcast_to(_THERMOMETER_PRIOR, (*lead, len(_THERMOMETER))),
     )
     return Law(
         centre=centre,
@@ -272,13 +301,13 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         feared=np.zeros((*lead, p, p)),
         rank=np.zeros(lead, dtype=np.intp),
         tail=np.full(lead, 100.0),
+        thermometer=np.full(lead, THERMOMETER_STD),
     )
 
 
 def _with_scatter(blank: Law, law: Law) -> Law:
-    return replace(
-        blank, fast=law.fast, freedom=law.freedom, slow=law.slow, feared=law.feared, rank=law.rank, tail=law.tail
-    )
+    names = ("fast", "freedom", "slow", "feared", "rank", "tail", "thermometer")
+    return replace(blank, **{name: getattr(law, name) for name in names})
 
 
 def _wild(law: Law, terms: FloatArray, whitened: FloatArray, age: float, variance: FloatArray) -> BoolArray:
@@ -363,6 +392,30 @@ def _means(residual: FloatArray, variance: FloatArray) -> tuple[FloatArray, Floa
     return np.where(seen > CHUNK // 3, mean * np.sqrt(weights)[..., None], 0.0), weights
 
 
+def _thermometer(law: Law, terms: FloatArray, residual: FloatArray, variance: FloatArray) -> Law:
+    """Return the law with the thermometer's deviation learnt from what residuals do along the law's slope.
+
+    Means over `CHUNK` windows are normal with the variance of identification and that of the thermometer. What else
+    moves frequencies that way counts as the thermometer's. The first means are fitted by the law, and no evidence.
+    """
+    means, weights = _means(residual, variance)
+    n = means.shape[-2]
+    kelvin = (terms[..., 1, :] @ law.coefficient)[..., : n * CHUNK, :]
+    slope = kelvin.reshape(*kelvin.shape[:-2], n, CHUNK, kelvin.shape[-1]).mean(-2) * np.sqrt(weights)[..., None]
+    slope = np.where(means == 0, 0.0, slope)
+    size = (slope**2).sum(-1)
+    along = (means * slope).sum(-1) / np.sqrt(np.maximum(size, 1e-12))
+    expected = (law.fast / CHUNK)[..., None, None] + _THERMOMETER**2 * size[..., None]
+    gained = -0.5 * np.where(size[..., None] > 0, np.log(expected) + along[..., None] ** 2 / expected, 0.0).sum(-2)
+    after = law.sums.n_means
+    before = after - means.any(-1).sum(-1)
+    evidence = np.maximum(after - _FITTED, 0.0) - np.maximum(before - _FITTED, 0.0)
+    likelihood = law.sums.thermometer + gained * (evidence / np.maximum(after - before, 1))[..., None]
+    share = np.exp(likelihood - likelihood.max(-1, keepdims=True))
+    std = np.sqrt((share * _THERMOMETER**2).sum(-1) / share.sum(-1))
+    return replace(law, sums=replace(law.sums, thermometer=likelihood), thermometer=std)
+
+
 def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the covariances of what lasts: seen in means over hours and in windows beside that; and feared.
 
@@ -376,7 +429,7 @@ def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArra
     beside = sums.product / np.maximum(sums.n_product - 1, 1) - hours * mean_weight[..., None, None]
     windows = _dominant(beside, n, fast) / mean_weight[..., None, None]
     watched = n * law.step
-    share = _FEARED_WORTH / (_FEARED_WORTH + watched)
+    share = _unseen(watched)
     unmeasured = np.where(law.measured, 0.0, _YEAR_WORTH / (_YEAR_WORTH + watched))
     feared = _alike(law, share, FEARED_STD, FEARED_STD) + _alike(law, unmeasured, COMMON_STD, COMMON_STD / 3)
     return (1 - share)[..., None, None] * (hours + windows), feared

@@ -67,7 +67,7 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
     law = watched.law
     sure = replace(law, unknown=np.zeros_like(law.unknown))
     measured = judged.terms.copy()
-    measured[..., 2:, :] = 0.0
+    measured[..., 2:4, :] = 0.0
     seen = np.isfinite(judged.whitened[-1])
     if not seen.any():
         return None
