@@ -8,6 +8,7 @@ from sealed_cases import N_AFTER, N_BEFORE
 from sealed_designs import FOOTBRIDGE
 from sealed_path import observation
 from sealed_signals import estimated
+from thorough_helpers import few_of
 
 from monitor.diagnosing import explain_change
 from updater import parse_structure
@@ -15,7 +16,7 @@ from updater import parse_structure
 _LOCKED = 100.0  # times as stiff about the axis that it turned about
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", few_of([1, 3]))
 def test_a_bearing_that_locked_is_named(seed: int) -> None:
     """As itself, or as what cannot be told from it; a model's mode along the bridge answers to none across it."""
     print(f"seed {seed}")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from sealed_cases import draw
 from sealed_path import answer, structure_of
+from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
@@ -98,7 +99,7 @@ def test_exact_derivatives_are_those_of_differences(name: str) -> None:
     np.testing.assert_allclose(exact, differenced, rtol=0, atol=1e-3)
 
 
-@pytest.mark.parametrize("seed", [953, 955])
+@pytest.mark.parametrize("seed", few_of([953, 955]))
 def test_a_file_is_told_and_mended(seed: int) -> None:
     """E and density off by per cents, a foot and a joint that give: what is told is of that, and mends it."""
     random = np.random.default_rng(952)
