@@ -6,7 +6,7 @@ ones by a pairing of the examiner's own (tests/written_helpers.py), and it is di
 a table and the misses.
 
 Usage: PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 python benchmarks/written_gain.py [--draws N] [--seed S] [--minutes M]
-[--cells CELL ...], or make written-gain
+[--cells CELL ...] [--alone], or make written-gain
 """
 
 import argparse
@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 from confusion_run import seed_of
-from sealed_cases import CAUSES, CELLS, ELSEWHERE, draw
+from sealed_cases import CAUSES, CELLS, ELSEWHERE, Case, draw
 from written_helpers import Loop, closed_loop
 
 from daq import FloatArray
@@ -23,6 +23,7 @@ from monitor.errors import StateError
 from updater.errors import UpdaterError
 
 _WITHOUT_A_FILE = {"nothing", "small", "amplitude_softening", "damping_change"}  # a file states no level, no damping
+_OF_FILES = ("model_parameters", "added_mass", "support_stiffness", "local_stiffness")
 _STRUCTURES = ("", "portal: ", "bridge: ", "mast: ")
 
 
@@ -64,6 +65,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which to stop and report")
     parser.add_argument("--cells", nargs="+", default=cells())
+    parser.add_argument("--alone", action="store_true", help="seek what was done only, and in the file a few causes")
     given = parser.parse_args()
     start, misses = time.monotonic(), list[str]()
     done: dict[str, list[Loop]] = {}
@@ -71,7 +73,8 @@ def main() -> int:
         if time.monotonic() - start > 60 * given.minutes:
             break
         try:
-            loop = closed_loop(draw(cell, seed_of(cell, given.seed) + number))
+            case = draw(cell, seed_of(cell, given.seed) + number)
+            loop = _alone(case) if given.alone else closed_loop(case)
         except (UpdaterError, StateError) as error:
             misses.append(f"- {cell} {number}: {error}")
             continue
@@ -84,6 +87,12 @@ def main() -> int:
         print(row(where, loops))
     print("\n" + "\n".join(misses))
     return 0
+
+
+def _alone(case: Case) -> Loop:
+    """Return the loop of a case with the causes limited to its own, and in the file to those that files get wrong."""
+    own = tuple(dict.fromkeys(hidden.cause for hidden in case.done.hidden))
+    return closed_loop(case, only=own, again_only=tuple(dict.fromkeys((*_OF_FILES, *own))))
 
 
 def _missed(cell: str, number: int, loop: Loop) -> list[str]:
