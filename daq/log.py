@@ -29,7 +29,7 @@ from daq.chunk_index import LeanWriter
 from daq.errors import LogError
 from daq.file_index import file_index
 from daq.filelock import lock
-from daq.parts import BEGINNING, END, PART, AnyLog, LogExcerpt, Part, files_of
+from daq.parts import PART, AnyLog, LogExcerpt, Part, files_of
 from daq.recording import Block
 from daq.ros_messages import ENCODING as VIEW_ENCODING
 from daq.ros_messages import schema as view_schema
@@ -245,20 +245,11 @@ def _read(log: AnyLog, wanted: Callable[[str], bool]) -> Iterator[Item]:
         for path in files_of(log):
             yield from _parsed(path, _records(path), wanted)
         return
-    for path in _files_within(log):
+    for path in files_of(log.log):
         for item in _parsed(path, _records_within(path, log, wanted), wanted):
             kept = item.within(log.start, log.stop) if isinstance(item, Block) else item
             if isinstance(kept, Block) or (kept is not None and log.start <= kept.time < log.stop):
                 yield kept
-
-
-def _files_within(log: LogExcerpt) -> Iterator[Path]:
-    """Yield the files that may hold something within the range: each begins where the one before it ends."""
-    files = files_of(log)
-    begins = [next((r.log_time for r in _records(path) if isinstance(r, Message)), END) for path in files[1:]]
-    for path, begin, end in zip(files, [BEGINNING, *begins], [*begins, END], strict=True):
-        if begin < log.stop + _REACH and end > log.start - _REACH:
-            yield path
 
 
 def _records_within(path: Path, log: LogExcerpt, wanted: Callable[[str], bool]) -> Iterator[object]:

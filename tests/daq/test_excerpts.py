@@ -60,6 +60,23 @@ def test_an_excerpt_holds_the_scans_and_events_of_its_range(tmp_path: Path, rota
     assert contents(read_log(everything)) == contents(read_log(log))
 
 
+def test_an_event_written_late_does_not_hide_scans_of_a_run(tmp_path: Path) -> None:
+    """A file of a run begins with a result of 40 s before."""
+    recorder = LogRecorder(tmp_path, {}, START, Rotation(seconds=60.0))
+    for k in range(80):
+        if k == 61:
+            recorder.write(Event(topic="/result/window", time=START + (k - 40) * SECOND, payload={"k": k}))
+        for quarter in range(4):
+            recorder.write(make_block("a", 1000 * k + 250 * quarter))
+        recorder.flush()
+    recorder.close()
+    log = newest_log(tmp_path)
+    for first, last in ((10, 55), (30, 50), (50, 58), (52, 70)):
+        items = list(read_log(excerpt(log, first, last)))
+        assert sum(item.n_scans for item in items if not isinstance(item, Event)) == 1000 * (last - first)
+        assert sum(isinstance(item, Event) for item in items) == (first <= 21 < last)
+
+
 def test_chunks_far_from_the_range_are_not_read(tmp_path: Path) -> None:
     log = write(tmp_path, 40)
     assert isinstance(log, Path)
