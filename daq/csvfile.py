@@ -49,7 +49,7 @@ def csv_origin(path: Path) -> Origin | None:
     try:
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             for line in file:
-                if line.startswith(ORIGIN):
+                if line.startswith(ORIGIN + "{"):  # other comments may begin alike
                     return parse_origin(line.removeprefix(ORIGIN), path)
                 if line.strip() and not line.startswith("#"):
                     break

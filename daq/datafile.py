@@ -250,10 +250,13 @@ def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
 
 def _channels(found: _Columns) -> tuple[Channel, ...]:
     """Return the channels on the devices that the file states, else on one; see `devices_of`."""
-    stated = []
-    for axis, signal in enumerate(found.signals):
-        place = found.origin.channel(signal.column) if found.origin else None
-        stated.append(replace(place or Channel(name="", device=_DEVICE, axis=axis), name=signal.channel))
+    places = [found.origin.channel(signal.column) if found.origin else None for signal in found.signals]
+    taken = {place.axis for place in places if place and place.device == _DEVICE}
+    free = (axis for axis in itertools.count() if axis not in taken)
+    stated = [
+        replace(place or Channel(name="", device=_DEVICE, axis=next(free)), name=signal.channel)
+        for place, signal in zip(places, found.signals, strict=True)
+    ]
     return devices_of(stated, [np.packbits(missing).tobytes() for missing in np.isnan(found.values).T])
 
 

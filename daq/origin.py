@@ -8,6 +8,7 @@ from daq.errors import DataError
 from daq.recording import Channel
 
 _MAX_AXES = 1000  # per device
+_MAX_START = 1 << 62  # ns: times after it fit into 64 bits too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +52,11 @@ def parse_origin(text: str, path: Path) -> Origin:
         places = {(channel.device, channel.axis) for channel in channels}
         if not channels or len(places) < len(channels) or not all(0 <= axis < _MAX_AXES for _, axis in places):
             raise ValueError("each channel has an axis of its own")
-        return Origin(start=int(content["start"]), channels=channels)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        if not all(channel.device for channel in channels):
+            raise ValueError("each device has a name")
+        start = int(content["start"])
+        if not 0 <= start < _MAX_START:
+            raise ValueError("the start is a time since 1970")
+        return Origin(start=start, channels=channels)
+    except (ValueError, OverflowError, TypeError, KeyError, AttributeError) as error:
         raise DataError(path, f"origin: expected start and channels, found {text!r:.80}") from error

@@ -72,8 +72,11 @@ def test_a_table_that_was_edited(tmp_path: Path) -> None:
     "text",
     [
         "{}",
-        "[]",
-        "no JSON",
+        "{no JSON",
+        '{"start": -5, "channels": {"a": ["d", 0]}}',
+        '{"start": 1e300, "channels": {"a": ["d", 0]}}',
+        '{"start": Infinity, "channels": {"a": ["d", 0]}}',
+        '{"start": 0, "channels": {"a": ["", 0]}}',
         '{"start": "now", "channels": {"a": ["d", 0]}}',
         '{"start": 0, "channels": {"a": ["d", 0], "b": ["d", 0]}}',
         '{"start": 0, "channels": {"a": ["d", -1]}}',
@@ -86,6 +89,24 @@ def test_an_origin_that_is_none_is_named(tmp_path: Path, text: str) -> None:
     path.write_text(f"# modalwatch {text}\nt,a,b\n0,1,2\n0.1,3,4\n")
     with pytest.raises(DataError, match=r"data\.csv: origin: expected start and channels, found"):
         read_data(path)
+
+
+def test_a_new_column_of_an_exported_import_gets_an_axis_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    places = '{"start": 0, "channels": {"b": ["import", 1], "c": ["import", 2]}}'
+    path.write_text(f"# modalwatch {places}\nt,b,new,c,newer\n0,1,2,3,4\n0.1,3,4,5,6\n")
+    assert [(c.name, c.device, c.axis) for c in read_data(path).channels] == [
+        ("b", "import", 1),
+        ("new", "import", 0),
+        ("c", "import", 2),
+        ("newer", "import", 3),
+    ]
+
+
+def test_other_comments_are_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("# modalwatch log of bridge 3\nt,a\n0,1\n0.1,3\n")
+    assert [c.name for c in read_data(path).channels] == ["a"]
 
 
 def test_a_signal_may_be_named_origin(tmp_path: Path) -> None:
