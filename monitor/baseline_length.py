@@ -71,24 +71,26 @@ def shortcomings(
     ----------
     modes : (n_windows, n_tracks)
     seconds : (n_windows,) start of each window, ascending [s]
-    temperature : (n_windows,) [degC], NaN where not known
+    temperature : (n_windows,) [degC], NaN where not known; interpolated over time if most are known, else not used
     step : from one window to the next [s]
     """
     n, p = modes.log_frequency.shape
-    known = bool(np.isfinite(temperature).all())
-    moved = float(np.ptp(temperature)) if known else 0.0
-    effective = _effective(modes, temperature if known and moved > 0 else None)
+    read = np.isfinite(temperature)
+    known = 2 * int(read.sum()) > n
+    moved = float(np.ptp(temperature[read])) if known else 0.0
+    there = np.interp(seconds, seconds[read], temperature[read]) if moved > 0 else None
+    effective = _effective(modes, there)
     correlated = effective < _CORRELATED * n
     found = []
     covered = float(seconds[-1] - seconds[0]) + step
     if covered < _DAY and (correlated or moved > _MOVED):
         reason = " and ".join(
             text
-            for text, there in (
+            for text, applies in (
                 (f"the temperature moved by {moved:.1f} K", moved > _MOVED),
                 ("successive windows move alike", correlated),
             )
-            if there
+            if applies
         )
         needed = n + math.ceil((_DAY - covered) / step)
         found.append(Shortcoming(text=f"covers {covered / 3600:.1f} h of a day's cycle, while {reason}", needed=needed))

@@ -60,6 +60,19 @@ def test_four_hours_in_which_the_temperature_moves_lack_a_day() -> None:
     assert not any("of a day's cycle" in text for text, _ in lacking(KINDS[0], 144))
 
 
+def test_missing_readings_change_nothing() -> None:
+    """Every eighth reading is missing."""
+    n = 24
+    y = 1e-3 * np.random.default_rng(1).standard_normal((n, 4))
+    seconds, celsius = np.linspace(0.0, 600.0 * (n - 1), n), np.linspace(5.0, 17.0, n)
+    whole = shortcomings(tracked(y), seconds, celsius, 600.0)
+    celsius[4::8] = np.nan
+    assert whole == shortcomings(tracked(y), seconds, celsius, 600.0)
+    assert whole[0].needed == 144
+    celsius[::2] = np.nan
+    assert not shortcomings(tracked(y), seconds, celsius, 600.0)
+
+
 def warmed(windows: Iterator[Recording], celsius: FloatArray) -> Iterator[Recording]:
     for window, temperature in zip(windows, celsius, strict=True):
         yield replace(window, temperature=float(temperature))
