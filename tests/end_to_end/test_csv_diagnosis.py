@@ -84,6 +84,7 @@ def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
     assert extended.body[0].mass == pytest.approx(cause["parameters"]["mass"]["value"], rel=0.05)
 
 
+@pytest.mark.thorough
 def test_a_loosened_foot(diagnosed: Diagnose) -> None:
     code, found = diagnosed("foot", Rig(seed=SEED, foot=(0.4, 0.4, 0.4)).record(2, SECONDS, rate=RATE))
     assert (code, found["verdict"]) == (0, "explained")
@@ -91,6 +92,7 @@ def test_a_loosened_foot(diagnosed: Diagnose) -> None:
     assert found["causes"][0]["where"]["position"] == [0, 0, 0]
 
 
+@pytest.mark.thorough
 def test_a_swapped_pair(diagnosed: Diagnose) -> None:
     recording = swapped(Rig(seed=SEED).record(3, SECONDS, rate=RATE), "col_037_x", "col_111_x")
     code, found = diagnosed("swap", recording)
