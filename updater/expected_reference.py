@@ -101,6 +101,7 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
         knobs=(),
     )
     return Reference(
+        measured=False,
         calibration=calibration,
         baseline=baseline,
         scatter=scatter,

@@ -167,6 +167,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
             f"partner in the model ({np.round(modes.frequency[:12], 2).tolist()} Hz), at least 3 are needed"
         )
     return Reference(
+        measured=False,
         calibration=Calibration(
             structure=sprung,
             nominal=structure,

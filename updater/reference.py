@@ -32,6 +32,7 @@ class Reference:
     windows: TrackedModes  #: of the baseline: what undisturbed windows look like
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
     unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
+    measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
     filed: "Filed | None" = None  #: of a structure file that is far off: what it says
 
     @property

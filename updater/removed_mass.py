@@ -11,8 +11,11 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from daq import FloatArray, IndexArray
 
-_ITERATIONS = 12  # until the loaded structure has the reference's frequencies
+_MAX_ITERATIONS = 60  # until the loaded structure has the reference's frequencies
+_CONVERGED = 1e-8  # of a frequency
+_NEGLIGIBLE = 1e-4  # of a mode's mass
 _MAX_RATIO = 3.0  # of the body's mass to the mass taken off the model
+_STEP = 0.05  # between ratios that are tried
 
 
 def mass_outside_model(
@@ -28,16 +31,30 @@ def mass_outside_model(
     paired : (n,) modes that are compared
     whitener : (k, n) of log frequencies
     """
+    if mass * np.diag(gram)[paired].max() < _NEGLIGIBLE:
+        return mass
     identity = np.eye(len(omega))
     target = np.log(_omega(identity - mass * gram, omega) / omega)[paired]
 
-    def misfit(body: float) -> float:
+    def misfit(ratio: float) -> float:
         bare = omega.copy()  # of the structure without the body, whose loaded frequencies are the reference's
-        for _ in range(_ITERATIONS):
-            bare *= omega / _omega(identity + body * gram, bare)
-        return float(((whitener @ (np.log(bare / omega)[paired] - target)) ** 2).sum())
+        for _ in range(_MAX_ITERATIONS):
+            step = omega / _omega(identity + ratio * mass * gram, bare)
+            bare *= step
+            if np.abs(step - 1).max() < _CONVERGED:
+                return float(((whitener @ (np.log(bare / omega)[paired] - target)) ** 2).sum())
+        return np.inf
 
-    return float(minimize_scalar(misfit, bounds=(mass, _MAX_RATIO * mass), method="bounded").x)
+    # the first minimum: farther ones are of modes that have changed places
+    ratios = np.arange(1.0, _MAX_RATIO + _STEP, _STEP)
+    best, least = 1.0, misfit(1.0)
+    for ratio in ratios[1:]:
+        found = misfit(ratio)
+        if not found < least:
+            break
+        best, least = float(ratio), found
+    bounds = (max(best - _STEP, 1.0), best + _STEP)
+    return mass * float(minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": _STEP / 100}).x)
 
 
 def _omega(modal_mass: FloatArray, omega: FloatArray) -> FloatArray:

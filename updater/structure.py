@@ -299,7 +299,12 @@ class Structure(Entry):
         factors = np.prod([[s.stiffness * factor for factor in (s.torsion, *s.bending)] for s in here], axis=0)
         twist, about_y, about_z = factors.tolist()
         shear = float(np.prod([s.shear_stiffness for s in here]))
-        return material.model_copy(update={"density": density}), (twist, about_y, about_z), shear, turning / density
+        return (
+            material.model_copy(update={"density": density}),
+            (twist, about_y, about_z),
+            shear,
+            turning / density if density else 1.0,
+        )
 
     def with_mesh(self, element_length: float) -> "Structure":
         """Return the same structure with elements no longer than `element_length` [m]."""

@@ -102,7 +102,7 @@ def test_a_removed_body_goes_through_explanation_and_extended_model(seed: int) -
         )
     )
     assert by_change < 0.15  # rms of the changes, which are 0.3 to 3.5 %
-    assert by_file < without
+    assert by_file < min(without, 0.2)  # what a beam model is taken to be wrong by
     # the file that is written serves as a model: fresh windows with the body on again
     written = parse_structure(dump_structure(found.explained.extended))
     fresh = [observation(state, estimated(state, 6, random, noise="law")) for state in (bare, loaded)]

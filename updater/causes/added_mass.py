@@ -38,7 +38,8 @@ _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior
 _ARRIVED = 300.0  # of log density under the best: what is farther may not have come to where it could
 _MOST_FINE = 120  # fine positions on one member
 _MOST_FINE_IN_ALL = 480
-_FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off
+_FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off, if as heavy
+_LARGE_SHARE = 0.15  # of a mode's mass
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
@@ -104,12 +105,16 @@ class AddedMass:
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes m (Phi^T Phi + r^2 Theta^T Theta)."""
+        mass = theta[:, 0, None, None] * self._per_kilogram(theta, rows)
+        return replace(no_effect(len(rows), self.comparison), mass=mass)
+
+    def _per_kilogram(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the modal mass (len(rows), n_modes, n_modes) of 1 kg with the offsets and gyration of theta [1/kg]."""
         beside = (theta[:, o, None, None] * self.by_offset[o - 1, rows] for o in (1, 2))
         at = self.translation[rows] + sum(beside)
         turn = np.sqrt(np.maximum(theta[:, 3, None, None], 0)) * self.rotation[rows]
         moved = np.concatenate([at, turn], axis=1)
-        mass = theta[:, 0, None, None] * (moved.transpose(0, 2, 1) @ moved)
-        return replace(no_effect(len(rows), self.comparison), mass=mass)
+        return np.asarray(moved.transpose(0, 2, 1) @ moved)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what the mass's own prior, uniform in its logarithm, makes of the evidence."""
@@ -202,34 +207,41 @@ class AddedMass:
         variance = share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
         std = float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
         row = int(here[np.argmax(share)])
-        return self._outside_the_file(row, mean, std) if mean < 0 and not self._is_filed(row) else (mean, std)
+        return self._outside_the_file(row, fit.theta[row], mean, std) if self._is_unlisted(row, mean) else (mean, std)
 
     def unlisted(self, row: int, theta: FloatArray) -> Body | None:
         """Return a removed body as it was if the structure file does not have it, else None."""
         mass = float(theta[0])
-        if mass >= 0 or self._is_filed(row):
+        if not self._is_unlisted(row, mass):
             return None
         found = self.extend(self.reference.calibration.structure, row, theta).body[-1]
-        whole = self._outside_the_file(row, mass, 0.0)[0]
+        whole = self._outside_the_file(row, theta, mass, 0.0)[0]
         inertia = vector(whole / mass * np.abs(found.inertia))
         return found.model_copy(update={"mass": -whole, "inertia": inertia})
 
-    def _is_filed(self, row: int) -> bool:
-        """Return whether the structure file has a body at a position, which is part of the model's mass."""
+    def _is_unlisted(self, row: int, mass: float) -> bool:
+        """Return whether a body was removed that the structure file does not have, since a baseline was measured."""
+        if mass >= 0 or not self.reference.measured:
+            return False
         structure = self.reference.calibration.structure
         near = _FILED * fineness(structure)
         at = self._member(row).point(self.position[row])
-        return any(body.mass > 0 and np.linalg.norm(np.subtract(body.at, at)) < near for body in structure.body)
+        filed = sum(max(b.mass, 0.0) for b in structure.body if np.linalg.norm(np.subtract(b.at, at)) < near)
+        return filed < -mass / 2
 
-    def _outside_the_file(self, row: int, mass: float, std: float) -> tuple[float, float]:
+    def _outside_the_file(self, row: int, theta: FloatArray, mass: float, std: float) -> tuple[float, float]:
         """Return mass and deviation [kg] of a removed body that is not in the file, from those taken off the model.
 
-        The correction is known to a third of itself: the model was calibrated with the body on.
+        The correction is known to a third of itself, because the model was calibrated with the body on; of a body that
+        is a large share of a mode's mass not even to that.
         """
-        at = self.translation[row].reshape(-1, self.translation.shape[-1])
+        per_kilogram = self._per_kilogram(theta[None], np.array([row]))[0]
         whitener, paired = self.comparison.drifting.matrix, self.comparison.paired
-        body = -mass_outside_model(-mass, at.T @ at, 2 * np.pi * self.reference.frequency, paired, whitener)
-        return body, float(np.hypot(std * (body / mass) ** 2, (body - mass) / 3))
+        omega = 2 * np.pi * self.reference.frequency
+        body = -mass_outside_model(-mass, per_kilogram, omega, paired, whitener)
+        share = -mass * float(np.diag(per_kilogram)[paired].max())
+        known = 3 if share < _LARGE_SHARE else 1
+        return body, float(np.hypot(std * (body / mass) ** 2, (body - mass) / known))
 
     def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:
         """Return mean and standard deviation of a parameter over the positions of a place."""
