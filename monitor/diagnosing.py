@@ -231,6 +231,11 @@ class Explanation:
         return sensor_health(reference, self.event, self.circumstances)
 
 
+def _as_measured(modes: ModalMean, observation: Observation) -> ModalMean:
+    """Return all modes of an observation, without the model's shapes where only frequencies were measured."""
+    return modes if observation.shaped else modes.without_shapes()
+
+
 def explain(
     structure: Structure,
     before: Observation | None,
@@ -282,8 +287,8 @@ def explain(
             reference,
             event.modes,
             heldout=unused.modes if unused else None,
-            every=event.measured if now.shaped else None,
-            heldout_every=unused.measured if unused and heldout and heldout.shaped else None,
+            every=_as_measured(event.measured, now),
+            heldout_every=_as_measured(unused.measured, heldout) if unused and heldout else None,
             circumstances=event.circumstances,
             on_cause=on_cause,
             only=only,

@@ -238,7 +238,10 @@ def gain_text(pair: Pair, std: Pair | None, form: str) -> tuple[str, str]:
 
 def model_gain_text(gain: Gain, std: Gain | None) -> str:
     """Return the gain of a written model on all modes measured, and whether it leaves more than noise."""
+    if gain.frequency_error_percent.after is None:
+        return f"the written model has none of the {gain.n_measured} measured modes"
     before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent if std else None, ".3f")
+    before = before or "none of these modes"
     text = f"frequency error {before} -> {after} % rms over {gain.n_modes} of {gain.n_measured} modes"
     if gain.noise_percent is not None:
         left = "more than" if gain.exceeds_noise else "no more than"

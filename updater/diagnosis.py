@@ -171,8 +171,9 @@ def diagnose(
             return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
     if not found or not _fits(found[0]) or not _within_noise(good, found[0]):
         odd = found[0] if found else best
+        nearer = reference.filed and case.weighing.faults.attempt("the file nearer to the logs", lambda: _nearer(case))
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
-        return refused if reference.filed is None else replace(refused, nearer=_nearer(case))
+        return replace(refused, nearer=nearer or None)
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
     if sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in found[0].parts) > 1:
@@ -398,7 +399,8 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
     faults = case.weighing.faults
     fit = faults.attempt(
-        "the modes of the written model", lambda: fit_of_compared(case.data, case.measured, extended, chosen)
+        "the modes of the written model",
+        lambda: fit_of_compared(case.reference, case.data, case.measured, extended, chosen),
     )
     gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
     decisive = faults.attempt("the next measurement", lambda: _next(case, left_open))
@@ -444,7 +446,7 @@ def _without_unlisted(
     def nearer() -> Structure:
         shaped = bool(case.data.shaped.any())
         other = _extended(calibrated_with(case.reference, bodies, shaped=shaped), others, parts)
-        fits = [fit_of_written(case.data, case.measured, one, chosen) for one in (extended, other)]
+        fits = [fit_of_written(case.reference, case.data, case.measured, one, chosen) for one in (extended, other)]
         common = np.isfinite(fits[0].residual) & np.isfinite(fits[1].residual)
         as_calibrated, anew = (float(one.log_likelihood[common].sum()) for one in fits)
         return other if anew > as_calibrated else extended

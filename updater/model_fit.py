@@ -7,6 +7,7 @@ cancels. A structure file has no baseline to correct it: what it gets wrong is i
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
@@ -88,7 +89,9 @@ def fit_of_model(
     unshaped = np.flatnonzero(~np.isfinite(measured.shape).all(1))
     if expected is not None and len(unshaped):
         apart = np.abs(own.log_frequency - np.log(expected[unshaped, None]))
-        answers[unshaped] = np.where(apart.min(1) < _NEAR, apart.argmin(1), -1)
+        apart = np.where(apart < _NEAR, apart, 1.0)
+        row, column = linear_sum_assignment(apart)
+        answers[unshaped[row]] = np.where(apart[row, column] < _NEAR, column, -1)
     here = answers >= 0
     model = own.only(np.maximum(answers, 0))
     frequency = np.where(here, np.exp(model.log_frequency), np.nan)

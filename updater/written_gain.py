@@ -58,31 +58,40 @@ def written_gain(
         change, data, modes = change_gain_on(unused, chosen), unused, heldout
     else:
         change, modes = change_gain_left_out(data, chosen), measured
-    before = fit_of_written(data, modes, reference.file.calibration.structure, None)
-    return gain_of(before, fit_of_written(data, modes, written, chosen), change, heldout=modes is heldout)
+    before = fit_of_written(reference, data, modes, reference.file.calibration.structure, None)
+    return gain_of(before, fit_of_written(reference, data, modes, written, chosen), change, heldout=modes is heldout)
 
 
 def fit_of_written(
-    data: Comparison, modes: WindowModes, structure: Structure, chosen: Sequence[Chosen] | None
+    reference: Reference,
+    data: Comparison,
+    modes: WindowModes,
+    structure: Structure,
+    chosen: Sequence[Chosen] | None,
 ) -> ModelFit:
     """Return the fit of a structure, as it is read back from its text, to all modes of windows.
 
     Parameters
     ----------
+    reference : that the causes were sought with
     data : these modes compared with the baseline's
     structure : with the causes chosen, if any, written in
     """
     structure = parse_structure(dump_structure(structure))
     expected = np.full(len(modes.every.n), np.nan)
     ratio = prediction(data, chosen).log_ratio[0]
-    expected[modes.rows(modes.event.only(data.tracks))] = data.frequency[data.paired] * np.exp(ratio)
+    # the model's own frequencies, which it may miss the measured ones by
+    frequency = reference.calibration.modes.frequency if reference.measured else data.frequency
+    expected[modes.rows(modes.event.only(data.tracks))] = frequency[data.paired] * np.exp(ratio)
     every = modes.every.at(data.channels)
     return fit_of_model(structure, every, expected=expected, overdispersion=data.overdispersion)
 
 
-def fit_of_compared(data: Comparison, modes: WindowModes, written: Structure, chosen: Sequence[Chosen]) -> ModelFit:
+def fit_of_compared(
+    reference: Reference, data: Comparison, modes: WindowModes, written: Structure, chosen: Sequence[Chosen]
+) -> ModelFit:
     """Return the fit of a written structure to the modes compared, then to those that the baseline has not."""
     rows = modes.rows(modes.event.only(data.tracks))
     if data.circumstances.extra is not None:
         rows = np.concatenate([rows, modes.rows(data.circumstances.extra)])
-    return fit_of_written(data, modes, written, chosen).only(rows)
+    return fit_of_written(reference, data, modes, written, chosen).only(rows)
