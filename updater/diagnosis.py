@@ -91,6 +91,7 @@ class Explained:
     gained: Gained | None = None  #: what that gains, and how sure it is
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
     nearer: Nearer | None = None  #: of a file that is far off, where nothing is explained
+    calibration: Calibration | None = None  #: of `extended`, if not the reference's: with removed bodies on
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,7 +393,8 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
     chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get("global_stiffness")))
     extended = _extended(case.reference.file.calibration, chosen, best.parts)
-    extended = _without_unlisted(case, extended, chosen, best.parts)
+    with_bodies = _without_unlisted(case, extended, chosen, best.parts)
+    extended, calibration = with_bodies or (extended, None)
     if OF_THE_FILE in best.names:
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
@@ -414,7 +416,7 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
         failed=_failed(case),
         **settings,
     )
-    return Explained(diagnosis, extended, gained, best.parts)
+    return Explained(diagnosis, extended, gained, best.parts, calibration=calibration)
 
 
 def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chosen, ...], Comparison]:
@@ -431,8 +433,8 @@ def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chos
 
 def _without_unlisted(
     case: _Case, extended: Structure, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]
-) -> Structure:
-    """Return the structure without removed bodies that its file never had, if it fits the event better so.
+) -> tuple[Structure, Calibration] | None:
+    """Return the structure without removed bodies that its file never had, and its calibration, if it fits better so.
 
     The reference was calibrated to modes with these bodies on, for which its parameters made up. Written with a
     negative mass on it, it is neither the structure with the bodies nor without them.
@@ -440,18 +442,18 @@ def _without_unlisted(
     unlisted = [(c, c.cause.unlisted(c.row, c.theta)) for c in chosen if isinstance(c.cause, AddedMass)]
     bodies = [body for _, body in unlisted if body is not None]
     if not bodies or case.reference.filed is not None or not case.reference.calibration.fitted:
-        return extended
+        return None
     others = [c for c in chosen if not any(c is one for one, body in unlisted if body is not None)]
 
-    def nearer() -> Structure:
-        shaped = bool(case.data.shaped.any())
-        other = _extended(calibrated_with(case.reference, bodies, shaped=shaped), others, parts)
+    def nearer() -> tuple[Structure, Calibration] | None:
+        calibration = calibrated_with(case.reference, bodies, shaped=bool(case.data.shaped.any()))
+        other = _extended(calibration, others, parts)
         fits = [fit_of_written(case.reference, case.data, case.measured, one, chosen) for one in (extended, other)]
         common = np.isfinite(fits[0].residual) & np.isfinite(fits[1].residual)
         as_calibrated, anew = (float(one.log_likelihood[common].sum()) for one in fits)
-        return other if anew > as_calibrated else extended
+        return (other, calibration) if anew > as_calibrated else None
 
-    return case.weighing.faults.attempt("removed bodies that the file lacks", nearer) or extended
+    return case.weighing.faults.attempt("removed bodies that the file lacks", nearer)
 
 
 def _extended(calibration: Calibration, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]) -> Structure:

@@ -31,9 +31,9 @@ from monitor.trends_beside import trends_beside
 from monitor.words import cause_text, gain_text, plain, share_text
 from oma import OmaError
 from updater import (
+    Calibration,
     Diagnosis,
     Explained,
-    Reference,
     SelectionError,
     Structure,
     allowed_causes,
@@ -43,6 +43,7 @@ from updater import (
 )
 
 console = Console(highlight=False)
+_LIFTED = "the removed body is not in this file: its stiffness was fitted to the reference logs with the body on"
 _EXTENDED = "found by modalwatch diagnose"  # comment beside what an extended model has beyond the file given
 
 
@@ -114,7 +115,9 @@ def diagnose_command(
     say_evidence(console, diagnosis, compared, bare_reference(found.reference.calibration.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
-    _say_parameters(found.reference)
+        if found.explained.calibration is not None:
+            console.print(f"  {_LIFTED}", style="dim", soft_wrap=True)
+    _say_parameters(found.explained.calibration or found.reference.calibration)
     if nearer:
         console.print(nearer, soft_wrap=True, markup=False)
     for note in _channel_notes(structure, logs):
@@ -153,9 +156,9 @@ def _say_extended(path: str, *, fitted: bool) -> None:
         )
 
 
-def _say_parameters(reference: Reference) -> None:
+def _say_parameters(calibration: Calibration) -> None:
     """Print the model parameters that the reference logs have moved significantly away from the file."""
-    changes = [change for change in reference.calibration.changes() if change.significant]
+    changes = [change for change in calibration.changes() if change.significant]
     if changes:
         console.print(changes_table(changes, "model parameters fitted to the reference logs"))
 
@@ -267,11 +270,13 @@ def _channels_of(paths: Sequence[Path]) -> list[str]:
     return list(dict.fromkeys(channel.name for log in as_logs(paths) for channel in log_channels(log)))
 
 
-def _provenance(diagnosis: Diagnosis, structure_path: Path, logs: Logs) -> str:
+def _provenance(found: Explained, structure_path: Path, logs: Logs) -> str:
     """Return comments that say what an extended model was made of, and from what."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
-    lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in diagnosis.causes]
+    lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in found.diagnosis.causes]
+    if found.calibration is not None:
+        lines.append(_LIFTED)
     if logs.reference:
         lines.append("and what was fitted to the latter: the stiffness of materials, feet and joints")
     return "".join(f"# {line}\n" for line in lines)
@@ -292,7 +297,7 @@ def _write(found: Explained, structure_path: Path, logs: Logs, out: Path | None,
             given = structure_path.read_text(encoding="utf-8")
             own = parse_structure(given).updating  # without what the command line fixes and bounds
             text = dump_structure(found.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
-            path.write_text(_provenance(diagnosis, structure_path, logs) + text, encoding="utf-8")
+            path.write_text(_provenance(found, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:
         raise ArgumentError("--out" if out else "--json", f"{folder}: cannot be written: {error.strerror}") from error
