@@ -70,6 +70,8 @@ class KnownRecord(_Entry):
         for state in ("before", "after"):
             given, std = getattr(self, state), getattr(self, f"{state}_std")
             if std is not None and len(std) != (0 if isinstance(given, str) else len(given)):
+                if isinstance(given, str):
+                    raise ValueError(f"{state}_std: expected none where `{state}` is a file, found {len(std)}")
                 raise ValueError(f"{state}_std: expected one number per frequency of {state}, found {len(std)}")
         return self
 
@@ -107,9 +109,9 @@ class KnownBodies(_Entry):
         for name in self.names:
             if self.names.count(name) > 1:
                 raise ValueError(f"body: expected names that differ, found {name!r} twice")
-        for number, record in enumerate(self.record):
+        for number, record in enumerate(self.record, 1):
             if len(record.at) != len(self.body):
-                raise ValueError(f"record.{number}.at: expected {len(self.body)} places, found {len(record.at)}")
+                raise ValueError(f"record {number}: at: expected {len(self.body)} places, found {len(record.at)}")
         return self
 
 
@@ -140,8 +142,12 @@ def read_known_bodies(path: Path) -> KnownBodies:
     """
     try:
         return KnownBodies.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BodiesError(path, f"cannot be read: {error}") from error
+    except OSError as error:
+        raise BodiesError(path, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise BodiesError(
+            path, f"cannot be read: expected text in UTF-8, {error.reason} at byte {error.start}"
+        ) from error
     except tomllib.TOMLDecodeError as error:
         raise BodiesError(path, str(error)) from error
     except ValidationError as error:
@@ -149,12 +155,26 @@ def read_known_bodies(path: Path) -> KnownBodies:
 
 
 def _first_text(error: ValidationError) -> str:
-    """Return field, expectation and finding of the first error."""
+    """Return field, expectation and finding of the first error; lists are counted from 1."""
     first: dict[str, Any] = dict(error.errors()[0])
-    field = ".".join(str(part) for part in first["loc"])
-    message = str(first["msg"]).removeprefix("Value error, ")
-    found = "" if first["type"] in {"missing", "value_error"} else f", found {first['input']!r:.60}"
-    return f"{field}: {message}{found}" if field else f"{message}{found}"
+    field = ""
+    for part in first["loc"]:
+        if isinstance(part, int):
+            field += f" {part + 1}"
+        elif part != "str" and "[" not in part:  # alternatives of `before` and `after`
+            field += f": {part}" if field else part
+    message = _message(first)
+    return f"{field}: {message}" if field else message
+
+
+def _message(first: dict[str, Any]) -> str:
+    """Return expectation and finding of one of pydantic's errors."""
+    if first["type"] == "missing":
+        return "expected a value, found none"
+    if first["type"] == "too_short":
+        return f"expected at least {first['ctx']['min_length']}, found {first['ctx']['actual_length']}"
+    message = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    return message if first["type"] == "value_error" else f"{message}, found {first['input']!r:.60}"
 
 
 def select_known_bodies(path: Path) -> BodiesResult:
@@ -170,8 +190,8 @@ def select_known_bodies(path: Path) -> BodiesResult:
     content = read_known_bodies(path)
     bare = load_structure(path.parent / content.structure)
     records = []
-    for number, (name, record) in enumerate(zip(content.record_names, content.record, strict=True)):
-        place = f"{path}: record.{number}" + (f" ({name})" if record.name else "")
+    for number, (name, record) in enumerate(zip(content.record_names, content.record, strict=True), 1):
+        place = f"{path}: record {number}" + (f" ({name})" if record.name else "")
         try:
             records.append(_record(bare, content, record, path.parent, place))
         except (ModelError, ModalDataError, PairingError) as error:

@@ -100,16 +100,28 @@ def test_a_change_that_no_body_explains_is_unexplained(tmp_path: Path, modalwatc
     ("old", "new", "said"),
     [
         ('name = "B"', 'name = "A"', "body: expected names that differ, found 'A' twice"),
-        ("mass = ", "mas = ", "body.0.mass: Field required"),
-        ("[0.06, 0.0, 0.0], ", "", "record.0.at: expected 4 places, found 3"),
-        ("[0.072, 0.0, 0.0]", "[0.072, 0.0, 0.5]", "record.1: "),
-        ("before = [", "before = [1e9, ", "record.0: before_std: expected one number per frequency of before, found 5"),
+        ("mass = ", "mas = ", "body 1: mass: expected a value, found none"),
+        ("[0.06, 0.0, 0.0], ", "", "record 1: at: expected 4 places, found 3"),
+        ("[0.072, 0.0, 0.0]", "[0.072, 0.0, 0.5]", "record 2"),
+        ("before = [", "before = [1e9, ", "record 1: before_std: expected one number per frequency of before, found 5"),
+        (
+            "after = [",
+            'after = "after.csv"  # [',
+            "record 1: after_std: expected none where `after` is a file, found 5",
+        ),
         ("beam.toml", "no.toml", "no.toml: cannot be read"),
     ],
-    ids=["name", "field", "places", "off the beam", "deviations", "structure"],
+    ids=["name", "field", "places", "off the beam", "deviations", "left over", "structure"],
 )
 def test_errors_name_file_and_field(tmp_path: Path, modalwatch: Commands, old: str, new: str, said: str) -> None:
     path = bodies_file(tmp_path, ())
     path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     done = modalwatch("bodies", path)
     assert_refused(done, said, tmp_path)
+
+
+def test_errors_of_reading_have_no_words_of_libraries(tmp_path: Path, modalwatch: Commands) -> None:
+    path = tmp_path / "bodies.toml"
+    assert_refused(modalwatch("bodies", path), f"{path}: cannot be read: No such file or directory")
+    path.write_text('structure = "beam.toml"\nbody = []\nrecord = []\n', encoding="utf-8")
+    assert_refused(modalwatch("bodies", path), f"{path}: body: expected at least 1, found 0")
