@@ -188,6 +188,8 @@ class Detector:
             teaching, age = np.concatenate([j.teaching for j in chunk]), np.concatenate([j.age for j in chunk])
             self._watched = accept(self._watched, known, teaching, variance, age)
             self._trend, new = follow_trend(self._trend, self._watched.weekly)
+            if self._forgiven:  # it is reported as soon as the setting changes
+                self._trend = replace(self._trend, reported=None)
             return new and not self._forgiven
         return False
 

@@ -98,6 +98,7 @@ class Vitals:
         self._pace, self._windowed = pace, time.monotonic()
         self._heard_first = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
+        self._novelty: dict[str, Any] = {}  # of the last window that was judged
         self._sight, self._unheard = Sight(), Unheard()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         before = last_written(path)
@@ -185,7 +186,8 @@ class Vitals:
                 "window_age": now - self._windowed,
                 "window_overdue": now - self._windowed > self._pace.window + 2 * self._pace.step,
                 "window": self._window,
-                "trend": (self._window.get("novelty") or {}).get("trend"),
+                "trend": self._novelty.get("trend"),
+                "detectable": self._novelty.get("detectable"),
                 "blind": self._sight.blind,
                 "unheard": self._unheard.texts,
                 "late": self._late,
@@ -235,8 +237,9 @@ class Vitals:
             self._listen(result)
             self._learnt = result.phase != "learning"
             if not self._learnt:
-                self._self_test = None  # it was of what is not known any more
+                self._self_test, self._novelty = None, {}  # they were of what is not known any more
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
+            self._novelty = self._window["novelty"] or self._novelty
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
 

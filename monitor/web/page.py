@@ -84,7 +84,7 @@ def _unsure(vitals: dict[str, Any]) -> str:
 
 
 def _detectable(vitals: dict[str, Any]) -> str:
-    found = (vitals["window"].get("novelty") or {}).get("detectable")
+    found = vitals.get("detectable")
     return detectable_text(DetectableChange.model_validate(found)) if found else ""
 
 
