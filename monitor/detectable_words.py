@@ -14,11 +14,15 @@ NO_THERMOMETER = (
 def detectable_text(found: DetectableChange) -> str:
     """Return the smallest detectable change, and that a thermometer is needed where there is none."""
     each = np.array(found.modes_percent)
-    least, most = int(each.argmin()), int(each.argmax())
-    text = (
-        f"a lasting change of all frequencies alike by {found.alike_percent:.2g} %, or of one mode alone by "
-        f"{each[least]:.2g} % (mode {least + 1}) to {each[most]:.2g} % (mode {most + 1})"
-    )
+    known = np.flatnonzero(np.isfinite(each))
+    text = f"a lasting change of all frequencies alike by {found.alike_percent:.2g} %"
+    if known.size:
+        least, most = known[each[known].argmin()], known[each[known].argmax()]
+        text += (
+            f", or of one mode alone by {each[least]:.2g} % (mode {least + 1}) to {each[most]:.2g} % (mode {most + 1})"
+        )
+    if hidden := [str(k + 1) for k in np.flatnonzero(~np.isfinite(each))]:
+        text += f"; not detectable alone: mode{'s' * (len(hidden) > 1)} {', '.join(hidden)}"
     return text if found.thermometer else f"{text}; {NO_THERMOMETER}"
 
 

@@ -105,7 +105,7 @@ class DetectableChange(_Result):
     """Smallest lasting changes of frequency that bring a detector to its limit, by what is learnt so far."""
 
     alike_percent: Number  #: of all modes alike [%]
-    modes_percent: list[Number]  #: of each mode alone, by identities from 1 on [%]
+    modes_percent: list[Number]  #: of each mode alone, by identities from 1 on, not finite where not detectable [%]
     thermometer: bool  #: whether the baseline has temperatures
 
 

@@ -19,7 +19,7 @@ class Detectable:
     """Smallest lasting changes that bring a detector to its limit if errors are zero, as log frequencies."""
 
     alike: float  #: of all modes alike
-    each: FloatArray  #: (n_tracks,) of one mode alone
+    each: FloatArray  #: (n_tracks,) of one mode alone; infinite where no detector finds it
 
 
 def detectable_change(watched: Watched, judged: Judged) -> Detectable:
@@ -80,10 +80,11 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
 
 def _least(law: Law, age: FloatArray | None, judged: Judged, terms: FloatArray, seen: BoolArray) -> float:
     covariance = law.lasting(terms, age)[-1] + law.fast * judged.variance[-1] * np.eye(len(law.scale))
-    return _jump(np.where(seen, 1 / law.scale, np.nan), covariance, law, float(judged.limit[0, -1]))
+    found = _jump(np.where(seen, 1 / law.scale, np.nan), covariance, law, float(judged.limit[0, -1]))
+    return min(found, float(_SIZES[-1]))
 
 
 def _jump(change: FloatArray, covariance: FloatArray, law: Law, limit: float) -> float:
-    """Return the multiple of a whitened change (n_tracks,) that brings one window to the jump's limit."""
+    """Return the factor on a whitened change (n_tracks,) that brings one window to the jump's limit, inf if none."""
     squared, n = distance(tamed(_SIZES[:, None] * change, covariance, law.tail), covariance)
-    return float(np.exp(np.interp(np.log(limit), np.log(squared / n), np.log(_SIZES))))
+    return float(np.exp(np.interp(np.log(limit), np.log(squared / n), np.log(_SIZES), right=np.inf)))

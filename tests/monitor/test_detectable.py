@@ -1,5 +1,6 @@
 """The smallest detectable change is stated, and that a thermometer is needed where there is none."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from monitor.detectable_words import NO_THERMOMETER, detectable_text
 from monitor.detection import DETECTORS, GUARD, Watching, detectable_change, judge, start
-from monitor.results import AlarmResult, WindowResult
+from monitor.results import AlarmResult, DetectableChange, WindowResult
 
 P, STD, DAY, SEED = 5, 3e-4, 144, 4
 WATCHING = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
@@ -46,3 +47,11 @@ def test_it_is_told_of_every_window_and_a_missing_thermometer_once(monkeypatch: 
         f"a lasting change of all frequencies alike by {last.novelty.detectable.alike_percent:.2g} %"
     )
     assert text.endswith(NO_THERMOMETER)
+
+
+def test_a_mode_that_no_detector_finds_alone_is_named() -> None:
+    found = DetectableChange(alike_percent=0.5, modes_percent=[2.0, np.inf, 3.0], thermometer=True)
+    assert detectable_text(DetectableChange.model_validate(json.loads(found.model_dump_json()))) == (
+        "a lasting change of all frequencies alike by 0.5 %, or of one mode alone by 2 % (mode 1) to 3 % (mode 3); "
+        "not detectable alone: mode 2"
+    )
