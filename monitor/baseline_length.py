@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray
+from monitor.alarm_words import duration_text
 from monitor.detection import effective_number
 from monitor.settings import Settings
 from monitor.window import Window
@@ -25,7 +26,7 @@ _CORRELATED = 0.5  # of the windows: with fewer effective ones successive window
 class Shortcoming:
     """What a baseline is too short for."""
 
-    text: str  #: predicate of a sentence on the baseline
+    text: str  #: sentence on the baseline
     needed: int  #: windows that would be enough
 
 
@@ -51,10 +52,14 @@ def longer_baseline(n: int, lacking: Sequence[Shortcoming], most: int) -> int:
 def extended_text(n: int, lacking: Sequence[Shortcoming], longer: int, settings: Settings) -> str:
     """Return a sentence on a baseline that is continued."""
     return (
-        f"the baseline is too short: that of {n} windows {' and '.join(one.text for one in lacking)}; learning goes on "
-        f"to {longer} windows, then as long as needed to at most {settings.analysis.most_windows} "
-        "(analysis.baseline_windows_max)"
+        f"the baseline of {n} windows is {too_short_text(lacking)}; learning is extended to {longer} windows (at most "
+        f"{settings.analysis.most_windows}, analysis.baseline_windows_max)"
     )
+
+
+def too_short_text(lacking: Sequence[Shortcoming]) -> str:
+    """Return what a baseline is too short for, as part of a sentence."""
+    return f"too short: {'; '.join(one.text for one in lacking)}"
 
 
 def shortcomings(
@@ -88,15 +93,15 @@ def shortcomings(
             text
             for text, applies in (
                 (f"the temperature moved by {moved:.1f} K", moved > _MOVED),
-                ("successive windows move alike", correlated),
+                ("successive windows are correlated", correlated),
             )
             if applies
         )
         needed = n + math.ceil((_DAY - covered) / step)
-        found.append(Shortcoming(text=f"covers {covered / 3600:.1f} h of a day's cycle, while {reason}", needed=needed))
+        found.append(Shortcoming(text=f"it covers {duration_text(covered)} of a daily cycle ({reason})", needed=needed))
     least = 2 * p + 3 + (_REGRESSORS if known else 1)
     if correlated and effective < least:
-        text = f"is worth {effective:.0f} independent windows, while its {p} modes need {least}"
+        text = f"{n} correlated windows count as {effective:.0f} independent ones where {p} modes need {least}"
         found.append(Shortcoming(text=text, needed=math.ceil(n * least / effective)))
     return tuple(found)
 

@@ -20,7 +20,7 @@ from monitor.alarm_words import (
 from monitor.alarms import Alarm, Change, Kind
 from monitor.answering import answer, sensors
 from monitor.baseline_change import MAX_RESTARTS, change_in_baseline
-from monitor.baseline_length import baseline_shortcomings, extended_text, longer_baseline
+from monitor.baseline_length import baseline_shortcomings, extended_text, longer_baseline, too_short_text
 from monitor.describe import mode_results, reference_result
 from monitor.detectable_words import NO_THERMOMETER
 from monitor.extras import Extras
@@ -168,9 +168,8 @@ class Judge:
             return
         self._watch, self._baseline, self._restarts = watch, [], 0
         yield self._reference(watch, window.end)
-        doubts = [change[1].partition(";")[0]] if change else []
-        doubts += [f"it {one.text}" for one in lacking]
-        though = f", though {' and '.join(doubts)}" if doubts else ""
+        though = f", though {change[1].partition(';')[0]}" if change else ""
+        though += f"; {too_short_text(lacking)}" if lacking else ""
         warning = "" if watch.detector.has_thermometer else f"; {NO_THERMOMETER}"
         yield self._said(window, f"baseline learnt from {len(watch.baseline)} windows{though}{warning}")
 

@@ -47,17 +47,17 @@ def test_hourly_bridge_needs_days_and_a_hall_needs_no_more_than_it_has() -> None
     print(
         f"seed {SEED}: {day[0]}; median {np.median([n for _, n in day])} and {np.median([n for _, n in week])} needed"
     )
-    assert sum("independent windows, while its 4 modes need 15" in text for text, _ in day) >= 0.9 * N_SITES
+    assert sum("independent ones where 4 modes need 15" in text for text, _ in day) >= 0.9 * N_SITES
     assert np.median([n for _, n in day]) > 72
     assert np.median([n for _, n in week]) < 432
     assert sum(not text for text, _ in hall) >= 0.9 * N_SITES
 
 
 def test_four_hours_in_which_the_temperature_moves_lack_a_day() -> None:
-    found = [text for text, needed in lacking(KINDS[0], 24) if "of a day's cycle" in text and needed >= 144]
+    found = [text for text, needed in lacking(KINDS[0], 24) if "of a daily cycle" in text and needed >= 144]
     print(found[0])
     assert len(found) >= 0.7 * N_SITES
-    assert not any("of a day's cycle" in text for text, _ in lacking(KINDS[0], 144))
+    assert not any("of a daily cycle" in text for text, _ in lacking(KINDS[0], 144))
 
 
 def test_missing_readings_change_nothing() -> None:
@@ -98,14 +98,14 @@ def test_learning_goes_on_over_a_restart_and_says_so_once(monkeypatch: pytest.Mo
     (first,) = texts(run(pipeline, warmed(site.windows(24), celsius[:24])))
     print(first)
     assert first == (
-        "the baseline is too short: that of 24 windows covers 4.0 h of a day's cycle, while the temperature moved by "
-        "2.9 K; learning goes on to 48 windows, then as long as needed to at most 48 (analysis.baseline_windows_max)"
+        "the baseline of 24 windows is too short: it covers 4 h of a daily cycle (the temperature moved by 2.9 K); "
+        "learning is extended to 48 windows (at most 48, analysis.baseline_windows_max)"
     )
     pipeline = site.pipeline(parse_memory(memory_text(pipeline.memory)))
     assert not texts(run(pipeline, warmed(site.windows(23), celsius[24:47])))
     (last,) = texts(run(pipeline, warmed(site.windows(1), celsius[47:])))
     assert last == (
-        "baseline learnt from 48 windows, though it covers 8.0 h of a day's cycle, while the temperature moved by 6.0 K"
+        "baseline learnt from 48 windows; too short: it covers 8 h of a daily cycle (the temperature moved by 6.0 K)"
     )
 
 
@@ -126,5 +126,5 @@ def test_length_that_is_set_is_kept_and_what_it_lacks_is_stated(monkeypatch: pyt
     site = Played(6, monkeypatch)
     (text,) = texts(run(site.pipeline(), warmed(site.windows(BASELINE), np.linspace(10.0, 13.0, BASELINE))))
     assert text == (
-        "baseline learnt from 12 windows, though it covers 2.0 h of a day's cycle, while the temperature moved by 3.0 K"
+        "baseline learnt from 12 windows; too short: it covers 2 h of a daily cycle (the temperature moved by 3.0 K)"
     )
