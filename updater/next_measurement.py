@@ -69,11 +69,11 @@ def next_measurement(
         if widest < _WORTHLESS:
             break
         pairs = [p for p in left if best.distance[p] >= min(_DECIDES, 0.99 * widest)]
-        said.append(f"{best.text}: expected to tell {_names(open_ones, pairs)} by {_sigma(best, pairs)}.")
+        said.append(f"{best.text}: expected to separate {_names(open_ones, pairs)} by {_sigma(best, pairs)}.")
         left -= set(pairs)
         trials.remove(best)
     if left:
-        said.append(f"Nothing that was tried tells {_names(open_ones, sorted(left))}.")
+        said.append(f"None of the measurements considered separates {_names(open_ones, sorted(left))}.")
     return " ".join(said)
 
 
@@ -82,25 +82,28 @@ def _sigma(trial: _Trial, pairs: Sequence[tuple[int, int]]) -> str:
 
 
 def _names(open_ones: Sequence[Hypothesis], pairs: Sequence[tuple[int, int]]) -> str:
-    """Return the hypotheses of pairs as words, those with the same partners together."""
+    """Return the names of pairs of hypotheses, each once; names with the same partners are grouped."""
     words = _words(open_ones)
-    left, said = {frozenset(pair) for pair in pairs}, []
+    order = list(dict.fromkeys(words))
+    left, said = {frozenset((words[i], words[j])) for i, j in pairs}, []
+    places = [name for name in order if frozenset((name,)) in left]  # pairs of hypotheses with one name
+    left -= {frozenset((name,)) for name in places}
     while left:
-        partners = {i: frozenset(j for pair in left if i in pair for j in pair - {i}) for i in frozenset().union(*left)}
-        others = max(partners.values(), key=lambda them: sum(p == them for p in partners.values()))
-        own = sorted(i for i, them in partners.items() if them == others)
-        said.append(f"{' or '.join(words[i] for i in own)} from {' or '.join(words[j] for j in sorted(others))}")
-        left -= {frozenset((i, j)) for i in own for j in others}
-    return "; ".join(said)
+        partners = {a: [b for b in order if a != b and frozenset((a, b)) in left] for a in order}
+        others = max(filter(None, partners.values()), key=lambda them: sum(p == them for p in partners.values()))
+        own = [name for name in order if partners[name] == others]
+        said.append(f"{' or '.join(own)} from {' or '.join(others)}")
+        left -= {frozenset((a, b)) for a in own for b in others}
+    return "; ".join(said + [f"the alternative places of the {name}" for name in places])
 
 
 def _words(open_ones: Sequence[Hypothesis]) -> list[str]:
-    """Return what each hypothesis has that not all of them have."""
+    """Return the names of the causes by which each hypothesis differs from the others."""
     names = [[c.cause.name for c in chosen] for chosen in open_ones]
     common = set.intersection(*map(set, names))
     own = [[n for n in each if n not in common] for each in names]
     chosen = own if all(own) else names
-    return [" and ".join(each).replace("_", " ") for each in chosen]
+    return [" and ".join(dict.fromkeys(each)).replace("_", " ") for each in chosen]
 
 
 def _apart(values: FloatArray, std: FloatArray) -> FloatArray:

@@ -48,7 +48,9 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     left_or_right = [(Chosen(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
     said = next_measurement(reference, event, data, masses, left_or_right)
     place = re.search(
-        r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: expected to tell .* by ([\d.]+) stand", said
+        r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: "
+        r"expected to separate the alternative places of the added mass by ([\d.]+) stand",
+        said,
     )
     assert place is not None, said
     assert abs(float(place[1])) > 0.1
@@ -74,4 +76,4 @@ def test_what_nothing_tells_apart_is_said() -> None:
     reference, _, event = learnt(122)
     found = diagnose(reference, event(Change(foot={"rz": 0.2}))).diagnosis
     assert found.verdict == "ambiguous"
-    assert "Nothing that was tried tells" in found.next_measurement
+    assert "None of the measurements considered separates" in found.next_measurement
