@@ -1,7 +1,7 @@
-"""Comparison of the results of a replay with those that were found live, number by number.
+"""Comparison of the results of a replay with those of the live run, value by value.
 
-Another processor rounds otherwise, and sentences repeat numbers that stand beside them, so that sentences are left out
-and numbers compared relative to the largest of their kind in a result: of the increments of all nodes, say.
+Processors differ in rounding. Numbers are therefore compared relative to the largest number of the same field in a
+result, such as the increments of all nodes. Texts are not compared, because they repeat numbers of other fields.
 """
 
 import json
@@ -21,25 +21,25 @@ _MISSING = object()
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A value of a result that a replay did not find as it was found live."""
+    """Value of a result that differs between replay and live run."""
 
     result: str  #: such as `window 12`
     value: str  #: such as `modes.3.frequency`
     found: Any
     live: Any
-    relative: float  #: of numbers, to the largest of their kind; infinite of all else [-]
+    relative: float  #: for numbers: relative to the largest number of the same field; else infinite [-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayComparison:
-    """How far a replay repeats what was found live."""
+    """Agreement of the results of a replay with those of the live run."""
 
-    largest: Difference | None  #: up to the first that is more than rounding
-    first: Difference | None  #: that is more than rounding
+    largest: Difference | None  #: largest one before `first`
+    first: Difference | None  #: first one that is larger than rounding
 
     @property
     def kind(self) -> Literal["identical", "rounding", "different"]:
-        """Return what the differences are."""
+        """Class of the largest difference."""
         if self.first:
             return "different"
         return "rounding" if self.largest else "identical"
@@ -59,7 +59,7 @@ class ReplayComparison:
         return "the same as live, to the last digit"
 
     def payload(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the comparison as JSON values."""
         shown = self.first or self.largest
         at = {"result": shown.result, "value": shown.value} if shown else None
         relative = shown.relative if shown and math.isfinite(shown.relative) else None
@@ -67,7 +67,7 @@ class ReplayComparison:
 
 
 def compare_results(found: Sequence[Result], live: Sequence[Result]) -> ReplayComparison:
-    """Compare what a replay found with what the log holds; fields that an older log has not are left out."""
+    """Compare results of a replay with those of the log; fields that are missing in an older log are left out."""
     largest: Difference | None = None
     for number, result in enumerate(live):
         said = json.loads(result.model_dump_json(exclude_unset=True))
@@ -110,7 +110,7 @@ def _differences(name: str, found: Any, live: Any) -> Iterator[Difference]:  # n
 
 
 def _flat(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:  # noqa: ANN401 - JSON values
-    """Yield every value that is no sentence with its path, and the length of every list."""
+    """Yield path and value of all fields but texts, and the length of every list."""
     if isinstance(value, dict):
         for key, part in value.items():
             if key not in _TEXTS:
@@ -124,12 +124,12 @@ def _flat(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:  # noqa: A
 
 
 def _kind(path: Path) -> Path:
-    """Return a path without the places in lists."""
+    """Return a path without its list indices."""
     return tuple(part for part in path if isinstance(part, str))
 
 
 def _is_number(value: Any) -> bool:  # noqa: ANN401 - JSON values
-    """Return whether a value is a measured one: times, indices and counts are whole numbers, and have no rounding."""
+    """Return whether a value is subject to rounding; times, indices and counts are integers and are not."""
     return isinstance(value, float)
 
 

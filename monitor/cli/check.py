@@ -126,5 +126,7 @@ def _baseline_text(settings: Settings) -> str:
     text = f"{analysis.first_windows} windows, {hours:.2g} h"
     if analysis.most_windows > analysis.first_windows:
         most = hours + (analysis.most_windows - analysis.first_windows) * settings.step_seconds / 3600
-        return f"{text}; up to {analysis.most_windows}, {most:.2g} h, if these are too few for what they show"
+        return (
+            f"{text}; extended automatically up to {analysis.most_windows}, {most:.2g} h, if the baseline is too short"
+        )
     return text if hours >= _DAY_HOURS else f"{text}, less than a day's cycle"

@@ -111,7 +111,7 @@ def identify(
 ) -> None:
     """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty.
 
-    --from and --to limit the record that all logs are together; with --reference, each log.
+    All logs count as one record for --from and --to; with --reference each log separately.
     """
     from monitor.cli.identifying import Options, identify_command
     from monitor.time_range import time_range
@@ -251,7 +251,8 @@ def report(
 ) -> None:
     """Write what a log says as one HTML page, the verdict first.
 
-    With a range, of its whole windows; the baseline may be older, and so may an alarm be that is active at --from.
+    With a range, only windows entirely inside it are shown. The baseline and an alarm that is active at --from are
+    taken from earlier.
     """
     from monitor.cli.view import report_command
     from monitor.time_range import time_range

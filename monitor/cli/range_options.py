@@ -13,4 +13,4 @@ From = Annotated[
         "(2026-01-31T12:00:00Z; UTC unless it has a zone).",
     ),
 ]
-To = Annotated[str | None, typer.Option("--to", metavar="TIME", help="Where to end, without that time; as --from.")]
+To = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the range (exclusive). Format as --from.")]

@@ -46,7 +46,7 @@ class AnalysisSettings(Section):
     band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
     """[low, high] in Hz; chosen from rate and window unless given"""
     baseline_windows: Annotated[int | None, Field(ge=5, examples=[24])] = None
-    """windows to learn from before watching; unless given 24, and more while these are too few for what they show"""
+    """number of baseline windows; default: 24, extended automatically if the baseline is too short"""
     baseline_windows_max: Annotated[int, Field(ge=5)] = 144
     """at which learning ends in any case; ignored with `baseline_windows`"""
 
