@@ -1,12 +1,15 @@
 """A slow trend is an event of its own: it is no alarm, and a setting forgives, reports or sends it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from watch_helpers import BASELINE, Played, judged, run, site_settings, without_answers
 
-from monitor.detection import CHUNK, GUARD, Trend, TrendWatch
+from monitor.detection import CHUNK, DETECTORS, GUARD, Trend, TrendWatch, Watching, judge, start
 from monitor.memory import memory_text, parse_memory
 from monitor.notices import News
+from monitor.novelty import Detector, DetectorState
 from monitor.result_events import result_event
 from monitor.results import AlarmResult, ReferenceResult
 from monitor.story import Story
@@ -60,3 +63,21 @@ def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPa
     resumed = judged(run(played.pipeline(parse_memory(memory_text(pipeline.memory))), played.windows(1)))[-1]
     assert resumed.novelty is not None
     assert resumed.novelty.trend is None
+
+
+def test_trend_forgiven_so_far_is_reported_after_the_setting_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def follow(watch: TrendWatch, _weekly: object) -> tuple[TrendWatch, bool]:
+        return TrendWatch(week=watch.week + 1, present=trend(3), reported=trend(3)), watch.reported is None
+
+    monkeypatch.setattr("monitor.novelty.follow_trend", follow)
+    y = 1e-4 * np.random.default_rng(5).standard_normal((100, 3))
+    watching = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+    watched = start(y, np.full(y.shape, 1e-4), np.full(100, 15.0), np.full(100, 600.0), watching)
+    calm, watched = judge(watched, y[:1], np.array([15.0]), np.array([600.0]))
+    state, found = DetectorState(watched=watched, before=0), []
+    for setting in ("forgive", "forgive", "report", "report"):
+        filled = replace(state, calm=(calm,) * (GUARD + CHUNK))
+        detector = Detector(filled, site_settings(f'trend = "{setting}"'))
+        found.append(detector.settle(calm=True))
+        state = detector.state
+    assert found == [False, False, True, False]

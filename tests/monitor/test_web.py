@@ -142,6 +142,20 @@ def test_page_says_what_could_be_told_where_the_law_is_unsure(source: Source) ->
     assert "could be told" not in Client(changed(source, state="normal", window=sure)).get("/").text
 
 
+def test_smallest_detectable_change_stays_over_a_window_without_modes(source: Source) -> None:
+    window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
+    found = {"alike_percent": 0.57, "modes_percent": [1.0, 2.0], "thermometer": True}
+    novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "detectable": found}
+    vitals = Vitals(source.state / NAME, (), PACE, SystemClock())
+    vitals.take(replace(window, payload=window.payload | {"novelty": novelty}))
+    vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": None, "problem": "no modes"}))
+    vitals.write(WELL)
+    assert (
+        "smallest detectable change: a lasting change of all frequencies alike by 0.57 %"
+        in Client(source).get("/").text
+    )
+
+
 def test_page_says_how_far_learning_has_come(source: Source) -> None:
     learning = changed(source, state="learning", window={"index": 6, "phase": "learning"})
     assert "7 windows so far, nothing is judged yet" in Client(learning).get("/").text
