@@ -13,6 +13,7 @@ LOW_MPC = 0.7  #: modal phase collinearity below which a shape is marked [-]
 _MIN_MODES = 4  # for delays that leave something to check them by
 _SIGMAS = 4.0  # of a delay that is reported
 _MIN_DELAY_SECONDS = 5e-5
+_MIN_MPC_GAIN = 0.02  # of the median: delays that explain less are those of channels that share hardly a mode
 _BIAS_SECONDS = 1.5e-5  # between channels that hardly move in the same modes, whatever the scatter of the modes
 _MAX_NAMED = 8  # channels in a sentence
 
@@ -70,7 +71,7 @@ def asynchrony(recording: Recording, estimate: ModalEstimate) -> Asynchrony | No
         for name, value, error in zip(estimate.channels, delay, std, strict=True)
         if abs(value) > max(_SIGMAS * error, _MIN_DELAY_SECONDS)
     }
-    if not late or np.median(after) < max(LOW_MPC, float(np.median(before))):
+    if not late or np.median(after) < max(LOW_MPC, float(np.median(before)) + _MIN_MPC_GAIN):
         return None
     return Asynchrony(delays=late, mpc=float(np.median(before)), mpc_synchronous=float(np.median(after)))
 

@@ -160,7 +160,7 @@ def test_modes_of_an_exported_log_are_those_of_the_log(modalwatch: Commands, tmp
         if data is not None:
             assert modalwatch("import", data, "-o", log).code == 0
         done = modalwatch("identify", log, "--window", 60, "--json", tmp_path / "modes.json", *limit)
-        assert (done.code, "not synchronous" in done.out) == (0, False)
+        assert (done.code, "channels are not synchronous" in done.out) == (0, False)
         modes.append(json.loads((tmp_path / "modes.json").read_text())["modes"])
     expected, *others = modes
     for found in others:

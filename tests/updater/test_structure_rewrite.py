@@ -201,7 +201,7 @@ def edited(draw: st.DrawFn, structure: Structure) -> Structure:
     if draw(st.booleans()):
         sensor.insert(draw(st.integers(0, len(sensor))), Sensor(channel="new", at=at, direction=(1, 0, 0)))
     bodies = draw(
-        st.lists(st.builds(Body, at=st.just(at), mass=numbers | numbers.map(lambda m: -min(m, 1e-3))), max_size=2)
+        st.lists(st.builds(Body, at=st.just(at), mass=numbers | numbers.map(lambda m: -min(m, 1e-4))), max_size=2)
     )
     wrong = st.builds(Correction, gain=numbers, sign=st.sampled_from([1, -1]), delay=st.sampled_from([0.0, 1e-5, 5e-4]))
     known = {s.channel: draw(wrong) for s in sensor if draw(st.booleans())}
@@ -209,7 +209,7 @@ def edited(draw: st.DrawFn, structure: Structure) -> Structure:
         first, second = sensor[0].channel, sensor[1].channel
         known |= {first: Correction(channel=second), second: Correction(channel=first, delay=1e-3)}
     material = {
-        name: m.model_copy(update={"density": draw(numbers)}) if draw(st.booleans()) else m
+        name: m.model_copy(update={"density": draw(numbers.map(lambda n: max(n, 1.0)))}) if draw(st.booleans()) else m
         for name, m in structure.material.items()
     }
     joint = Joint(member=member.name, at=at, stiffness={"rx": draw(numbers)})
