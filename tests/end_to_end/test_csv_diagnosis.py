@@ -108,6 +108,7 @@ def test_nothing(diagnosed: Diagnose) -> None:
     assert found["extended_model"] is None
 
 
+@pytest.mark.thorough
 def test_channels_that_only_one_of_the_records_has_are_told(folder: Path, modalwatch: Commands) -> None:
     recording = Rig(seed=SEED).record(5, 75.0, rate=RATE)
     channels = [replace(c, name={"col_111_x": "col_112_x"}.get(c.name, c.name)) for c in recording.channels]

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from end_to_end_helpers import site_toml
 from measured_helpers import Rig
 
@@ -38,6 +39,7 @@ def watch(folder: Path, seed: int, after: Rig) -> list[WindowResult]:
     return [r for r in found if isinstance(r, WindowResult) and r.phase == "alarm"]
 
 
+@pytest.mark.thorough
 def test_a_loosened_foot_is_no_mass(tmp_path: Path) -> None:
     windows = watch(tmp_path, 61, Rig(seed=61, foot=(0.5, 0.5, 1.0)))
     diagnoses = [w.diagnosis for w in windows if w.diagnosis]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_helpers import Commands
+from thorough_helpers import few_of
 from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from daq import Event
@@ -108,7 +109,7 @@ def test_a_body_that_was_taken_off_is_accepted_remembered_and_found_when_it_retu
     assert abs(last.answer.mass - 0.2) < 4 * last.answer.mass_std
 
 
-@pytest.mark.parametrize("seed", [12, 13])
+@pytest.mark.parametrize("seed", few_of([12, 13]))
 def test_next_change_is_found_beside_an_accepted_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played, pipeline, _ = changed(seed, monkeypatch, 6)

@@ -118,6 +118,7 @@ def test_a_mode_that_the_fullest_window_lacks_is_kept(ambient: Recording) -> Non
     assert fuse(three).n.tolist() == [4, 5, 5]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("first_seed", [100])
 def test_fused_standard_deviations_are_the_real_ones(first_seed: int) -> None:
     z = []

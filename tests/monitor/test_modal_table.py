@@ -9,6 +9,7 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from sealed_cases import draw
 from sealed_path import after
+from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 
 from daq import LogError
@@ -42,7 +43,7 @@ def structure(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("shapes", [True, False])
+@pytest.mark.parametrize("shapes", few_of([False, True]))
 def test_a_mass_is_found_between_two_tables(tmp_path: Path, modalwatch: Commands, shapes: bool) -> None:
     """Frequencies alone leave a mirror image; the mass is weighed all the same, spread over 30 cm or not."""
     before = table(tmp_path / "before.csv", measured(1), shapes=shapes)

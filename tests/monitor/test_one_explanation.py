@@ -5,12 +5,15 @@ import pytest
 from sealed_cases import N_BEFORE, draw
 from sealed_path import after, observation, structure_of
 from sealed_signals import estimated
+from thorough_helpers import few_of
 
 from monitor.diagnosing import explain
 from monitor.explaining import explain_windows
 
 
-@pytest.mark.parametrize(("cell", "seed"), [("added_mass", 71), ("attached_oscillator", 72), ("sliding", 73)])
+@pytest.mark.parametrize(
+    ("cell", "seed"), few_of([("added_mass", 71), ("sliding", 73), ("attached_oscillator", 72)], 2)
+)
 def test_the_same_windows_have_the_same_explanation(cell: str, seed: int) -> None:
     """A body, a mode that the baseline has not, and windows that are not of one state."""
     print(f"{cell}, seed {seed}")

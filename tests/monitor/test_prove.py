@@ -31,6 +31,7 @@ def test_what_cannot_be_proven_yet_is_said(monkeypatch: pytest.MonkeyPatch) -> N
         gather(pipeline.memory, played.structure, played.settings)
 
 
+@pytest.mark.thorough
 def test_drill_by_what_the_monitor_remembers(
     modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

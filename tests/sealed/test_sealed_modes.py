@@ -8,38 +8,38 @@ from thorough_helpers import few_of
 
 CASES = [
     ("added_mass", 301),
-    ("distributed_mass", 302),
     ("local_stiffness", 303),
     ("support_stiffness", 304),
-    ("joint_stiffness", 305),
-    ("support_spring", 306),
-    ("axial_force", 307),
     ("attached_oscillator", 308),
     ("global_stiffness", 309),
-    ("global_density", 310),
     ("temperature", 311),
-    ("sampling_clock", 312),
-    ("damping_change", 313),
-    ("amplitude_softening", 314),
     ("sensor_gain", 315),
-    ("sensor_polarity", 316),
     ("sensor_swap", 317),
     ("sensor_orientation", 318),
     ("sensor_delay", 319),
-    ("sensor_dead", 320),
     ("nothing", 321),
-    ("small", 322),
     ("added_mass + sensor_gain", 323),
     ("sliding", 324),
     ("file: nothing", 325),
     ("file: mesh_error", 326),
     ("one_sided", 148300051),  # as one factor, with a body of -4 g beside it, it is 11 cm off
-    ("one_sided + added_mass", 652500053),
     ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
     ("bridge: support_stiffness", 778200000),  # a bearing
     ("portal: joint_stiffness", 2),
 ]
-LONG = [
+THOROUGH = [
+    ("one_sided + added_mass", 652500053),
+    ("distributed_mass", 302),
+    ("global_density", 310),
+    ("sampling_clock", 312),
+    ("small", 322),
+    ("damping_change", 313),
+    ("sensor_polarity", 316),
+    ("support_spring", 306),
+    ("amplitude_softening", 314),
+    ("axial_force", 307),
+    ("joint_stiffness", 305),
+    ("sensor_dead", 320),
     ("attached_oscillator", 9400021),  # its own mode moves no sensor
     ("local_stiffness + added_mass", 684200013),  # the best of either alone is on the wrong member
     ("local_stiffness + added_mass", 684200006),  # 102 g beside two thirds of a member's stiffness
@@ -48,7 +48,7 @@ LONG = [
 ]
 
 
-@pytest.mark.parametrize(("cell", "seed"), few_of(CASES + LONG, len(CASES)))
+@pytest.mark.parametrize(("cell", "seed"), few_of(CASES + THOROUGH, len(CASES)))
 def test_what_was_done_is_what_is_said(cell: str, seed: int) -> None:
     """Fixed seeds; benchmarks/confusion.py draws hundreds, and says how often this fails."""
     case = draw(cell, seed)

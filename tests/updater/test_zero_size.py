@@ -9,6 +9,7 @@ from sealed_cases import N_AFTER, N_BEFORE, specimen
 from sealed_path import observation, structure_of
 from sealed_signals import estimated
 from sealed_specimen import State
+from thorough_helpers import few_of
 from updater_helpers import measure, t_frame
 
 from monitor.diagnosing import explain_change
@@ -44,7 +45,7 @@ def diagnosed(which: str, before: State, after: State, seed: int) -> Diagnosis:
 
 
 @pytest.mark.parametrize(
-    ("which", "bar", "seed"), [("frame", "column", 11), ("portal", "left", 5), ("bridge", "girder", 5)]
+    ("which", "bar", "seed"), few_of([("frame", "column", 11), ("portal", "left", 5), ("bridge", "girder", 5)])
 )
 def test_a_loss_over_a_whole_member_is_one_stretch(which: str, bar: str, seed: int) -> None:
     """16 % of a column, a post, a girder; it was two touching stretches, or a factor on all stiffness."""
@@ -127,7 +128,7 @@ def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
     assert zero >= 3
 
 
-@pytest.mark.parametrize("name", ["support_stiffness", "local_stiffness"])
+@pytest.mark.parametrize("name", few_of(["support_stiffness", "local_stiffness"]))
 def test_springs_and_stretches_of_zero_size_are_not_accepted_beside_a_mass(name: str) -> None:
     """A cause that the data do not need is insignificant, and what is needed is significant."""
     state, do = specimen("", 21)
