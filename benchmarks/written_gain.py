@@ -96,7 +96,7 @@ def _alone(case: Case) -> Loop:
 
 
 def _missed(cell: str, number: int, loop: Loop) -> list[str]:
-    """Return what differs between what is stated and the file, and what the file diagnosed again is told to lack."""
+    """Return the differences between the stated gain and the file's, and causes found when it is diagnosed again."""
     found = loop.found.explained
     if loop.again is None or found.gained is None or loop.error is None:
         return [] if found.extended is None else [f"- {cell} {number}: no gain"]

@@ -13,7 +13,7 @@ _MAX_START = 1 << 62  # ns: times after it fit into 64 bits too
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """What an exported file states beside its signals."""
+    """Devices, axes and start that an exported file states."""
 
     start: int  #: time of the first sample [ns UTC]
     channels: tuple[Channel, ...]  #: of all signals

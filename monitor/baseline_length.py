@@ -1,4 +1,4 @@
-"""Whether a baseline is long enough for what it shows: a day's cycle, and enough independent windows."""
+"""Length of a baseline: coverage of a day's cycle, and number of independent windows."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ _CORRELATED = 0.5  # of the windows: with fewer effective ones successive window
 
 @dataclass(frozen=True, kw_only=True)
 class Shortcoming:
-    """What a baseline is too short for."""
+    """A respect in which a baseline is too short."""
 
     text: str  #: sentence on the baseline
     needed: int  #: windows that would be enough

@@ -25,7 +25,7 @@ class NotifySettings(Section):
     headers: Mapping[str, str] = {}
     """of the webhook's request"""
     on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
-    """what is told; there is `acknowledged` too (service.md)"""
+    """events that are sent; `acknowledged` may be added (service.md)"""
     template: Annotated[str | None, Field(examples=["{{ notice.site }}: {{ notice.text }}"])] = None
     """jinja2 text of `notices`; the program's own unless given"""
     per_hour: Annotated[int, Field(ge=1)] = 12

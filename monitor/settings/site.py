@@ -243,5 +243,5 @@ class Settings(Section):
 
     @property
     def learning_seconds(self) -> float:
-        """How long the baseline takes at least [s]."""
+        """Least duration of the baseline [s]."""
         return self.analysis.window_seconds + (self.analysis.first_windows - 1) * self.step_seconds

@@ -107,7 +107,7 @@ def test_the_fit_is_accepted_where_one_body_is_the_cause(many: list[tuple[Body, 
 
 
 def removed(body: Body, seed: int, *, filed: bool) -> MassChange:
-    """Learn with the body, which stands in the structure file or does not; then measure without it."""
+    """Learn with the body, listed in the structure file or not; then measure without it."""
     random = np.random.default_rng(seed)
     gain = np.ones(12)
     with_body, without = (true_model(np.random.default_rng((seed, 4)), b) for b in (body, None))

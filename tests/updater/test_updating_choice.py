@@ -80,7 +80,7 @@ def test_calibration_leaves_what_is_fixed_and_stays_inside_bounds() -> None:
 
 
 def test_a_diagnosis_can_be_limited_to_some_causes() -> None:
-    """How causes are left out is tested by the command."""
+    """The command's tests cover causes that are left out."""
     reference, _, event = learnt(202)
     current = event(Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),)))
     only = diagnose(reference, current, only=("added_mass", "local_stiffness")).diagnosis

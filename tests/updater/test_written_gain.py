@@ -1,4 +1,4 @@
-"""The gain that is told is that of the written file, and the file diagnosed against fresh windows has nothing wrong."""
+"""The stated gain is that of the written file; diagnosed against fresh windows, the file needs no further cause."""
 
 import pytest
 from sealed_cases import draw
