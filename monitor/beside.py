@@ -1,6 +1,7 @@
 """Measured set beside simulated, before and after the causes are written into the model."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -42,6 +43,7 @@ _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 16  # of a sensor's signal that are drawn
 _POINTS = 10  # a period of the highest frequency
 _FAULTY = "Forces left over are not drawn: they come from the sensors, not from the structure."
+_FREQUENCIES_ONLY = "No mode shapes were measured: no MAC, sensors or residual forces."
 BoolArray = npt.NDArray[np.bool_]
 _ALL = 1e9  # Hz
 _UNKNOWN: Mapping[str, ChannelHealth] = MappingProxyType({})
@@ -54,6 +56,8 @@ def discrepancy_result(
     recording: Recording | None = None,
     trends: tuple[TrendBeside, ...] = (),
     health: Mapping[str, ChannelHealth] = _UNKNOWN,
+    *,
+    shaped: bool = True,
 ) -> DiscrepancyResult:
     """Return what is measured beside what is simulated.
 
@@ -65,6 +69,8 @@ def discrepancy_result(
     recording : signals to predict from each other, without the devices' delays; None to leave that out
     trends : of the windows
     health : of each channel
+    shaped : whether the shapes were measured. Frequencies alone are paired by the model's own shapes, from which no
+        MAC, sensor residual or residual force follows
 
     Raises
     ------
@@ -73,9 +79,9 @@ def discrepancy_result(
     """
     extended = explained.extended
     expected = as_before(reference, float(np.exp(np.nanmax(measured.log_frequency))))
-    before = set_beside(expected, measured)
-    after = set_beside(as_extended(reference, extended, expected), measured) if extended else None
-    written = set_beside(as_written(extended, expected), measured) if extended else None
+    before = _correlation(expected, measured, shaped=shaped)
+    after = _correlation(as_extended(reference, extended, expected), measured, shaped=shaped) if extended else None
+    written = _correlation(as_written(extended, expected), measured, shaped=shaped) if extended else None
     heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
     faulty = _only_sensors(explained)
     told = matched_surely(reference, measured)
@@ -83,15 +89,21 @@ def discrepancy_result(
         modes=_modes(before, written, _compared(reference, expected, told, before)),
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
-        mac=tuple(_said(row) for row in before.mac),
-        sensors=_sensors(before, after, heard, health),
-        balance=None if faulty else _balance(force_balance(reference, told)),
+        mac=tuple(_said(row) for row in before.mac) if shaped else (),
+        sensors=_sensors(before, after, heard, health) if shaped else (),
+        balance=None if faulty or not shaped else _balance(force_balance(reference, told)),
         signals=_signals(*heard) if heard else (),
         trends=trends,
         places=_places(densities(reference.calibration.structure, explained.parts)),
         gain_std=explained.gained.std if explained.gained and explained.gained.significant else None,
-        note=" ".join(filter(None, [note, _FAULTY if faulty else ""])),
+        note=" ".join(filter(None, [note, _FAULTY if faulty else "", "" if shaped else _FREQUENCIES_ONLY])),
     )
+
+
+def _correlation(simulated: ModalMean, measured: ModalMean, *, shaped: bool) -> Discrepancy:
+    """Return modes paired; without MAC where the shapes are not measured but the model's own."""
+    paired = set_beside(simulated, measured)
+    return paired if shaped else replace(paired, mac=np.full_like(paired.mac, np.nan))
 
 
 def _only_sensors(explained: Explained) -> bool:

@@ -100,7 +100,7 @@ class DiscrepancyResult(_Part):
     modes: tuple[ModeBeside, ...]  #: pairs and what was simulated only, then what was measured only
     rows: tuple[float, ...]  #: simulated frequencies of the MAC's rows [Hz]
     columns: tuple[float, ...]  #: measured frequencies of its columns [Hz]
-    mac: tuple[tuple[float | None, ...], ...]
+    mac: tuple[tuple[float | None, ...], ...]  #: empty where no shapes were measured
     sensors: tuple[SensorBeside, ...]
     balance: BalanceResult | None = None
     signals: tuple[SignalBeside, ...] = ()

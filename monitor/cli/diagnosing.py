@@ -142,7 +142,13 @@ def _compared(found: Explanation, after: Observation, heldout: Observation | Non
     health = run_optional("the health of the sensors", lambda: health_result(found.health)) if after.shaped else None
     sample = (heldout or after).sample
     return discrepancy_result(
-        found.reference, found.measured, found.explained, sample, trends_beside(after), health or {}
+        found.reference,
+        found.measured,
+        found.explained,
+        sample,
+        trends_beside(after),
+        health or {},
+        shaped=after.shaped,
     )
 
 
