@@ -405,7 +405,7 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
         lambda: fit_of_compared(case.reference, case.data, case.measured, extended, chosen),
     )
     gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
-    decisive = faults.attempt("the next measurement", lambda: _next(case, left_open))
+    decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
         causes=named,
         rejected=rejected_causes(case.singles, accepted, searched),

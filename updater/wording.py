@@ -45,6 +45,8 @@ _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, 
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none
 _LEAST_TOLD = 1e-12  # of p and of odds: beyond it neither noise nor model is known well enough to say how much
 _WORTH_NAMING = 0.05  # of the best one's posterior
+_ODD = 2.0  # standard deviations from which a frequency is named as odd
+_SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
 
@@ -323,14 +325,19 @@ def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
     names = " and ".join(c.cause.name.replace("_", " ") for c in chosen)
     worst = int(np.argmax(np.abs(score)))
     hertz = data.frequency[data.paired]
-    odd = f"the frequency of the mode at {hertz[worst]:.4g} Hz {abs(score[worst]):.0f} standard deviations off"
+    far = bool(abs(score[worst]) >= _ODD)
+    odd = [f"the frequency of the mode at {hertz[worst]:.4g} Hz {abs(score[worst]):.0f} standard deviations off"] * far
     if data.shaped.any():
         mac = mac_of(data, predicted.shape[0])
         least = int(np.nanargmin(mac))
         off = np.abs(beside(data.shape[least], predicted.shape[0, least]))
         channel = data.channels[int(np.argmax(off))]
-        odd += f", the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}"
-    return f"Measure again what is odd: the nearest of what is known ({names}) leaves {odd}."
+        if mac[least] < _SAME_SHAPE:
+            odd.append(f"the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}")
+    if not odd:
+        left = f"no frequency {_ODD:.0f} standard deviations off by itself, but all modes together more than noise"
+        return f"Measure again: the nearest of what is known ({names}) leaves {left}."
+    return f"Measure again what is odd: the nearest of what is known ({names}) leaves {', '.join(odd)}."
 
 
 def as_written(cause: Cause, structure: Structure) -> Cause:

@@ -2,18 +2,21 @@
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 from diagnosis_helpers import TRACK, Change, learnt
 from updater_helpers import measure, t_frame, true_model
 
 from oma import ModalEstimate
-from updater import Sensor, Structure, diagnose, learn_reference, matched, stack_tracks
+from updater import Body, Sensor, Structure, diagnose, learn_reference, matched, stack_tracks
 from updater.candidates import Weighing
 from updater.causes.added_mass import AddedMass
 from updater.causes.composite import Chosen
 from updater.comparing import compare
 from updater.next_measurement import next_measurement
+from updater.wording import named_causes, oddest
 
 AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))
@@ -77,3 +80,31 @@ def test_what_nothing_tells_apart_is_said() -> None:
     found = diagnose(reference, event(Change(foot={"rz": 0.2}))).diagnosis
     assert found.verdict == "ambiguous"
     assert "None of the measurements considered separates" in found.next_measurement
+
+
+def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Candidates of one name that are left open beside a sure cause are nothing to separate."""
+    reference, _, event = learnt(504)
+
+    def two_open(*args: Any) -> Any:
+        named, sure, left_open = named_causes(*args)
+        return named, sure, [left_open[0], left_open[0]]
+
+    monkeypatch.setattr("updater.diagnosis.named_causes", two_open)
+    found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",)).diagnosis
+    assert found.verdict == "explained"
+    assert "None of" not in found.next_measurement
+
+
+def test_a_frequency_that_fits_is_not_called_odd() -> None:
+    reference, _, event = learnt(505)
+    data = compare(reference, event(Change()))
+    masses = Weighing(reference, data).causes["added_mass"]
+    assert isinstance(masses, AddedMass)
+
+    def said(kg: float) -> str:
+        return oddest(replace(data, shaped=np.zeros_like(data.shaped)), [Chosen(masses, 5, np.array([kg, 0, 0, 0]))])
+
+    assert "no frequency 2 standard deviations off by itself" in said(0.0)
+    assert "Hz 0 stand" not in said(0.0)
+    assert "standard deviations off." in said(3.0)
