@@ -251,6 +251,19 @@ def model_gain_text(gain: Gain, std: Gain | None) -> str:
     return text
 
 
+def change_gain_text(gain: Gain) -> str:
+    """Return the error of the predicted changes since the reference, and the data that it is measured on."""
+    error = gain.change_error_percent
+    if error is None or error.before is None or error.after is None:
+        return ""
+    return f"frequency changes mispredicted by {error.before:.3g} -> {error.after:.3g} % rms ({change_data_text(gain)})"
+
+
+def change_data_text(gain: Gain) -> str:
+    """Return the data that the error of the predicted changes is measured on."""
+    return "on held-out logs" if gain.heldout else "cross-validated: each mode from the others"
+
+
 def missed_text(sensors: Sequence[SensorBeside]) -> str:
     """Say what the prediction of each sensor from the others misses of all signals; empty where none was made."""
     missed = [s.missed for s in sensors if s.missed is not None]

@@ -14,6 +14,7 @@ from monitor.words import (
     NOT_COMPARED,
     calibration_text,
     cause_text,
+    change_gain_text,
     failed_text,
     left_over_text,
     missed_text,
@@ -124,8 +125,12 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
     """Return the gain of the written model with standard deviations; or that it may be chance."""
     gain = diagnosis.gain
     if gain is None:
-        return "on data that did not choose the causes they gain no more than chance may" * bool(diagnosis.causes)
-    return f"extended model {'on held-out logs' if gain.heldout else 'on the same logs'}: {model_gain_text(gain, std)}"
+        return "on data that were not used to find them the causes do not improve the fit significantly" * bool(
+            diagnosis.causes
+        )
+    data = "on held-out logs" if gain.heldout else "on the logs that its causes were fitted to"
+    changes = change_gain_text(gain)
+    return f"extended model {data}: {model_gain_text(gain, std)}{f'; {changes}' if changes else ''}"
 
 
 def _refused(console: Console, diagnosis: Diagnosis) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from rich.console import Console
 
-from daq import AnyLog, files_of
+from daq import AnyLog, LogExcerpt, files_of
 from monitor.cli.exits import DONE
 from monitor.cli.range_shown import say_range
 from monitor.errors import ArgumentError, ResultsError
@@ -23,14 +23,22 @@ _CONNECT_SECONDS = 2.0
 
 
 def report_command(path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange = WHOLE) -> int:
-    """Write the report of a log, or of the newest one in a folder, beside it unless told otherwise."""
+    """Write the report of a log, or of the newest one in a folder; by default beside it, one page per range."""
     found = load_diagnosis(diagnosis) if diagnosis else None
     run = load_run(path, within, say_range)
-    page = out or (path / "report.html" if path.is_dir() else path.with_suffix(".html"))
+    page = out or _default_page(path, run.log)
     _spare(run.log, page)
     run_report(run, page, found)
     console.print(f"report: {page}", soft_wrap=True, markup=False)
     return DONE
+
+
+def _default_page(path: Path, log: AnyLog) -> Path:
+    """Return the page beside a log or in a folder, such as `run.html`; `run_60-150s.html` of a range."""
+    whole = path / "report.html" if path.is_dir() else path.with_suffix(".html")
+    if not isinstance(log, LogExcerpt):
+        return whole
+    return whole.with_stem(f"{whole.stem}_{log.text.replace(' to ', '-').replace(' ', '')}")
 
 
 def view_command(target: str, out: Path | None, *, show: bool, within: TimeRange = WHOLE) -> int:

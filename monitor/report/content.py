@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from daq import files_of
+from daq import LogExcerpt, files_of
 from monitor.detectable_words import last_detectable
 from monitor.discrepancy import DiscrepancyResult
 from monitor.logged import Run
@@ -22,6 +22,7 @@ from monitor.unsure_words import unsure_ever, unsure_now
 from monitor.words import (
     accepted_text,
     cause_text,
+    change_data_text,
     diagnosis_text,
     failed_text,
     fit_text,
@@ -53,7 +54,7 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
         "title": story.name,
         "state": "watch" if last_state(story) == "normal" and unsure_now(story) else last_state(story),
         "headline": headline(story, diagnosis),
-        "facts": _facts(story),
+        "facts": _facts(run),
         "pictures": _pictures(story),
         "increments": _increments(story),
         "modes": _modes(story),
@@ -96,9 +97,12 @@ def last_answer(story: Story) -> MassAnswer | None:
     return story.answers[-1][1]
 
 
-def _facts(story: Story) -> list[tuple[str, str]]:
+def _facts(run: Run) -> list[tuple[str, str]]:
+    story = run.story
     facts = [("Watched", f"{utc(story.start)} to {utc(story.end)}")]
-    facts.append(("Windows", f"{len(story.learning)} to learn the baseline, {len(story.watched)} watched"))
+    if isinstance(run.log, LogExcerpt):
+        facts.append(("Range", f"{run.log.text} of the log"))
+    facts.append(("Windows", _windows(run)))
     answer = last_answer(story)
     if answer:
         facts.append(("Where and how much", mass_text(answer)))
@@ -121,6 +125,16 @@ def _facts(story: Story) -> list[tuple[str, str]]:
         said = accepted_text(change, story.accepted_at(change))
         facts.append(("Accepted", f"{said}; found was: {change.found}"))
     return facts
+
+
+def _windows(run: Run) -> str:
+    """Return the number of windows that are reported; of a range, apart from those that the baseline is learnt from."""
+    learning, watched = len(run.story.learning), len(run.story.watched)
+    if not isinstance(run.log, LogExcerpt):
+        return f"{learning} to learn the baseline, {watched} watched"
+    reference = run.story.reference
+    baseline = f"; the baseline is learnt from {reference.n_windows} windows of the log" if reference else ""
+    return f"{learning + watched} in the range, {learning} of them before the baseline was learnt{baseline}"
 
 
 def _pictures(story: Story) -> dict[str, Picture | None]:
@@ -279,7 +293,11 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
         ("frequency_error_percent", "frequency error, root mean square [%]", ".3f"),
         ("one_minus_mac", "1 - MAC, mean", ".5f"),
         ("log_likelihood", "log likelihood", ".1f"),
-        ("change_error_percent", "error of the frequencies' changes since the reference, root mean square [%]", ".3f"),
+        (
+            "change_error_percent",
+            f"error of predicted frequency changes, root mean square, {change_data_text(gain)} [%]",
+            ".3f",
+        ),
     )
     known = [(getattr(gain, n), n, said, form) for n, said, form in names]
     rows = [(said, *gain_text(pair, getattr(std, n, None), form)) for pair, n, said, form in known if pair is not None]

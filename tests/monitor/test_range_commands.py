@@ -16,6 +16,7 @@ from monitor.logged import load_run
 from monitor.memory import MEMORY, parse_memory
 from monitor.pipeline import Pipeline
 from monitor.replay import replay, write_watched
+from monitor.report.content import run_content
 from monitor.result_events import result_event
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import parse_settings
@@ -144,6 +145,15 @@ def test_a_run_of_a_range(
     assert abs(found.devices[0].scans / 200 - span) <= 1.0
 
 
+def test_the_report_of_a_range_counts_its_windows_apart_from_the_baseline(run: Path) -> None:
+    facts = dict(run_content(load_run(run, time_range("5", "15.5")), None)["facts"])
+    assert facts["Range"] == "5 to 15.5 s of the log"
+    assert facts["Windows"] == (
+        "10 in the range, 5 of them before the baseline was learnt; the baseline is learnt from 10 windows of the log"
+    )
+    assert dict(run_content(load_run(run), None)["facts"])["Windows"] == "10 to learn the baseline, 50 watched"
+
+
 def test_a_range_without_a_whole_window_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     writer = LogWriter(path, {})
@@ -165,6 +175,8 @@ def test_commands_take_a_range(
         assert (done.code, done.err) == (0, "")
         assert "range: 35 to 50 s of 60 s, 2026-01-01T00:00:35Z to 2026-01-01T00:00:50Z" in done.out
     assert [(story.windows[0].index, story.windows[-1].index) for story in drawn] == [(35, 48)] * 2
+    done = modalwatch("report", run, "--from", 35, "--to", 49.5)  # does not replace the page of the whole log
+    assert f"report: {run.with_name('run_35-49.5s.html')}" in done.out
     done = modalwatch("view", "rerun+http://127.0.0.1:1/proxy", "--to", 50)
     assert_refused(done, "--from, --to: expected a log, found the address of a monitor")
     done = modalwatch("log", "export", REPLAY, "--from", 20, "--to", 30, "-o", tmp_path / "part.npz")

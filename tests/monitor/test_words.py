@@ -9,6 +9,7 @@ from monitor.discrepancy import BalanceResult
 from monitor.viewer.cards import window_card
 from monitor.words import (
     cause_text,
+    change_gain_text,
     change_texts,
     fit_text,
     gain_text,
@@ -142,6 +143,10 @@ def test_the_gain_of_a_written_model_is_stated_over_all_modes() -> None:
         "frequency error 5.830 -> 0.131 % rms over 9 of 10 modes, more than measurement noise (0.02 %), "
         "1 - MAC 0.1 -> 0.001"
     )
+    assert not change_gain_text(gain)
+    fitted = gain.model_copy(update={"heldout": False, "change_error_percent": Pair(before=5.8, after=0.13)})
+    text = "frequency changes mispredicted by 5.8 -> 0.13 % rms (cross-validated: each mode from the others)"
+    assert change_gain_text(fitted) == text
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,8 @@ def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp
     found, why = shown(), "* takes no part in the answer: the reference lacks this mode"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
     say_evidence(terminal, answers.diagnosis(), found, [])
+    assert "extended model on held-out logs: " in (said := terminal.export_text(clear=False))
+    assert "cross-validated" not in said
     assert why not in page_of(found, tmp_path).words + terminal.export_text()
     first, *others = found.modes
     marked = found.model_copy(update={"modes": (first.model_copy(update={"compared": False}), *others)})
