@@ -41,6 +41,7 @@ from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.scan_clocks import ScanClock, ScanClocks
 from daq.sequence import in_order, read_in_order
+from daq.supervision import FAILURES, Failures, SupervisedThread, error_text
 from daq.timebase import ClockFit
 from daq.timecolumn import TIME_UNITS
 
@@ -52,6 +53,7 @@ __all__ = [
     "DEVICE_LOST",
     "END",
     "EPSON_SCALE",
+    "FAILURES",
     "HOW_TO_PLACE",
     "TIME_UNITS",
     "AnyLog",
@@ -83,6 +85,7 @@ __all__ = [
     "EmulatedWitmotion",
     "EmulatedWitmotionCan",
     "Event",
+    "Failures",
     "Flag",
     "FloatArray",
     "Found",
@@ -116,6 +119,7 @@ __all__ = [
     "ScanClocks",
     "Scans",
     "SerialPortInfo",
+    "SupervisedThread",
     "SystemClock",
     "absent_devices",
     "acceleration",
@@ -124,6 +128,7 @@ __all__ = [
     "can_interfaces",
     "differentiated",
     "driver_names",
+    "error_text",
     "expand_log",
     "export_recording",
     "files_of",

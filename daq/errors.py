@@ -4,6 +4,7 @@ DaqError
     DriverError         a device that does not answer as its protocol says
         DeviceLost      a device that answered and is gone
     LogError            a log that cannot be read or written; names the file
+    ItemError           an item that no log can hold
     DataError           a file of measurements that cannot be imported; names the file, and line or field
     DbcError            a description of CAN frames that cannot be used; names the file, and line, message or signal
 """
@@ -33,6 +34,10 @@ class LogError(DaqError):
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")
         self.path, self.message = path, message
+
+
+class ItemError(DaqError):
+    """An item that no log can hold."""
 
 
 class DataError(DaqError):

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, Any, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
@@ -26,7 +26,7 @@ from zstandard import ZstdError
 from daq.accel_block_pb2 import AccelBlock
 from daq.block_message import decode_block, encode_block
 from daq.chunk_index import LeanWriter
-from daq.errors import LogError
+from daq.errors import ItemError, LogError
 from daq.file_index import file_index
 from daq.filelock import lock
 from daq.parts import PART, AnyLog, LogExcerpt, Part, files_of
@@ -43,6 +43,7 @@ SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of th
     "protobuf": ("modalwatch.AccelBlock", "protobuf", build_file_descriptor_set(AccelBlock).SerializeToString()),
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
 }
+T = TypeVar("T")
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -105,12 +106,18 @@ class LogWriter:
         _sync_folder(self._path.parent)
 
     def write(self, item: Item) -> None:
-        """Append a block or an event to the open chunk."""
+        """Append a block or an event to the open chunk.
+
+        Raises
+        ------
+        ItemError
+            If it cannot be encoded; the file is as before.
+        """
         if isinstance(item, Block):
-            self._add(ACCEL + item.device, self._accel, "protobuf", item.pair_time, encode_block(item))
+            data = _encoded(encode_block, item)
+            self._add(ACCEL + item.device, self._accel, "protobuf", item.pair_time, data)
         else:
-            text = json.dumps(item.payload, separators=(",", ":"))
-            self._add(item.topic, self._json, "json", item.time, text.encode())
+            self._add(item.topic, self._json, "json", item.time, _encoded(_event_json, item))
 
     def show(self, message: ViewMessage) -> None:
         """Append a scan for stock viewers to the open chunk; readers of the log pass over it."""
@@ -152,6 +159,17 @@ class LogWriter:
             self._file.close()
         with contextlib.suppress(OSError):
             os.truncate(self._path, self._safe)
+
+
+def _event_json(event: Event) -> bytes:
+    return json.dumps(event.payload, separators=(",", ":")).encode()
+
+
+def _encoded(encode: Callable[[T], bytes], item: T) -> bytes:
+    try:
+        return encode(item)
+    except Exception as error:
+        raise ItemError(f"an item that no log can hold: {type(error).__name__}: {error}") from error
 
 
 def _sync_folder(folder: Path) -> None:

@@ -8,11 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from daq.disk_guard import DiskGuard, Surplus
-from daq.errors import LogError
+from daq.errors import ItemError, LogError
 from daq.log import Event, Item
 from daq.recorder import LogRecorder
 from daq.recording import Block
 from daq.repair import repair_log
+from daq.supervision import error_text
 
 _KEPT = 20_000  # items in memory while the disk takes none: at four blocks a second of 32 devices, some 2.5 minutes
 _RETRY_SECONDS = 5.0
@@ -65,7 +66,13 @@ class LogKeeper:
         return bool(self._lost_now)
 
     def write(self, item: Item) -> None:
-        """Take an item; it is in a file after the next flush, if the disk takes it."""
+        """Take an item; it is in a file after the next flush, if the disk takes it.
+
+        Raises
+        ------
+        ItemError
+            If no log can hold it: it is lost, and counted.
+        """
         if len(self._pending) >= self._room and self._stopped:
             self._lost_now[_name(item)] += item.n_scans if isinstance(item, Block) else 1
             return
@@ -73,7 +80,11 @@ class LogKeeper:
         if not self._stopped:
             try:
                 self._recorder.write(item)
-            except (OSError, LogError) as error:
+            except ItemError:
+                self._pending.pop()
+                self.lost[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+                raise
+            except Exception as error:  # noqa: BLE001 - whatever stops this file, the next one may take it
                 self._stop(error)
 
     def flush(self) -> None:
@@ -84,7 +95,7 @@ class LogKeeper:
             return
         try:
             self._recorder.flush()
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001 - likewise
             self._stop(error)
             return
         self._pending.clear()
@@ -106,15 +117,15 @@ class LogKeeper:
             try:
                 self._recorder.flush()
                 self._pending.clear()
-            except OSError as error:
+            except Exception as error:  # noqa: BLE001 - likewise
                 self._stop(error)
         surplus.path.unlink(missing_ok=True)
 
-    def _stop(self, error: OSError | LogError) -> None:
+    def _stop(self, error: Exception) -> None:
         """Leave the open file as it was after its last flush; go on at once if room can be made."""
         self._recorder.abandon()
         self._cut = self._recorder.paths[-1]
-        self._stopped = str(error)
+        self._stopped = str(error) if isinstance(error, OSError | LogError) else error_text(error)
         self._say("recording_stopped", {"why": self._stopped})
         self._resume()
 
@@ -153,17 +164,17 @@ class LogKeeper:
             return False
         return True
 
-    def _refused(self) -> OSError | LogError | None:
+    def _refused(self) -> Exception | None:
         """Return why a new file has not taken what was kept, None if it has; nothing is left of one that has not."""
         try:
             self._recorder.begin_next()
-        except LogError as error:
+        except (OSError, LogError) as error:
             return error
         try:
             for item in self._pending:
                 self._recorder.write(item)
             self._recorder.flush()
-        except (OSError, LogError) as error:
+        except Exception as error:  # noqa: BLE001 - likewise
             self._recorder.discard()
             return error
         return None
@@ -192,7 +203,7 @@ class LogKeeper:
         self._recorder.abandon()
 
 
-def _is_full(error: OSError | LogError) -> bool:
+def _is_full(error: Exception) -> bool:
     """Tell whether there is no room, on the disk or in what its user may have of it."""
     reason = error.__cause__ if isinstance(error, LogError) else error
     return isinstance(reason, OSError) and reason.errno in (errno.ENOSPC, errno.EDQUOT)

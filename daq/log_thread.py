@@ -1,14 +1,15 @@
 """The log's thread: a slow disk never stops a reader."""
 
 import queue
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
 from daq.log import Item
+from daq.supervision import FAILURES, SupervisedThread
 
+_LONGEST_PAUSE_SECONDS = 5.0  # before the thread is restarted: the queue holds a little more than that
 _PAUSE = 0.05  # s between looks at the queue: to be woken by every item costs more than to write it
 
 
@@ -57,10 +58,9 @@ class LogThread:
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
         self._queue: queue.Queue[Item | _Switch] = queue.Queue(capacity)
-        self._ending = threading.Event()
         self._waits: float | None = None  # since when an item waits for a flush [s, monotonic]
         self._flushed = time.monotonic()
-        self._thread = threading.Thread(target=self._run, name="log")
+        self._thread = SupervisedThread("log", self._run, longest_pause=_LONGEST_PAUSE_SECONDS, daemon=False)
         self.dropped = 0  #: items that found the queue full
         self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
         self.failure: OSError | None = None  #: why writing stopped for good; items go on to `on_written`
@@ -95,11 +95,11 @@ class LogThread:
 
     def __exit__(self, *_: object) -> None:
         """Write what is queued, finish the file."""
-        self._ending.set()
+        self._thread.ending.set()
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._ending.wait(min(_PAUSE, max(0.0, self._due - time.monotonic()))):
+        while not self._thread.ending.wait(min(_PAUSE, max(0.0, self._due - time.monotonic()))):
             self._write_queued()
             self._flush_if_due()
         self._write_queued()
@@ -118,7 +118,7 @@ class LogThread:
                 self._turn_to(item)
                 continue
             self._guarded(self._writer.write, item)
-            self._on_written(item)
+            FAILURES.attempt("log readers", self._on_written, item)
             self._flush_if_due(self._chunk_seconds)  # of very many
 
     def _flush_if_due(self, late: float = 0.0) -> None:
@@ -146,3 +146,5 @@ class LogThread:
             except OSError as error:
                 self.failure = error
                 self._writer.abandon()
+            except Exception as error:  # noqa: BLE001 - one item or one flush, not the thread
+                FAILURES.add("log", error)

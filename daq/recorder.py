@@ -10,7 +10,8 @@ from daq.log import Item, LogWriter
 from daq.log_names import log_path
 from daq.parts import Part
 from daq.recording import Block
-from daq.view import View
+from daq.supervision import FAILURES
+from daq.view import View, ViewMessage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +71,14 @@ class LogRecorder:
         self._writer.write(item)
         self._holds += 1
         if self._view and isinstance(item, Block):
-            for message in self._view.add(item):
-                self._writer.show(message)
+            self._write_view(self._view, item)
+
+    def _write_view(self, view: View, block: Block) -> None:
+        """Write scans for stock viewers; what fails there is counted, and costs the archive nothing."""
+        messages: list[ViewMessage] = []
+        FAILURES.attempt("view in the log", lambda: messages.extend(view.add(block)))
+        for message in messages:
+            self._writer.show(message)
 
     def flush(self) -> None:
         """Close the chunk and bring it to the disk; if the file is full now, what comes next begins a new one."""

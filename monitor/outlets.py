@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any, Self
 
-from daq import Item
+from daq import FAILURES, Item
 from monitor.errors import StartError
 from monitor.history import HistoryRecorder
 from monitor.live import LiveView
@@ -56,11 +56,11 @@ class Outlets:
 
     def put(self, item: Item) -> None:
         """Hand on what was logged; never waits."""
-        self._history.put(item)
+        FAILURES.attempt("history", self._history.put, item)
         for courier in self._couriers:
-            courier.put(item)
+            FAILURES.attempt("notices", courier.put, item)
         if self._live:
-            self._live.show(item)
+            FAILURES.attempt("viewer", self._live.show, item)
 
     def said(self) -> Iterator[Said]:
         """Yield what befell them since the last time; what died is served again after a while."""

@@ -8,7 +8,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Self
 
-from daq import Event, Item, SystemClock
+from daq import FAILURES, Event, Item, SystemClock
 from monitor.analysing import analysed_alike, logs_of
 from monitor.devices import Devices, Drivers, site_clock, site_drivers
 from monitor.errors import SettingsError
@@ -91,7 +91,12 @@ class Running:
     def turn(self) -> bool:
         """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
         self.logs.turn()
-        for topic, payload in (*self._inbox.taken(), *self._outlets.said(), *self.vitals.said()):
+        for topic, payload in (
+            *self._inbox.taken(),
+            *self._outlets.said(),
+            *self.vitals.said(),
+            *FAILURES.events(),
+        ):
             self.logs.put(Event(topic=topic, time=self._clock.now(), payload=payload))
         for reading in self._reads.read() if self._reads else ():
             self.logs.put(reading)
@@ -182,11 +187,11 @@ class Running:
         self._reads = self._thermometer.enter_context(thermometer(settings, self._clock)) if settings else None
 
     def _take(self, item: Item) -> None:
-        """Hand on an item once it is logged; in the log's thread."""
+        """Hand on an item once it is logged; in the log's thread. One that fails takes it from no other."""
         self._outlets.put(item)
-        self.vitals.take(item)
+        FAILURES.attempt("status", self.vitals.take, item)
         for taker in self._takers:
-            taker(item)
+            FAILURES.attempt("journal", taker, item)
 
     def _state(self) -> dict[str, Any]:
         """Return what is well or not beside the devices and windows."""
@@ -195,6 +200,8 @@ class Running:
             "temperature": self._reads.problem if self._reads else None,
             "waiting": self.logs.waiting | {"view": self._outlets.waiting},
             "bad_bytes": self._devices.bad_bytes,
+            "threads": FAILURES.problem,
+            "thread_failures": FAILURES.counts,
         }
         return self._outlets.problems | self.logs.state | more
 

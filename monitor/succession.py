@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from daq import Event, HostClock, Item, LogError, LogKeeper, LogThread
+from daq import FAILURES, Event, HostClock, Item, LogError, LogKeeper, LogThread
 from monitor.analysing import Analysis, blocks_a_second, most_waiting, new_analysis
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
 from monitor.result_events import result_event
@@ -249,6 +249,6 @@ class Succession:
     def _take(self, item: Item) -> None:
         """Hand on an item once it is logged; in the log's thread."""
         if self._worker is not None:
-            self._worker.feed(item)
+            FAILURES.attempt("analysis", self._worker.feed, item)
         self._hand_on(item)
-        self._memory.take(item)
+        FAILURES.attempt("memory", self._memory.take, item)

@@ -3,7 +3,6 @@
 import csv
 import json
 import queue
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import unquote, urlsplit
 
-from daq import Event, HostClock, SystemClock
+from daq import Event, HostClock, SupervisedThread, SystemClock
 from monitor.settings import TemperatureSettings
 from monitor.weather import reading
 from monitor.words import utc
@@ -35,8 +34,8 @@ class Thermometer(ABC):
     def __init__(self, settings: TemperatureSettings, clock: HostClock) -> None:
         self._settings, self._clock = settings, clock
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="temperature", daemon=True)
+        self._thread = SupervisedThread("temperature", self._run)
+        self._stop = self._thread.ending
         self._told = False
         self._heard = time.monotonic()
         self.problem: str | None = None  #: why nothing comes
@@ -92,7 +91,7 @@ class CsvThermometer(Thermometer):
         while True:
             try:
                 place = self.follow(path, place)
-            except (OSError, ValueError) as error:
+            except (OSError, ValueError, csv.Error) as error:
                 self.problem = f"{path}: {_said(error)}"
             if self._stop.wait(_POLL):
                 return
@@ -104,12 +103,12 @@ class CsvThermometer(Thermometer):
         if size == place:
             return place
         with path.open("rb") as file:
-            names = next(csv.reader([file.readline().decode()]), [])
+            names = next(csv.reader([file.readline().decode(errors="replace")]), [])
             begin = max(file.tell(), place or size - _TAIL)
             file.seek(begin)
             text = file.read()
         whole = text[: text.rfind(b"\n") + 1]  # a line that is still being written comes next time
-        lines = [line for line in whole.decode().splitlines() if line.strip()]
+        lines = [line for line in whole.decode(errors="replace").splitlines() if line.strip()]
         self._rows(names, lines if place else lines[-1:], path)
         return begin + len(whole)
 
@@ -161,7 +160,7 @@ class MqttThermometer(Thermometer):
         def taken(_client: Client, _data: object, message: MQTTMessage) -> None:
             try:
                 self._put(self._clock.now(), _celsius(bytes(message.payload), self._settings.column), topic)
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
                 self.problem = f"{topic}: expected a number, or an object with {self._settings.column!r}: {error}"
 
         def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:

@@ -5,6 +5,7 @@ CANopen side of those that have one. The first device that joins a bus opens it,
 Where the bus is gone all who had joined are told, leave, and the first to come back opens it anew.
 """
 
+import contextlib
 import logging
 import queue
 import threading
@@ -22,6 +23,7 @@ from daq.drivers.sync_count import SyncCount
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.frames import NUMBER
 from daq.recording import IndexArray
+from daq.supervision import FAILURES, SupervisedThread
 
 _WAIT = 0.1  # s
 GATHER_SECONDS = 0.19  #: between a driver's reads: decoding costs by the read more than by the frame
@@ -117,8 +119,7 @@ class CanHub:
         self.members: tuple[Member, ...] = ()  #: replaced, never changed: the thread may be looking at the old one
         self.syncs = _SYNCS.setdefault(place.bus, SyncCount(f"SYNC of {place.interface}:{place.channel}"))
         self.syncs.restart()
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"can {place.channel}", daemon=True)
+        self._thread = SupervisedThread(f"can {place.channel}", self._run)
         self._thread.start()
 
     def add_node(self, number: int) -> canopen.RemoteNode:
@@ -130,28 +131,28 @@ class CanHub:
 
     def close(self) -> None:
         """End the thread and close the bus."""
-        self._ending.set()
+        self._thread.ending.set()
         self._thread.join()
 
     def _run(self) -> None:
         try:
-            while not self._ending.is_set():
+            while not self._thread.ending.is_set():
                 chunk = read_frames(self._bus, _WAIT)
                 if len(chunk.frames):
                     self._split(chunk)
-        except _BUS_ERRORS as error:
+        except Exception as error:  # noqa: BLE001 - its members open the bus anew, whatever has ended this thread
             self._shutdown()
             self.failure = error
+            if not isinstance(error, _BUS_ERRORS):
+                FAILURES.add(self._thread.name, error)
             for member in self.members:
                 member.enough.set()
         else:
             self._shutdown()
 
     def _shutdown(self) -> None:
-        try:
+        with contextlib.suppress(Exception):  # it was gone
             self._bus.shutdown()
-        except _BUS_ERRORS:
-            return  # it was gone
 
     def _split(self, chunk: Chunk) -> None:
         """Give process data to their devices, service data to canopen."""

@@ -1,6 +1,6 @@
 """What is done with every device alike: one thread a port, silence, reconnection, gaps told."""
 
-import threading
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -12,11 +12,12 @@ from daq.errors import DeviceLost, DriverError
 from daq.hostclock import HostClock
 from daq.log import Event, Item
 from daq.recording import Block, Flag
+from daq.supervision import SupervisedThread
 
 _RETRY_SECONDS = 0.1
 
 
-class DeviceReader(threading.Thread):
+class DeviceReader(SupervisedThread):
     """Reads one device for as long as asked, and takes it back by itself when it was lost.
 
     Parameters
@@ -45,7 +46,7 @@ class DeviceReader(threading.Thread):
         delay: float | None = None,
         after: "DeviceReader | None" = None,
     ) -> None:
-        super().__init__(name=f"reader {device}", daemon=True)
+        super().__init__(f"reader {device}", self._read)
         self.device, self._driver, self._rate, self._clock, self._sink = device, driver, rate, clock, sink
         self._silent_seconds = silent_seconds
         self._delay: float = getattr(driver, "delay", 0.0) if delay is None else delay
@@ -53,7 +54,6 @@ class DeviceReader(threading.Thread):
         self._n_scans = max(1, round(block_seconds * rate))
         self._blocks: Blocks = after._blocks if after else self._new_blocks()
         self._pace = Pace(rate, clock)
-        self._ending = threading.Event()
         self._end: int = after._end if after else 0  # index after the last block handed on
         self._shared: str = after._shared if after else ""  # clock of the last block, if devices share it
         self._identity: dict[str, Any] = {}  # of the device that was there at the start
@@ -67,7 +67,7 @@ class DeviceReader(threading.Thread):
         DriverError
             If it does not answer.
         """
-        self._know(self._driver.open())
+        self._know(guarded(self.device, self._driver.open))
         filtered = {"filter_delay": self._delay} if self._delay else {}
         self._sink(self._event("device_open", {**self._identity, **filtered}))
 
@@ -86,11 +86,11 @@ class DeviceReader(threading.Thread):
 
     def stop(self) -> None:
         """Ask the thread to end."""
-        self._ending.set()
+        self.ending.set()
 
-    def run(self) -> None:
+    def _read(self) -> None:
         """Read until stopped; the device must be connected."""
-        while not self._ending.is_set():
+        while not self.ending.is_set():
             try:
                 if self._lost is not None:
                     raise self._lost
@@ -99,14 +99,19 @@ class DeviceReader(threading.Thread):
                 self._lost = None
                 self._flush()
                 self._sink(self._event("device_lost", {"why": str(error)}))
-                self._driver.close()
+                self._close()
                 self._reconnect()
         self._flush()
-        self._driver.close()
+        self._close()
+
+    def _close(self) -> None:
+        """Close the device, whatever that raises: it is opened anew afterwards."""
+        with contextlib.suppress(DriverError):
+            guarded(self.device, self._driver.close)
 
     def _stream(self) -> None:
         heard = self._moved()
-        while not self._ending.is_set():
+        while not self.ending.is_set():
             scans = self._driver.read()
             self.bad_bytes += scans.bad_bytes
             now = self._moved() - round(scans.age * self._clock.speed)
@@ -143,14 +148,14 @@ class DeviceReader(threading.Thread):
     def _reconnect(self) -> None:
         """Wait for the same device: a port may be given to another one meanwhile, whose signals are not this one's."""
         refused: dict[str, Any] | None = None
-        while not self._ending.wait(_RETRY_SECONDS):
+        while not self.ending.wait(_RETRY_SECONDS):
             try:
                 identity = guarded(self.device, self._driver.open)
             except DriverError:
-                self._driver.close()
+                self._close()
                 continue
             if self._identity and identity != self._identity:
-                self._driver.close()
+                self._close()
                 if identity != refused:
                     self._sink(self._event("wrong_device", {"expected": self._identity, "found": identity}))
                 refused = identity

@@ -12,10 +12,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from logging.handlers import QueueHandler, QueueListener
+from logging.handlers import QueueHandler
 from typing import Any, TextIO
 
-from daq import Block, Event, Item
+from daq import Block, Event, Item, SupervisedThread
 from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.sensors_said import health_text
@@ -108,14 +108,22 @@ def journal(*, as_json: bool, stream: TextIO | None = None) -> Iterator[Journal]
     logger = logging.Logger("modalwatch")
     handler = logging.StreamHandler(stream or sys.stdout)
     handler.setFormatter(_JsonLines() if as_json else _Lines())
-    lines: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    listener = QueueListener(lines, handler)
+    lines: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
+    writer = SupervisedThread("journal", lambda: _write(lines, handler))
     logger.addHandler(QueueHandler(lines))
-    listener.start()
+    writer.start()
     try:
         yield Journal(logger)
     finally:
-        listener.stop()
+        lines.put(None)
+        writer.ending.set()
+        writer.join()
+
+
+def _write(lines: "queue.SimpleQueue[logging.LogRecord | None]", handler: logging.Handler) -> None:
+    """Write lines until there are no more."""
+    while (record := lines.get()) is not None:
+        handler.handle(record)
 
 
 class _Lines(logging.Formatter):

@@ -2,13 +2,12 @@
 
 import json
 import queue
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
-from daq import Event, Item
+from daq import Event, Item, SupervisedThread
 from monitor.history.engines import shown_url
 from monitor.history.errors import HistoryError
 from monitor.history.store import HistoryStore
@@ -39,7 +38,7 @@ class HistoryRecorder:
         self._keep_events, self._forget_due = keep_events, 0.0
         self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
         self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="history", daemon=True)
+        self._thread = SupervisedThread("history", self._run)
         self._store: HistoryStore | None = None
         self._due = 0.0  # monotonic time of the next look at the database
         self._failed: str | None = None  # why it took nothing when it was asked last
@@ -77,6 +76,7 @@ class HistoryRecorder:
 
     def __exit__(self, *_: object) -> None:
         """Bring in what waits, or leave it on disk for the next start: a mute database is not waited for."""
+        self._thread.ending.set()
         self._queue.put(None)
         self._thread.join(_LAST)
         if self._thread.is_alive():
@@ -87,16 +87,21 @@ class HistoryRecorder:
             self._keep(kept)
 
     def _run(self) -> None:
+        self._keep(self._at_hand)  # a batch that an unforeseen exception has interrupted
+        self._at_hand = []
         going = True
         while going and not self._given_up:
             self._at_hand, going = self._gather()
             self._bring(self._at_hand)
+            self._at_hand = []
         if self._store:
             self._store.__exit__()
 
     def _gather(self) -> tuple[list[Event], bool]:
         """Return what has come within a moment, and whether more may come."""
         batch: list[Event] = []
+        if self._thread.ending.is_set() and self._queue.empty():
+            return batch, False
         try:
             item = self._queue.get(timeout=_POLL)
             while item is not None:

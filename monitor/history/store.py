@@ -23,7 +23,17 @@ from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.words import change_text
 
-_NEVER = DataError, IntegrityError, OverflowError, TypeError, ValueError, KeyError  # of one item, not of the database
+#: of one item, not of the database
+_NEVER = (
+    DataError,
+    IntegrityError,
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 
 
 class HistoryStore:

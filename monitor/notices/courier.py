@@ -3,14 +3,13 @@
 import json
 import math
 import queue
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
-from daq import Block, Item
+from daq import FAILURES, Block, Item, SupervisedThread, error_text
 from monitor.notice_text import Notice
 from monitor.notices.news import News
 from monitor.notices.senders import NoticeError, make_sender
@@ -44,8 +43,7 @@ class Courier:
         self._send, self._news = make_sender(target), News(site)
         self._queue: queue.SimpleQueue[Notice] = queue.SimpleQueue()
         self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="notices", daemon=True)
-        self._stop = threading.Event()
+        self._thread = SupervisedThread(f"notices {spool.stem}", self._run)
         self._sent: deque[float] = deque()  # when messages went out in the last hour [s, monotonic]
         self._retry, self._beat_due = retry_seconds, 0.0
         self.due = 0.0  #: when what waits is tried again [s, monotonic]
@@ -79,13 +77,13 @@ class Courier:
 
     def __exit__(self, *_: object) -> None:
         """Try once more, for no longer than one delivery may take; what is left waits on disk for the next start."""
-        self._stop.set()
+        self._thread.ending.set()
         self._thread.join(self._target.timeout_seconds + 1.0)
 
     def _run(self) -> None:
         going = True
         while going:
-            going = not self._stop.wait(_TICK)
+            going = not self._thread.ending.wait(_TICK)
             self._keep()
             self._deliver(last=not going)
             self._beat()
@@ -110,8 +108,8 @@ class Courier:
             return
         try:
             self._spool.deliver(self._send_lines, _AT_ONCE)
-        except (NoticeError, OSError) as error:
-            self._fail(str(error))
+        except Exception as error:  # noqa: BLE001 - tried again, whatever it is
+            self._fail(self._known(error))
             asked = min(error.wait, _ASKED_LONGEST) if isinstance(error, NoticeError) else 0.0
             self.due = time.monotonic() + max(self._retry, asked)
             self._retry = min(2 * self._retry, _RETRY_LONGEST)
@@ -130,6 +128,13 @@ class Courier:
         if self.problem is None:
             self._said.put((TOPIC_FAILED, {"to": self._where(), "why": why}))
         self.problem = why
+
+    def _known(self, error: Exception) -> str:
+        """Return why a delivery failed; what no sender should raise is counted."""
+        if isinstance(error, NoticeError | OSError):
+            return str(error)
+        FAILURES.add(self._thread.name, error)
+        return error_text(error)
 
     def _succeed(self) -> None:
         if self.problem is not None or self._left:
@@ -150,8 +155,8 @@ class Courier:
         beat = Notice(kind="heartbeat", site=self._site, time=at, utc=utc(at), state="", text="data flow")
         try:
             self._send([beat], 0)
-        except NoticeError as error:
-            self._fail(str(error))
+        except Exception as error:  # noqa: BLE001 - likewise
+            self._fail(self._known(error))
         else:
             if not self._spool.waiting:
                 self._succeed()

@@ -69,7 +69,7 @@ def _wait(asked: str) -> float:
     """Return what `Retry-After` asks for [s]: a number, or a date; 0 for what is neither."""
     try:
         return float(asked) if asked.isdecimal() else parsedate_to_datetime(asked).timestamp() - time.time()
-    except ValueError:
+    except (ValueError, OverflowError, OSError):  # a year that no calendar has, or no clock
         return 0.0
 
 

@@ -39,6 +39,11 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     for name, text in {"blocks": "Of Python's allocator", "heap_bytes": "Of the C library's"}.items():
         if name in vitals["held"]:
             _gauge(registry, f"held_{name}", f"{text}, in use by the monitor's own process", vitals["held"][name])
+    failures = Gauge(
+        "modalwatch_thread_failures", "Unforeseen exceptions since the start.", ["thread"], registry=registry
+    )
+    for name, count in vitals.get("thread_failures", {}).items():
+        failures.labels(name).set(count)
     for name in TROUBLES:
         _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals.get(name))))
 

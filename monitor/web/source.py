@@ -30,7 +30,7 @@ class Past:
 
 
 #: of which `status.json` says what is wrong with them, or null
-TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "temperature")
+TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "temperature", "threads")
 
 
 @dataclass(frozen=True, kw_only=True)

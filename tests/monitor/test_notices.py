@@ -214,6 +214,8 @@ def test_server_that_is_down_gets_everything_later_in_one_message(server: Server
         ("120", 120.0),
         ("a date", 1800.0),
         ("9" * 400, 3600.0),  # an hour at most
+        ("Wed, 21 Oct 99999999999 07:28:00 GMT", 0.0),
+        ("Wed, 21 Oct 0001 07:28:00 -0000", 0.0),
         ("soon", 0.0),
         ("", 0.0),
     ],
