@@ -148,7 +148,8 @@ class Outlets:
         for courier, former in zip(new, old, strict=False):
             courier.go_on_from(former)
         self._couriers = new
-        _stop(old)
+        for courier in old:
+            courier.stop()  # not waited for: each new one delivers only once the old one has ended
         _start(new)
 
     def _serve(self) -> None:
@@ -174,6 +175,9 @@ def _start(parts: Sequence[Part]) -> None:
 
 
 def _stop(parts: Sequence[Part]) -> None:
+    """End parts; none waits for another's end."""
+    for part in parts:
+        part.stop()
     for part in parts:
         part.__exit__()
 

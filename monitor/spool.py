@@ -2,11 +2,13 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
+_LOCK = threading.Lock()  # between what is appended and what is removed, of any spool of this process
 _LARGEST = 64 * 10**6  # bytes
 
 
@@ -42,7 +44,7 @@ class Spool:
             return 0
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("a+b") as file:
+            with _LOCK, self.path.open("a+b") as file:
                 _end_line(file)
                 for kept, line in enumerate(lines):
                     if file.tell() + len(line) >= self._largest:
@@ -61,13 +63,25 @@ class Spool:
         if not self.waiting:
             return 0
         count = 0
-        with self.path.open(encoding="utf-8", errors="replace") as file:
-            whole = (line.rstrip("\n") for line in file if _whole(line))
-            while lines := list(islice(whole, batch)):
+        with self.path.open("rb") as file:
+            with _LOCK:
+                end = self.size  # amid what is appended later there may be half a line
+            while lines := list(islice(_lines(file, end), batch)):
                 take(lines)
                 count += len(lines)
-        self.path.unlink()
+            with _LOCK:
+                self._forget(file)
         return count
+
+    def _forget(self, file: BinaryIO) -> None:
+        """Remove what was read; what another thread has appended meanwhile stays."""
+        rest = file.read()
+        if not rest:
+            self.path.unlink()
+            return
+        unfinished = self.path.with_suffix(".part")
+        unfinished.write_bytes(rest)
+        os.replace(unfinished, self.path)
 
 
 def _end_line(file: BinaryIO) -> None:
@@ -76,6 +90,14 @@ def _end_line(file: BinaryIO) -> None:
         file.seek(-1, os.SEEK_END)
         if file.read(1) != b"\n":
             file.write(b"\n")
+
+
+def _lines(file: BinaryIO, end: int) -> Iterator[str]:
+    """Yield whole lines from here to a place in a file [bytes], without their ends."""
+    while file.tell() < end:
+        line = file.readline().decode(errors="replace")
+        if _whole(line):
+            yield line.rstrip("\n")
 
 
 def _whole(line: str) -> bool:

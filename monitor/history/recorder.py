@@ -74,10 +74,14 @@ class HistoryRecorder:
         self._thread.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Bring in what waits, or leave it on disk for the next start: a mute database is not waited for."""
+    def stop(self) -> None:
+        """Ask the thread to bring in what waits, and to end."""
         self._thread.ending.set()
         self._queue.put(None)
+
+    def __exit__(self, *_: object) -> None:
+        """Bring in what waits, or leave it on disk for the next start: a mute database is not waited for."""
+        self.stop()
         self._thread.join(_LAST)
         if self._thread.is_alive():
             self._given_up = True

@@ -1,10 +1,15 @@
 """The ways a notice goes out; each either delivers or raises `NoticeError`."""
 
+import contextlib
 import json
 import os
+import signal
+import socket
+import ssl
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -13,8 +18,10 @@ import httpx
 
 from monitor.errors import MonitorError
 from monitor.notice_text import Message, Notice, message
+from monitor.notices.deadline import Deadline, DeadlineRunner
 from monitor.settings import NotifySettings
 
+_LOOK_SECONDS = 0.05  # between looks at whether a broker has refused
 _MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 Sender = Callable[[list[Notice], int], None]  #: of notices, and how many others there were
 
@@ -35,11 +42,21 @@ class NoticeError(MonitorError):
 
 def make_sender(target: NotifySettings) -> Sender:
     """Return what delivers notices, several at once as one message."""
-    way = _by_webhook if target.webhook else _by_command if target.command else _by_mqtt
+    name, way = (
+        ("webhook", _by_webhook)
+        if target.webhook
+        else ("command", _by_command)
+        if target.command
+        else ("mqtt", _by_mqtt)
+    )
+    runner = DeadlineRunner()
 
     def send(notices: list[Notice], others: int) -> None:
+        said = message(notices, target.template, others)
         try:
-            way(target, message(notices, target.template, others))
+            runner.run(target.timeout_seconds, lambda deadline: way(target, said, deadline))
+        except TimeoutError as error:
+            raise NoticeError(f"{name}: {error}") from error
         except ValueError as error:  # a zero byte for a program, a header that no server may be sent
             raise NoticeError(f"this cannot be sent: {error}") from error
 
@@ -51,12 +68,22 @@ def _content(said: Message) -> dict[str, Any]:
     return said.foremost.values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
 
 
-def _by_webhook(target: NotifySettings, said: Message) -> None:
-    seconds = target.timeout_seconds
+def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+    def trace(event: str, info: Mapping[str, Any]) -> None:
+        if event == "connection.connect_tcp.complete":
+            deadline.watch(info["return_value"].get_extra_info("socket").fileno())
+
     try:
-        with httpx.stream(
-            "POST", target.webhook or "", json=_content(said), headers=target.headers, timeout=seconds
-        ) as answer:
+        with (
+            httpx.Client(timeout=deadline.seconds) as client,
+            client.stream(
+                "POST",
+                target.webhook or "",
+                json=_content(said),
+                headers=target.headers,
+                extensions={"trace": trace},
+            ) as answer,
+        ):
             answer.raise_for_status()  # what else it says is not waited for: it may never end
     except httpx.HTTPStatusError as error:
         why = f"webhook: {error.response.status_code} {error.response.reason_phrase}"
@@ -73,24 +100,47 @@ def _wait(asked: str) -> float:
         return 0.0
 
 
-def _by_command(target: NotifySettings, said: Message) -> None:
+def _by_command(target: NotifySettings, said: Message, deadline: Deadline) -> None:
     values = said.foremost.values()
     named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
     try:
-        subprocess.run(
+        process = subprocess.Popen(
             target.command or (),
-            input=said.text.encode(),
             env=os.environ | named,
-            timeout=target.timeout_seconds,
-            check=True,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            start_new_session=True,  # a shell that is ended ends with all that it has started
         )
-    except (OSError, subprocess.SubprocessError) as error:
+    except OSError as error:
         raise NoticeError(f"command: {error}") from error
+    with process:
+        deadline.on_expiry(lambda: _end(process))
+        process.communicate(said.text.encode())
+    if process.returncode:
+        raise NoticeError(f"command: exit status {process.returncode}")
 
 
-def _by_mqtt(target: NotifySettings, said: Message) -> None:
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _watched_tls(deadline: Deadline, made: ExitStack) -> ssl.SSLContext:
+    """Return the context of connections by TLS whose handshake is under the deadline, too; `made` closes them."""
+
+    class Watched(ssl.SSLContext):
+        def wrap_socket(self, sock: socket.socket, *rest: Any, **more: Any) -> ssl.SSLSocket:  # noqa: ANN401
+            deadline.watch(sock.fileno())
+            return made.enter_context(super().wrap_socket(sock, *rest, **more))
+
+    context = Watched(ssl.PROTOCOL_TLS_CLIENT)
+    context.load_default_certs()
+    return context
+
+
+def _by_mqtt(target: NotifySettings, said: Message, deadline: Deadline) -> None:
     try:
         from paho.mqtt import MQTTException  # an extra
         from paho.mqtt.client import Client
@@ -105,23 +155,26 @@ def _by_mqtt(target: NotifySettings, said: Message) -> None:
         nonlocal refused
         refused = f"the broker refuses: {reason}" if reason.is_failure else ""
 
-    client = Client(CallbackAPIVersion.VERSION2)
+    client, made = Client(CallbackAPIVersion.VERSION2), ExitStack()
     client.on_connect = connected
-    client.connect_timeout = target.timeout_seconds
+    client.on_socket_open = lambda _client, _data, connection: deadline.watch(connection.fileno())
+    client.connect_timeout = deadline.seconds
     if place.username is not None:
         client.username_pw_set(unquote(place.username), unquote(place.password or ""))
     if place.scheme == "mqtts":
-        client.tls_set()
+        client.tls_set_context(_watched_tls(deadline, made))
     try:
         client.connect(place.hostname or "", place.port or _MQTT_PORTS[place.scheme])
         client.loop_start()
         topic = unquote(place.path).strip("/") or "modalwatch"
         sent = client.publish(topic, json.dumps(_content(said)), qos=1)
-        sent.wait_for_publish(target.timeout_seconds)
+        while not (sent.is_published() or refused) and deadline.remaining:
+            sent.wait_for_publish(min(_LOOK_SECONDS, deadline.remaining))
         if not sent.is_published():
-            raise NoticeError(f"mqtt: {refused or f'the broker has not taken it within {target.timeout_seconds:g} s'}")
+            raise NoticeError(f"mqtt: {refused or 'the broker has not taken it'}")
     except (OSError, ValueError, RuntimeError, MQTTException) as error:
         raise NoticeError(f"mqtt: {refused or error}") from error
     finally:
         client.disconnect()
         client.loop_stop()
+        made.close()

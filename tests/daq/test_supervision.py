@@ -25,7 +25,13 @@ from daq import (
 )
 
 #: threads that end with what they wait for, and run nothing that could fail
-PLAIN = {"daq/supervision.py", "daq/emulator/slcan.py", "monitor/web/process.py", "monitor/cli/rig_process.py"}
+PLAIN = {
+    "daq/supervision.py",
+    "daq/emulator/slcan.py",
+    "monitor/web/process.py",
+    "monitor/cli/rig_process.py",
+    "monitor/notices/deadline.py",
+}
 
 
 def test_thread_is_restarted_counted_and_reported_once() -> None:

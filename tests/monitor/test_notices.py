@@ -157,7 +157,7 @@ def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
 
 def test_mqtt_broker_that_never_answers_is_given_up() -> None:
     port, thread = broker(answer=False, got=[])
-    with pytest.raises(NoticeError, match=r"has not taken it within 0\.3 s"):
+    with pytest.raises(NoticeError, match=r"not delivered within 0\.3 s|has not taken it"):
         make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE], 0)
     thread.join(5.0)
 
@@ -229,7 +229,7 @@ def test_webhook_that_asks_to_wait_is_not_asked_before(
     with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as courier:
         courier.put(LOST)
         until(lambda: courier.problem)
-        left = courier.due - time.monotonic()
+        left = courier.others.due - time.monotonic()
         assert seconds - 30.0 < left <= max(seconds, 5.0)
         refused = server.refused
         courier.put(ALARM)
@@ -255,12 +255,12 @@ def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, 
         courier.put(LOST)
         until(lambda: len(server.got) == 1)
         courier.put(LOST)
-        until(lambda: (tmp_path / "n.jsonl").exists())
+        until(lambda: (tmp_path / "n_other.jsonl").exists())
         time.sleep(0.5)  # two looks at what waits
         assert len(server.got) == 1
         courier.put(ALARM)
         until(lambda: len(server.got) == 2)
-    assert [notice["kind"] for notice in server.got[1]["notices"]] == ["trouble", "alarm"]
+    assert [notice["kind"] for notice in server.got[1]["notices"]] == ["alarm"]
 
 
 def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
