@@ -41,7 +41,7 @@ from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.scan_clocks import ScanClock, ScanClocks
 from daq.sequence import in_order, read_in_order
-from daq.supervision import FAILURES, Failures, SupervisedThread, error_text
+from daq.supervision import FAILURES, Failures, SupervisedThread, error_text, short_line
 from daq.timebase import ClockFit
 from daq.timecolumn import TIME_UNITS
 
@@ -154,6 +154,7 @@ __all__ = [
     "search_port",
     "serial_ports",
     "serve_all",
+    "short_line",
     "unplugging",
     "with_channels",
     "write_recording",

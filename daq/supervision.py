@@ -16,10 +16,16 @@ _MAX_TEXT = 200  # characters of an exception's own message
 
 def error_text(error: BaseException) -> str:
     """Return the type and message of an exception in one short line, with the place where it was raised."""
-    text = " ".join(str(error).split())[:_MAX_TEXT]
+    text = short_line(str(error), _MAX_TEXT)
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}{': ' if text else ''}{text}{place}"
+
+
+def short_line(text: str, most: int) -> str:
+    """Return a text in one line of at most so many characters; what cannot be printed becomes a question mark."""
+    printed = "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))
+    return printed if len(printed) <= most else f"{printed[: most // 2]} .. {printed[-most // 2 :]}"
 
 
 @dataclass(frozen=True)

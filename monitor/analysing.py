@@ -1,6 +1,7 @@
 """A log and the analysis of what stands in it, which begin together: a replay of the log repeats that analysis."""
 
 import math
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from daq import (
     Retention,
     Rotation,
 )
+from monitor.errors import StartError
 from monitor.memory import MEMORY
 from monitor.settings import RecorderSettings
 from monitor.site import Site
@@ -74,6 +76,23 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
 def logs_of(site: Site) -> Path:
     """Return the folder of a site's logs."""
     return site.folder / site.settings.recorder.folder
+
+
+def prepare_logs(site: Site) -> None:
+    """Make the folder of a site's logs if need be, and try whether files can be made there.
+
+    Raises
+    ------
+    StartError
+        If not.
+    """
+    folder = logs_of(site)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, ValueError) as error:
+        raise StartError(f"recorder.folder: expected a folder that takes files: {error}") from error
 
 
 def blocks_a_second(site: Site) -> float:

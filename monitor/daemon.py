@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import DaqError, Item
+from daq import DaqError, Item, error_text, short_line
 from monitor.errors import MonitorError
 from monitor.live import LiveView
 from monitor.memory import NOTHING, Recalled
@@ -16,6 +16,8 @@ from monitor.running import Running
 from monitor.service_manager import ServiceManager
 from monitor.site import Site
 from updater import UpdaterError
+
+_MAX_REFUSAL = 500  # characters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,18 +102,24 @@ def run(
 
 
 def _reload(running: Running, reread: Callable[[], Site | None], manager: ServiceManager) -> None:
-    """Go on with new settings if there are any; those that cannot be used are refused in one line."""
-    errors = DaqError, MonitorError, UpdaterError
+    """Go on with new settings if there are any; those that cannot be used, whatever they raise, are refused."""
     try:
         site = reread()
-    except errors as error:
-        running.refuse(error)
+    except Exception as error:  # noqa: BLE001 - a file may raise anything; the watch goes on with the settings it has
+        running.refuse(_refusal(error))
         return
     if site is None:
         return
     manager.reloading()
     try:
         running.reload(site)
-    except errors as error:
-        running.refuse(error)
+    except Exception as error:  # noqa: BLE001 - likewise
+        running.refuse(_refusal(error))
     manager.ready()
+
+
+def _refusal(error: Exception) -> str:
+    """Return in one line why settings cannot be used."""
+    if isinstance(error, DaqError | MonitorError | UpdaterError):
+        return short_line(str(error), _MAX_REFUSAL)
+    return f"the settings cannot be used: {error_text(error)}"

@@ -59,8 +59,12 @@ class LiveView:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = queue_to_child(_WAITING)
         self._process = context.Process(target=_serve, args=(*self._arguments, self._inbox), name="viewer", daemon=True)
-        with environment(_ENVIRONMENT), deaf_to_stop_signals():
-            self._process.start()
+        try:
+            with environment(_ENVIRONMENT), deaf_to_stop_signals():
+                self._process.start()
+        except OSError as error:  # the system has no room for another process
+            self._process, self.problem = None, f"it cannot be started: {error}"
+            return
         handed_over(self._inbox)
         self.served = True
 

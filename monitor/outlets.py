@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any, Self
 
-from daq import FAILURES, Item
+from daq import FAILURES, Item, error_text
 from monitor.errors import StartError
 from monitor.history import HistoryRecorder
 from monitor.live import LiveView
@@ -96,8 +96,8 @@ class Outlets:
         self._web.close()
         try:
             self._serve()
-        except StartError as error:
-            self._web_failed = str(error)
+        except Exception as error:  # noqa: BLE001 - tried again a minute later, whatever it is
+            self._web_failed = str(error) if isinstance(error, StartError) else error_text(error)
         return self._web_problem
 
     @property

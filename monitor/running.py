@@ -3,13 +3,13 @@
 import gc
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Self
 
-from daq import FAILURES, Event, Item, SystemClock
-from monitor.analysing import analysed_alike, logs_of
+from daq import FAILURES, Event, Item, SystemClock, error_text
+from monitor.analysing import analysed_alike, logs_of, prepare_logs
 from monitor.devices import Devices, Drivers, site_clock, site_drivers
 from monitor.errors import SettingsError
 from monitor.inbox import Inbox, inbox_of
@@ -26,6 +26,7 @@ from monitor.thermometer import Thermometer, thermometer
 from monitor.vitals import NAME, Pace, Vitals
 
 _SWEEP = 60.0  # s
+_POLL = 0.2  # s: of a turn that has failed
 _STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which on it is followed; s until it is again
 
 
@@ -65,6 +66,7 @@ class Running:
         self._reads: Thermometer | None = None
         self._devices = Devices(self._clock, self.logs.put)
         self._step_due = 0.0  # monotonic time from which on the clock may be followed again [s]
+        self._second_over = False  # since the status was written last
         self._sweep_due = 0.0  # likewise, for the next full look for garbage
 
     def __enter__(self) -> Self:
@@ -90,19 +92,30 @@ class Running:
 
     def turn(self) -> bool:
         """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
-        self.logs.turn()
-        for topic, payload in (
-            *self._inbox.taken(),
-            *self._outlets.said(),
-            *self.vitals.said(),
-            *FAILURES.events(),
+        if not FAILURES.attempt("log and analysis", self.logs.turn):
+            time.sleep(_POLL)
+        for part, said in (
+            ("inbox", self._inbox.taken),
+            ("outlets", self._outlets.said),
+            ("status", self.vitals.said),
+            ("threads", FAILURES.events),
         ):
+            FAILURES.attempt(part, self._log_events, said)
+        FAILURES.attempt("temperature", self._log_temperature)
+        FAILURES.attempt("clock", self._follow_clock)
+        self._sweep()
+        return FAILURES.attempt("status", self._write_status) and self._second_over
+
+    def _log_events(self, said: Callable[[], Iterable[tuple[str, dict[str, Any]]]]) -> None:
+        for topic, payload in said():
             self.logs.put(Event(topic=topic, time=self._clock.now(), payload=payload))
+
+    def _log_temperature(self) -> None:
         for reading in self._reads.read() if self._reads else ():
             self.logs.put(reading)
-        self._follow_clock()
-        self._sweep()
-        return self.vitals.write(self._state())
+
+    def _write_status(self) -> None:
+        self._second_over = self.vitals.write(self._state())
 
     def _sweep(self) -> None:
         """Free what refers to itself in circles: for so little as comes here Python does that once in hours.
@@ -128,12 +141,15 @@ class Running:
     def reload(self, site: Site) -> None:
         """Go on with other settings: only what they change starts anew.
 
+        What may be refused is tried before anything is changed. A part that fails all the same is named in the event,
+        and costs no other part its change.
+
         Raises
         ------
         SettingsError
             If they take a restart; all goes on as it was.
         StartError
-            If a driver has no such place or rate; likewise.
+            If a driver has no such place or rate, or no log can be written there; likewise.
         """
         before, now = self._site.settings, site.settings
         for name in ("state", "clock"):
@@ -143,18 +159,28 @@ class Running:
         changed = [device.name for device in before.device if new.get(device.name) != device]
         fresh = [device for device in now.device if device not in before.device]
         drivers = site_drivers(fresh, self._clock.speed)
+        alike = analysed_alike(self._site, site)
+        if not alike:
+            prepare_logs(site)
         self._site, self.logs.site, old = site, site, self._site
-        self._renew_devices(old, changed, drivers)
-        if before.temperature != now.temperature:
-            self._read_temperature()
-        alike = analysed_alike(old, site)
-        said = [*self._outlets.renew(site, analysed_alike=alike), *(() if alike else ("log and analysis",))]
-        said += [f"device {name}" for name in {*changed, *drivers}]
-        self.logs.say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing"})
+        said = [*(() if alike else ("log and analysis",)), *(f"device {name}" for name in {*changed, *drivers})]
+        failed = []
+        steps: dict[str, Callable[[], object]] = {
+            "devices": lambda: self._renew_devices(old, changed, drivers),
+            "temperature": self._read_temperature if before.temperature != now.temperature else lambda: None,
+            "outlets": lambda: said.extend(self._outlets.renew(site, analysed_alike=alike)),
+        }
+        for name, step in steps.items():
+            try:
+                step()
+            except Exception as error:  # noqa: BLE001 - the watch goes on with all the others
+                failed.append(f"{name}: {error_text(error)}")
+        failures = {"failed": "; ".join(failed)} if failed else {}
+        self.logs.say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing", **failures})
 
-    def refuse(self, error: Exception) -> None:
+    def refuse(self, why: str) -> None:
         """Say that new settings cannot be used."""
-        self.logs.say("reload_refused", {"why": str(error)})
+        self.logs.say("reload_refused", {"why": why})
 
     def _renew_devices(self, old: Site, changed: Sequence[str], drivers: Drivers) -> None:
         """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from daq import FAILURES, Event, HostClock, Item, LogError, LogKeeper, LogThread
+from daq import FAILURES, Event, HostClock, Item, LogKeeper, LogThread
 from monitor.analysing import Analysis, blocks_a_second, most_waiting, new_analysis
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
 from monitor.result_events import result_event
@@ -111,14 +111,14 @@ class Succession:
             self._hear_out(_LAST_WORDS)
         try:
             new = new_analysis(self.site, self._clock, self._take, self._remembered())
-        except LogError as error:
+        except Exception as error:  # noqa: BLE001 - whatever it is, recording goes on
             self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
             return
         self._analysis, self._revive_at = new, 0.0
         self._logs.append(new.keeper)
         self._log.switch(new.keeper, partial(self._go_over, old.keeper, new))
-        new.worker.__enter__()
-        old.worker.__exit__()
+        FAILURES.attempt("analysis", new.worker.__enter__)  # one that does not start is found dead
+        FAILURES.attempt("analysis", old.worker.__exit__)
         self._say_refused()
         for name in self._lost():
             self.say("device_lost", {"device": name, "why": "it was lost before"})
@@ -243,7 +243,7 @@ class Succession:
         """Go on without an analysis for a while: one that dies at once, again and again, is not to fill the disk."""
         self._worker = None
         self._revive_at = time.monotonic() + self._revive_after
-        self.say("analysis_died", {"why": str(error), "again_in_s": self._revive_after})
+        self.say("analysis_died", {"why": str(error) or type(error).__name__, "again_in_s": self._revive_after})
         self._revive_after = min(2 * self._revive_after, _REVIVE_LONGEST)
 
     def _take(self, item: Item) -> None:

@@ -49,18 +49,16 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     """
     give_back_memory()
     site = load_site(path, given)
-    with only_one(site.state):
-        return _watch(site, partial(load_site, path, given), as_json=as_json)
+    with only_one(site.state), stop_on_signals() as stop, reload_on_signal() as hangup:
+        return _watch(site, stop, partial(_reread, hangup, partial(load_site, path, given)), as_json=as_json)
 
 
-def _watch(site: Site, read_again: Callable[[], Site], *, as_json: bool) -> int:
+def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_json: bool) -> int:
     mended = list(mend_logs(site.folder / site.settings.recorder.folder))
     for said in mended:
         console.print(escape(said), soft_wrap=True)
     recalled = recall(site.state, parse_structure(site.structure_text), site.settings)
     with (
-        stop_on_signals() as stop,
-        reload_on_signal() as hangup,
         live_view(site.settings, site.structure_text, site.site_text) as live,
         journal(as_json=as_json) as lines,
     ):
@@ -75,7 +73,7 @@ def _watch(site: Site, read_again: Callable[[], Site], *, as_json: bool) -> int:
             takers=(lines.take,),
             recalled=recalled,
             mended=mended,
-            reread=partial(_reread, hangup, read_again),
+            reread=reread,
         )
     tell_live_end(console, live)
     for path in report.logs:
