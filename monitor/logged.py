@@ -31,7 +31,7 @@ from daq import (
 from monitor.errors import ResultsError, SettingsError
 from monitor.result_events import event_result
 from monitor.results import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.settings import Settings, parse_settings
+from monitor.settings import Settings, attachable, parse_settings
 from monitor.story import Story
 from monitor.time_range import WHOLE, TimeRange
 from monitor.worker import TOPIC_STOPPED
@@ -67,7 +67,7 @@ class Run:
     devices: list[DeviceQuality]
     dropped: int | None  #: items that found the log's queue full; None if the log does not say
     ended: bool  #: False if the log was cut: it does not say that it stopped
-    site_text: str  #: settings attached to the log, empty if there are none
+    site_text: str  #: settings attached to the log, without secrets; empty if there are none
 
 
 def find_log(path: Path) -> Path | PartedLog:
@@ -128,7 +128,7 @@ def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object]
             "holds no results: it was never watched, or stopped before its first window ended; "
             "`modalwatch replay LOG -o WATCHED.mcap` watches it",
         )
-    site_text = attached.get("site.toml", "")
+    site_text = attachable(attached.get("site.toml", ""))
     reference = next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None)
     story = Story(
         name=_name(attached.get("structure.toml", ""), log),

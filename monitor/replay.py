@@ -30,7 +30,7 @@ from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.replay_comparison import ReplayComparison, compare_results
 from monitor.result_events import event_result, result_event
 from monitor.results import TOPIC_WINDOW, Result, WindowResult
-from monitor.settings import Override, overridden, parse_settings
+from monitor.settings import Override, attachable, overridden, parse_settings
 from monitor.site import Site
 from monitor.worker import TOPIC_STOPPED, Kept, Told, Worker
 from updater import parse_structure
@@ -86,7 +86,7 @@ def replay(
         texts = (site.structure_text, site.site_text)
         settings = parse_settings(site.site_text, f"{log}: site.toml")
     else:
-        text, origins = overridden(attached["site.toml"], given)
+        text, origins = overridden(attachable(attached["site.toml"]), given)
         texts = (attached["structure.toml"], text)
         settings = parse_settings(text, f"{log}: site.toml", origins)
     devices = tuple(device.name for device in settings.device)
@@ -97,7 +97,8 @@ def replay(
     found: list[Result] = []
     kept = ""
     skipped = frozenset[int]() if site or not from_beginning else _skipped(log)
-    worker = Worker(*texts, _memory(attached, texts), capacity=_WAITING, keep=True, skipped=skipped)
+    memory = _memory(attached, texts)
+    worker = Worker(*texts, memory, capacity=_WAITING, keep=True, skipped=skipped)
     with worker, ThreadPoolExecutor(1) as feeder:
         feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
@@ -110,11 +111,17 @@ def replay(
     return ReplayReport(
         found=found,
         logged=_comparable(log, logged, found) if from_beginning else [],
-        attached={**attached, "structure.toml": texts[0], "site.toml": texts[1]},
+        attached=_attached(attached, texts, memory),
         memory=kept,
         window_seconds=settings.analysis.window_seconds,
         from_beginning=from_beginning,
     )
+
+
+def _attached(attached: Mapping[str, str], texts: tuple[str, str], memory: str) -> dict[str, str]:
+    """Return what a watched log gets: as in the log, but with the settings and the memory that were used."""
+    rest = {name: text for name, text in attached.items() if name != MEMORY}
+    return rest | {"structure.toml": texts[0], "site.toml": texts[1]} | ({MEMORY: memory} if memory else {})
 
 
 def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> list[Result]:

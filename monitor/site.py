@@ -7,14 +7,14 @@ from pathlib import Path
 from daq import driver_names, make_driver
 from monitor.errors import SettingsError
 from monitor.history import database_url
-from monitor.settings import Settings, nearest, overrides, read_settings
+from monitor.settings import Settings, attachable, nearest, overrides, read_settings
 from monitor.web import Source
 from updater import load_structure, portable_text
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Site:
-    """Settings with the texts they come from, as they are attached to every log."""
+    """Settings with the texts that are attached to every log; the site's is without secrets and comments."""
 
     path: Path
     settings: Settings
@@ -75,6 +75,6 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
     return Site(
         path=path,
         settings=settings,
-        site_text=text,
+        site_text=attachable(text),
         structure_text=portable_text(structure_path),
     )

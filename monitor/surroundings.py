@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from monitor.history import HistoryError, Reader
+from monitor.redaction import revealed, shown_address
 from monitor.settings import NotifySettings, TemperatureSettings
 from monitor.site import Site
 from monitor.thermometer import last_reading
@@ -72,19 +73,19 @@ def _history(site: Site) -> Finding:
 def _notify(target: NotifySettings) -> str:
     """Say whether a target could be reached; nothing is sent."""
     if target.command:
-        found = shutil.which(target.command[0])
+        found = shutil.which(revealed(target.command[0]))
         if found is None:
-            raise ValueError(f"command: expected a program, found {target.command[0]!r}, which is none")
+            raise ValueError("command: expected a program as its first word, found none of that name")
         return f"command {found}"
     if target.mqtt and find_spec("paho") is None:
         raise ValueError("mqtt needs paho-mqtt: pip install 'modalwatch[fleet]'")
-    url = urlsplit(target.webhook or target.mqtt or "")
-    host, port = url.hostname or "", url.port or _PORTS[url.scheme]
+    address = revealed(target.webhook or target.mqtt)
+    url = urlsplit(address)
     try:
-        socket.create_connection((host, port), _SECONDS).close()
+        socket.create_connection((url.hostname or "", url.port or _PORTS[url.scheme]), _SECONDS).close()
     except OSError as error:
-        raise ValueError(f"{url.scheme}://{host}:{port}: {error}") from error
-    return f"{url.scheme}://{host}:{port} answers"
+        raise ValueError(f"{shown_address(address)}: {error}") from error
+    return f"{shown_address(address)} answers"
 
 
 def _temperature(settings: TemperatureSettings) -> str:

@@ -12,6 +12,7 @@ from typing import Any, Self
 from urllib.parse import unquote, urlsplit
 
 from daq import Event, HostClock, SupervisedThread, SystemClock
+from monitor.redaction import revealed, shown_address
 from monitor.settings import TemperatureSettings
 from monitor.weather import reading
 from monitor.words import utc
@@ -149,7 +150,8 @@ class MqttThermometer(Thermometer):
         except ImportError:
             self.problem = "paho-mqtt is not installed: pip install 'modalwatch[fleet]'"
             return
-        place = urlsplit(self._settings.mqtt or "")
+        address = revealed(self._settings.mqtt)
+        place, shown = urlsplit(address), shown_address(address)
         topic = unquote(place.path).strip("/")
         client = Client(CallbackAPIVersion.VERSION2)
         if place.username is not None:
@@ -159,18 +161,18 @@ class MqttThermometer(Thermometer):
 
         def taken(_client: Client, _data: object, message: MQTTMessage) -> None:
             try:
-                self._put(self._clock.now(), _celsius(bytes(message.payload), self._settings.column), topic)
+                self._put(self._clock.now(), _celsius(bytes(message.payload), self._settings.column), shown)
             except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
-                self.problem = f"{topic}: expected a number, or an object with {self._settings.column!r}: {error}"
+                self.problem = f"{shown}: expected a number, or an object with {self._settings.column!r}: {error}"
 
         def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
             if reason.is_failure:
-                self.problem = f"mqtt://{place.hostname}: {reason}"
+                self.problem = f"{shown}: {reason}"
             else:
                 client.subscribe(topic)
 
         def parted(*_: object) -> None:
-            self.problem = self.problem or f"mqtt://{place.hostname}: the connection is lost"
+            self.problem = self.problem or f"{shown}: the connection is lost"
 
         client.on_message, client.on_connect, client.on_disconnect = taken, connected, parted
         while not self._stop.is_set():
@@ -179,7 +181,7 @@ class MqttThermometer(Thermometer):
                 client.loop_start()
                 self._stop.wait()
             except (OSError, ValueError) as error:
-                self.problem = f"mqtt://{place.hostname}: {error}"
+                self.problem = f"{shown}: {error}"
                 self._stop.wait(10 * _POLL)
         client.disconnect()
         client.loop_stop()

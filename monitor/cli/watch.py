@@ -1,6 +1,7 @@
 """`run` and `replay`."""
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -48,6 +49,7 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     as_json : whether what happens is said as an object a line
     """
     give_back_memory()
+    os.umask(os.umask(0o077) | 0o027)  # logs and state: for the owner and the group
     site = load_site(path, given)
     with only_one(site.state), stop_on_signals() as stop, reload_on_signal() as hangup:
         return _watch(site, stop, partial(_reread, hangup, partial(load_site, path, given)), as_json=as_json)

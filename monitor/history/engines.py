@@ -1,15 +1,18 @@
 """Databases by their addresses: none that is gone, locked or mute is waited for without an end."""
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from pydantic import SecretStr
+from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError
 
 from monitor.history.errors import HistoryError
+from monitor.redaction import masked, revealed
 
 _CACHE_KB = 512  # of pages that a connection to SQLite keeps; by itself it takes 2 MB, in hours
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
@@ -24,9 +27,9 @@ _PATIENCE = {  # libpq's, with a server that is not there any more: by the kerne
 _DRIVERS = {"postgresql": "postgresql+psycopg"}
 
 
-def database_url(url: str | None, state: Path) -> str:
+def database_url(url: SecretStr | None, state: Path) -> str:
     """Return where the history is: what the settings say, or a SQLite file in the state folder."""
-    return url or f"sqlite:///{state / 'history.sqlite'}"
+    return revealed(url) or f"sqlite:///{state / 'history.sqlite'}"
 
 
 def open_engine(url: str) -> Engine:
@@ -43,9 +46,9 @@ def open_engine(url: str) -> Engine:
         options = {"timeout": _BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else _PATIENCE
         engine = create_engine(parsed, connect_args=options, pool_pre_ping=True)
     except (ArgumentError, NoSuchModuleError) as error:
-        raise HistoryError(url, "expected sqlite:///FILE or postgresql://USER@HOST/NAME") from error
+        raise HistoryError(shown_url(url), "expected sqlite:///FILE or postgresql://USER@HOST/NAME") from error
     except ModuleNotFoundError as error:
-        raise HistoryError(url, f"{error.name} is not installed: pip install 'modalwatch[fleet]'") from error
+        raise HistoryError(shown_url(url), f"{error.name} is not installed: pip install 'modalwatch[fleet]'") from error
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _set_pragmas)
     else:
@@ -81,14 +84,18 @@ def _wait_briefly(connection: Connection) -> None:
 
 
 def shown_url(url: str) -> str:
-    """Return the address without its password."""
+    """Return the address without user, password and query."""
     try:
-        return make_url(url).render_as_string(hide_password=True)
-    except ArgumentError:
-        return url
+        place = make_url(url)
+    except (ArgumentError, ValueError):
+        return f"{url.partition(':')[0]}:"
+    return URL.create(place.drivername, host=place.host, port=place.port, database=place.database).render_as_string()
 
 
-def said(error: Exception) -> str:
-    """Return what a database says in one line."""
+def said(error: Exception, place: URL) -> str:
+    """Return what a database says in one line, without the secrets of its address."""
     lines = str(getattr(error, "orig", None) or error).splitlines()
-    return lines[0] if lines else type(error).__name__
+    if not lines:
+        return type(error).__name__
+    query = chain.from_iterable([value] if isinstance(value, str) else value for value in place.query.values())
+    return masked(lines[0], filter(None, (place.username, place.password, *query)))

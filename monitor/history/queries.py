@@ -118,12 +118,12 @@ class Reader:
             except SQLAlchemyError as error:
                 engine.dispose()
                 refused = refused or error
-                if not any(word in said(error) for word in _NO_WRITING):
+                if not any(word in said(error, engine.url) for word in _NO_WRITING):
                     break
             else:
                 self._engine = engine
                 return
-        raise HistoryError(self.url, said(refused) if refused else "cannot be opened") from refused
+        raise HistoryError(self.url, said(refused, engine.url) if refused else "cannot be opened") from refused
 
     def __enter__(self) -> Self:
         return self
@@ -194,7 +194,7 @@ class Reader:
             with self._engine.connect() as connection:
                 return list(connection.execute(query))
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, said(error)) from error
+            raise HistoryError(self.url, said(error, self._engine.url)) from error
 
 
 def windows_query(span: Span) -> Select[*tuple[Any, ...]]:

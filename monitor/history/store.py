@@ -59,7 +59,7 @@ class HistoryStore:
                 migrate(connection, self.url)
         except (SQLAlchemyError, OSError) as error:
             self._engine.dispose()
-            raise HistoryError(self.url, said(error)) from error
+            raise HistoryError(self.url, said(error, self._engine.url)) from error
 
     def __enter__(self) -> Self:
         return self
@@ -84,7 +84,7 @@ class HistoryStore:
         except _NEVER:  # one of them would keep out all that come after it, for good
             return 1 if len(items) == 1 else sum(self.write([item]) for item in items)
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, said(error)) from error
+            raise HistoryError(self.url, said(error, self._engine.url)) from error
         return 0
 
     def forget(self, keep: int) -> None:
@@ -103,7 +103,7 @@ class HistoryStore:
                 _forget_events(connection, keep)
                 thin_diagnoses(connection)
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, said(error)) from error
+            raise HistoryError(self.url, said(error, self._engine.url)) from error
 
 
 def _forget_events(connection: Connection, keep: int) -> None:

@@ -11,6 +11,7 @@ from monitor.accepted import Accepted, Wanted
 from monitor.alarms import Alarm
 from monitor.memory.codec import CodecError, decode, encode
 from monitor.novelty import DetectorState
+from monitor.redaction import redacted_topic, revealed
 from monitor.self_test import Tested
 from monitor.settings import Settings, TemperatureSettings
 from monitor.window import Window
@@ -55,7 +56,7 @@ def matters(structure: Structure, settings: Settings) -> dict[str, str]:
 
 def _thermometer(settings: TemperatureSettings) -> str:
     """Return which one it is: a file by its name, wherever the site lies."""
-    return Path(settings.csv).name if settings.csv else settings.mqtt or ""
+    return Path(settings.csv).name if settings.csv else redacted_topic(revealed(settings.mqtt))
 
 
 def memory_text(memory: Memory) -> str:

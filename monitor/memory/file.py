@@ -5,13 +5,15 @@ import os
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
 from daq import Event, Item
 from monitor.memory.codec import CodecError
-from monitor.memory.contents import MEMORY, matters, parse_memory
+from monitor.memory.contents import MEMORY, matters, memory_text, parse_memory
+from monitor.redaction import redacted_topic
 from monitor.settings import Settings
 from updater import Structure
 
@@ -44,12 +46,19 @@ def recall(state: Path, structure: Structure, settings: Settings) -> Recalled:
 def fitting(text: str, source: str, structure: Structure, settings: Settings) -> Recalled:
     """Return a memory if it is whole and was made with what matters as it is now; else why not."""
     try:
-        then = parse_memory(text).matters
+        found = parse_memory(text)
     except CodecError as error:
         return Recalled(refused=f"{source}: {error}")
-    now = matters(structure, settings)
+    then, now = _without_login(found.matters), matters(structure, settings)
     changed = [f"{name}: {then.get(name)} then, {value} now" for name, value in now.items() if then.get(name) != value]
-    return Recalled(refused="; ".join(changed)) if changed else Recalled(text=text)
+    if changed:
+        return Recalled(refused="; ".join(changed))
+    return Recalled(text=text if then == found.matters else memory_text(replace(found, matters=then)))
+
+
+def _without_login(then: Mapping[str, str]) -> dict[str, str]:
+    """Return what a memory depends on, with the address of a thermometer as it is written now: without a login."""
+    return {name: redacted_topic(words) if words.startswith("mqtt") else words for name, words in then.items()}
 
 
 class MemoryFile:

@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
+from http import HTTPStatus
+from itertools import chain
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -19,6 +21,7 @@ import httpx
 from monitor.errors import MonitorError
 from monitor.notice_text import Message, Notice, message
 from monitor.notices.deadline import Deadline, DeadlineRunner
+from monitor.redaction import masked, revealed, secrets_of_address
 from monitor.settings import NotifySettings
 
 _LOOK_SECONDS = 0.05  # between looks at whether a broker has refused
@@ -58,9 +61,17 @@ def make_sender(target: NotifySettings) -> Sender:
         except TimeoutError as error:
             raise NoticeError(f"{name}: {error}") from error
         except ValueError as error:  # a zero byte for a program, a header that no server may be sent
-            raise NoticeError(f"this cannot be sent: {error}") from error
+            raise NoticeError(f"this cannot be sent: {_said(error, target)}") from None
 
     return send
+
+
+def _said(error: Exception, target: NotifySettings) -> str:
+    """Return the text of an error without parts of addresses and headers."""
+    values = [revealed(value) for value in target.headers.values()]
+    addresses = map(revealed, filter(None, (target.webhook, target.mqtt)))
+    parts = chain.from_iterable(map(secrets_of_address, addresses))
+    return masked(str(error), (*values, *(value.rpartition(" ")[2] for value in values), *parts))
 
 
 def _content(said: Message) -> dict[str, Any]:
@@ -69,6 +80,8 @@ def _content(said: Message) -> dict[str, Any]:
 
 
 def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+    headers = {name: revealed(value) for name, value in target.headers.items()}
+
     def trace(event: str, info: Mapping[str, Any]) -> None:
         if event == "connection.connect_tcp.complete":
             deadline.watch(info["return_value"].get_extra_info("socket").fileno())
@@ -78,18 +91,19 @@ def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> No
             httpx.Client(timeout=deadline.seconds) as client,
             client.stream(
                 "POST",
-                target.webhook or "",
+                revealed(target.webhook),
                 json=_content(said),
-                headers=target.headers,
+                headers=headers,
                 extensions={"trace": trace},
             ) as answer,
         ):
             answer.raise_for_status()  # what else it says is not waited for: it may never end
     except httpx.HTTPStatusError as error:
-        why = f"webhook: {error.response.status_code} {error.response.reason_phrase}"
-        raise NoticeError(why, _wait(error.response.headers.get("Retry-After", ""))) from error
+        code = error.response.status_code  # the server's own phrase is not repeated: it may quote the request
+        phrase = f" {HTTPStatus(code).phrase}" if code in set(HTTPStatus) else ""
+        raise NoticeError(f"webhook: {code}{phrase}", _wait(error.response.headers.get("Retry-After", ""))) from None
     except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise NoticeError(f"webhook: {type(error).__name__}: {error}") from error
+        raise NoticeError(f"webhook: {type(error).__name__}: {_said(error, target)}") from None
 
 
 def _wait(asked: str) -> float:
@@ -105,15 +119,15 @@ def _by_command(target: NotifySettings, said: Message, deadline: Deadline) -> No
     named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
     try:
         process = subprocess.Popen(
-            target.command or (),
+            [revealed(word) for word in target.command or ()],
             env=os.environ | named,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # a shell that is ended ends with all that it has started
         )
-    except OSError as error:
-        raise NoticeError(f"command: {error}") from error
+    except OSError as error:  # whose text may name the program
+        raise NoticeError(f"command: cannot be started: {error.strerror}") from None
     with process:
         deadline.on_expiry(lambda: _end(process))
         process.communicate(said.text.encode())
@@ -148,7 +162,7 @@ def _by_mqtt(target: NotifySettings, said: Message, deadline: Deadline) -> None:
         from paho.mqtt.reasoncodes import ReasonCode
     except ImportError as error:
         raise NoticeError("mqtt: paho-mqtt is not installed: pip install 'modalwatch[fleet]'") from error
-    place = urlsplit(target.mqtt or "")
+    place = urlsplit(revealed(target.mqtt))
     refused = ""
 
     def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
@@ -173,7 +187,7 @@ def _by_mqtt(target: NotifySettings, said: Message, deadline: Deadline) -> None:
         if not sent.is_published():
             raise NoticeError(f"mqtt: {refused or 'the broker has not taken it'}")
     except (OSError, ValueError, RuntimeError, MQTTException) as error:
-        raise NoticeError(f"mqtt: {refused or error}") from error
+        raise NoticeError(f"mqtt: {refused or _said(error, target)}") from None
     finally:
         client.disconnect()
         client.loop_stop()

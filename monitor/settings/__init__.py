@@ -1,6 +1,7 @@
 """SITE.toml: what is connected where, and how it is watched; read, overridden, and written with all that it means."""
 
 from monitor.settings.annotated import EXAMPLE, annotated, json_schema
+from monitor.settings.attached import attachable
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overridden, overrides
@@ -18,6 +19,7 @@ __all__ = [
     "Settings",
     "TemperatureSettings",
     "annotated",
+    "attachable",
     "json_schema",
     "load_settings",
     "nearest",

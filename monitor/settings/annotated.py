@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import tomlkit
+from pydantic import SecretStr
 from pydantic.fields import FieldInfo
 
 from monitor.settings.device import DeviceSettings
@@ -20,7 +21,7 @@ _HEAD = """\
 # is not given; what it says is an example. Write the schema that editors use beside this file:
 #     modalwatch settings --schema > site.schema.json
 # A variable of the environment, MODALWATCH_ANALYSIS__WINDOW_SECONDS=300, stands above this file, and above
-# both `--set analysis.window_seconds=300` on the command line.
+# both `--set analysis.window_seconds=300` on the command line. What may be a secret is shown as **********.
 """
 
 
@@ -40,7 +41,7 @@ EXAMPLE = Settings(
 
 
 def annotated(settings: Settings = EXAMPLE) -> str:
-    """Return settings as TOML that reads back equal, each with what it means."""
+    """Return settings as TOML that reads back equal, each with what it means; secrets as `**********`."""
     plain = {name: field for name, field in Settings.model_fields.items() if section_of(field.annotation) is None}
     blocks = ["\n".join(_setting(name, field, getattr(settings, name)) for name, field in plain.items())]
     for name, field in Settings.model_fields.items():
@@ -96,7 +97,7 @@ def _toml(value: Any) -> str:  # noqa: ANN401 - of any setting
         return "{" + ", ".join(f"{tomlkit.key(key).as_string()} = {_toml(v)}" for key, v in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_toml, value)) + "]"
-    return str(tomlkit.item(value).as_string())
+    return str(tomlkit.item(str(value) if isinstance(value, SecretStr) else value).as_string())
 
 
 def json_schema() -> str:

@@ -1,28 +1,28 @@
 """[[notify]]: whom to tell, and of what."""
 
 from collections.abc import Mapping
-from typing import Annotated, Self
-from urllib.parse import urlsplit
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, SecretStr, ValidationInfo, field_validator, model_validator
 
 from monitor.notice_text import NoticeKind, check_template
-from monitor.settings.section import Positive, Section
+from monitor.redaction import revealed
+from monitor.settings.section import Positive, Section, has_place
 
 
 class NotifySettings(Section):
     """Whom to tell, and of what: each has one of `webhook`, `command` and `mqtt`."""
 
-    webhook: Annotated[str | None, Field(examples=["https://chat.example.org/hooks/abc"])] = None
+    webhook: Annotated[SecretStr | None, Field(examples=["https://chat.example.org/hooks/abc"])] = None
     """of each `[[notify]]`: address that gets a POST of JSON; one has this, `command` or `mqtt`"""
     command: Annotated[
-        Annotated[tuple[str, ...], Field(min_length=1)] | None,
+        Annotated[tuple[SecretStr, ...], Field(min_length=1)] | None,
         Field(examples=[["mail", "-s", "modalwatch", "ada@example.org"]]),
     ] = None
     """program and its arguments, as a list; the text on its input"""
-    mqtt: Annotated[str | None, Field(examples=["mqtt://broker.example.org/site/alarms"])] = None
+    mqtt: Annotated[SecretStr | None, Field(examples=["mqtt://broker.example.org/site/alarms"])] = None
     """`mqtt://HOST:PORT/TOPIC`, `mqtts://` with TLS; needs `modalwatch[fleet]`"""
-    headers: Mapping[str, str] = {}
+    headers: Mapping[str, SecretStr] = {}
     """of the webhook's request"""
     on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
     """events that are sent; `acknowledged` may be added (service.md)"""
@@ -34,6 +34,10 @@ class NotifySettings(Section):
     """a sign of life this often, only while data flow"""
     timeout_seconds: Positive = 10.0
     """of a delivery"""
+
+    if TYPE_CHECKING:  # plain strings become secrets
+
+        def __init__(self, **values: Any) -> None: ...  # noqa: ANN401 - validated
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -51,16 +55,17 @@ class NotifySettings(Section):
 
     @field_validator("headers")
     @classmethod
-    def _can_be_sent(cls, headers: Mapping[str, str]) -> Mapping[str, str]:
-        for name, value in headers.items():
-            if not (name + value).isascii() or not (name + value).isprintable():
+    def _can_be_sent(cls, headers: Mapping[str, SecretStr]) -> Mapping[str, SecretStr]:
+        for name, secret in headers.items():
+            line = name + revealed(secret)
+            if not line.isascii() or not line.isprintable():
                 raise ValueError(f"{name}: expected ASCII without line breaks")  # what servers may be sent
         return headers
 
     @field_validator("webhook", "mqtt")
     @classmethod
-    def _address(cls, url: str | None, info: ValidationInfo) -> str | None:
+    def _address(cls, url: SecretStr | None, info: ValidationInfo) -> SecretStr | None:
         schemes = ("http", "https") if info.field_name == "webhook" else ("mqtt", "mqtts")
-        if url is not None and (urlsplit(url).scheme not in schemes or not urlsplit(url).hostname):
+        if url is not None and not has_place(revealed(url), schemes):
             raise ValueError(f"expected {schemes[0]}://HOST/.. or {schemes[1]}://HOST/..")
         return url

@@ -56,7 +56,9 @@ def _of_variable(name: str, text: str) -> Override:
 def _of_argument(argument: str) -> Override:
     key, equals, text = argument.partition("=")
     if not equals or not _KEY.fullmatch(key.strip()):
-        raise ArgumentError("--set", f"expected KEY=VALUE, such as analysis.window_seconds=300, found {argument!r}")
+        raise ArgumentError(
+            "--set", f"expected KEY=VALUE, such as analysis.window_seconds=300, found {argument.partition('=')[0]!r}"
+        )
     return Override(said=f"--set {key.strip()}", keys=tuple(key.strip().split(".")), value=_value(text.strip()))
 
 

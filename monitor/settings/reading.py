@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, SecretStr, ValidationError
 
 from daq import HOW_TO_PLACE, CanAddress, CanPlace
 from monitor.errors import SettingsError
@@ -143,10 +143,30 @@ def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of p
         return "is missing"
     said = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     whole = isinstance(first["input"], dict) or "found" in said  # a section says enough by its name
-    found = said if whole else f"{said.partition(', unable')[0]}, found {first['input']!r:.80}"
+    found = said if whole or _may_be_secret(place) else f"{said.partition(', unable')[0]}, found {first['input']!r:.80}"
     if first["type"] == "literal_error":
         return found + nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])
     return found
+
+
+def _may_be_secret(place: Sequence[str]) -> bool:
+    """Return whether a place in the settings is a secret, or a section that should hold some."""
+    annotation: Any = Settings
+    for key in place:
+        section = section_of(annotation)
+        if section is None or key.isdigit():
+            continue
+        if key not in section.model_fields:
+            return True
+        annotation = section.model_fields[key].annotation
+    return _holds_secrets(annotation)
+
+
+def _holds_secrets(annotation: Any) -> bool:  # noqa: ANN401 - any annotation of a field
+    section = section_of(annotation)
+    if section is not None:
+        return any(_holds_secrets(field.annotation) for field in section.model_fields.values())
+    return annotation is SecretStr or any(map(_holds_secrets, get_args(annotation)))
 
 
 def _words(expected: str) -> list[str]:

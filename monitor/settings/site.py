@@ -1,16 +1,17 @@
 """A whole SITE.toml."""
 
 from ipaddress import ip_address
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, SecretStr, field_validator, model_validator
 
 from daq import Channel
 from monitor.alarms import AlarmRules
+from monitor.redaction import revealed
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
-from monitor.settings.section import Positive, Section
+from monitor.settings.section import Positive, Section, has_place
 
 _BASELINE_WINDOWS = 24  # to begin with
 
@@ -110,12 +111,16 @@ class TemperatureSettings(Section):
 
     csv: Annotated[str | None, Field(examples=["weather.csv"])] = None
     """file that another program writes a line a reading to, relative to SITE.toml; has this or `mqtt` (service.md)"""
-    mqtt: Annotated[str | None, Field(examples=["mqtt://broker.example.org/site/air"])] = None
+    mqtt: Annotated[SecretStr | None, Field(examples=["mqtt://broker.example.org/site/air"])] = None
     """`mqtt://HOST:PORT/TOPIC`, `mqtts://` with TLS; needs `modalwatch[fleet]`"""
     column: str = "temperature"
     """of the file, or of the JSON object that is said on the topic [degC]"""
     stale_minutes: Positive = 60.0
     """age of the last reading from which on the devices' own thermometers go on for it"""
+
+    if TYPE_CHECKING:  # plain strings become secrets
+
+        def __init__(self, **values: Any) -> None: ...  # noqa: ANN401 - validated
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -126,25 +131,27 @@ class TemperatureSettings(Section):
 
     @field_validator("mqtt")
     @classmethod
-    def _topic(cls, url: str | None) -> str | None:
-        place = urlsplit(url or "")
-        if url is not None and (place.scheme not in ("mqtt", "mqtts") or not place.hostname or not place.path[1:]):
-            raise ValueError("expected mqtt://HOST/TOPIC or mqtts://HOST/TOPIC")
+    def _topic(cls, url: SecretStr | None) -> SecretStr | None:
+        if url is not None:
+            address = revealed(url)
+            if not has_place(address, ("mqtt", "mqtts")) or not urlsplit(address).path[1:]:
+                raise ValueError("expected mqtt://HOST/TOPIC or mqtts://HOST/TOPIC")
         return url
 
 
 class HistorySettings(Section):
     """Where what was found is kept for years."""
 
-    url: Annotated[str | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
+    url: Annotated[SecretStr | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
     """`postgresql://USER@HOST/NAME`; a SQLite file in the state folder unless given"""
     keep_events: Annotated[int, Field(ge=1)] = 100_000
     """newest events of each kind that are kept, such as gaps; alarms, windows and modes all are"""
 
     @field_validator("url")
     @classmethod
-    def _known(cls, url: str | None) -> str | None:
-        if url is not None and urlsplit(url).scheme.partition("+")[0] not in ("sqlite", "postgresql"):
+    def _known(cls, url: SecretStr | None) -> SecretStr | None:
+        scheme, colon, _ = revealed(url).partition(":")
+        if url is not None and not (colon and scheme.partition("+")[0] in ("sqlite", "postgresql")):
             raise ValueError("expected postgresql://USER@HOST/NAME or sqlite:///FILE")
         return url
 

@@ -2,7 +2,7 @@
 
 import json
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ class Source:
 
     name: str
     state: Path  #: folder
-    url: str  #: of the history
+    url: str = field(repr=False)  #: of the history, with its password
 
     def token_path(self, file: str | None) -> Path:
         """Return where the token stands: a file beside the settings, or in the state folder unless given."""

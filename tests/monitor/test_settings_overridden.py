@@ -8,6 +8,7 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import SecretStr
 
 from monitor.errors import ArgumentError, SettingsError
 from monitor.settings import overrides, parse_settings, read_settings
@@ -61,7 +62,7 @@ def test_command_line_stands_above_environment_above_file(site: Path) -> None:
         ("/dev/ttyUSB1", 500.0),
     ]
     assert found.alarm.latch
-    assert found.notify[0].command == ("true",)
+    assert found.notify[0].command == (SecretStr("true"),)
     assert parse_settings(text) == found  # what is logged needs neither environment nor arguments
     assert text.startswith("# the bridge\n")
     assert "# of quiet nights" in text
