@@ -23,7 +23,20 @@ from monitor.words import change_text
 
 _A_MINUTE = 10  # lines of a kind, of one device
 _MINUTE = 60.0  # s
-_ROUTINE = ("_back", "_open", "_resumed", "_ok", "_deleted", "acknowledge", "accept", "undo", "stopped", "reloaded")
+_ROUTINE = (
+    "_back",
+    "_open",
+    "_resumed",
+    "_ok",
+    "_deleted",
+    "acknowledge",
+    "accept",
+    "undo",
+    "stopped",
+    "reloaded",
+    "_restored",
+    "_recovered",
+)
 
 
 def line(result: Result) -> str:

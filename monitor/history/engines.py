@@ -56,6 +56,15 @@ def open_engine(url: str) -> Engine:
     return engine
 
 
+def file_of(url: str) -> Path | None:
+    """Return the file of a SQLite database; None of any other."""
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        return None
+    return Path(parsed.database) if parsed.get_backend_name() == "sqlite" and parsed.database else None
+
+
 def reading_engines(url: str) -> Iterator[Engine]:
     """Yield engines for questions, each where the last one could not: as for writing, read only, and as a copy.
 

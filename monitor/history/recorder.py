@@ -3,17 +3,22 @@
 import json
 import queue
 import time
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
 from daq import Event, Item, SupervisedThread
-from monitor.history.engines import shown_url
+from monitor.history.engines import file_of, shown_url
 from monitor.history.errors import HistoryError
+from monitor.history.renewal import Takeover, renew_file
 from monitor.history.store import HistoryStore
 from monitor.spool import Spool
 
 TOPIC_DOWN, TOPIC_BACK = "/event/history_down", "/event/history_back"
+TOPIC_RENEWED, TOPIC_RESTORED = "/event/history_renewed", "/event/history_restored"
+_CHECK = 1.0  # s between looks at whether the file is still the one that was opened
+_RENEW = 10.0  # s between new files: a disk that damages each of them is not to be filled with them
 _CAPACITY = 10_000  # items that may wait in memory
 _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
@@ -45,6 +50,9 @@ class HistoryRecorder:
         self._asked: float | None = None  # monotonic time since which it has owed an answer [s]
         self._down = False  # whether that is said
         self._at_hand: list[Event] = []  # the batch that is being brought
+        self._check_due = self._renew_due = 0.0  # monotonic times of the next look at the file, and of a new one [s]
+        self._unproven: deque[Event] = deque(maxlen=_CAPACITY)  # written since the file was known to be whole
+        self._takeover = Takeover(file_of(url))
         self._given_up = False  # what is at hand has been put on disk by another thread: nothing there is ours any more
         self.dropped = 0  #: items that found no room, in memory or on disk, or that no database takes
 
@@ -96,10 +104,50 @@ class HistoryRecorder:
         going = True
         while going and not self._given_up:
             self._at_hand, going = self._gather()
-            self._bring(self._at_hand)
+            self._check(whole=not going)
+            if self._store and self._takeover.pending:
+                self._keep(self._at_hand)
+                self._take_over()
+            else:
+                self._bring(self._at_hand)
             self._at_hand = []
         if self._store:
             self._store.__exit__()
+
+    def _check(self, *, whole: bool) -> None:
+        """Look at the file once a second; what was written since it was last seen to be whole is kept for a new one."""
+        if self._store is None or not (whole or time.monotonic() >= self._check_due):
+            return
+        self._check_due = time.monotonic() + _CHECK
+        try:
+            if self._store.check(whole=whole):
+                self._unproven.clear()
+        except HistoryError as error:
+            self._fail(error)
+
+    def _renew(self, why: str) -> None:
+        """Begin a new file in the place of one that cannot be used any more."""
+        path = file_of(self._url)
+        if path is None or time.monotonic() < self._renew_due:
+            return
+        self._renew_due = time.monotonic() + _RENEW
+        store, self._store = self._store, None
+        try:
+            done = renew_file(path, store)
+        except OSError as error:
+            self._failed = f"{why}; it cannot be renamed: {error}"
+            return
+        self._keep(list(self._unproven))
+        self._unproven.clear()
+        self._said.put((TOPIC_RENEWED, {"why": why, **done}))
+        self._due = 0.0
+
+    def _take_over(self) -> None:
+        """Take over rows of the file before for a moment; what comes meanwhile waits on disk, in its order."""
+        done = self._takeover.advance(_POLL)
+        if done:
+            self._said.put((TOPIC_RESTORED, done))
+            self._due = 0.0
 
     def _gather(self) -> tuple[list[Event], bool]:
         """Return what has come within a moment, and whether more may come."""
@@ -119,12 +167,16 @@ class HistoryRecorder:
 
     def _bring(self, batch: list[Event]) -> None:
         """Write a batch, after what waits on disk; or put it there too."""
-        if not batch and not (self._spool.waiting and time.monotonic() >= self._due):
+        waiting = self._spool.waiting or self._takeover.pending
+        if not batch and not (waiting and time.monotonic() >= self._due):
             return
         if self._failed and time.monotonic() < self._due:
             self._keep(batch)
             return
         try:
+            if self._opened():
+                self._keep(batch)
+                return
             kept = self._spool.deliver(lambda lines: self._write(_from_lines(lines)), _BATCH)
             if batch:
                 self._write(batch)
@@ -140,15 +192,28 @@ class HistoryRecorder:
     def _write(self, items: list[Event]) -> None:
         self._asked = time.monotonic()
         try:
-            self._store = self._store or HistoryStore(self._url)
-            self.dropped += self._store.write(items)
+            store = self._store = self._store or HistoryStore(self._url)
+            self.dropped += store.write(items)
+            self._unproven.extend(items)
             if time.monotonic() >= self._forget_due:
-                self._store.forget(self._keep_events)
+                store.forget(self._keep_events)
                 self._forget_due = time.monotonic() + _FORGET
         finally:
             self._asked = None
         if self._given_up:
             raise HistoryError(shown_url(self._url), "it came too late")  # so that the spool stays as it is
+
+    def _opened(self) -> bool:
+        """Open a database that is to take over rows of another one before it takes anything else; tell whether it is.
+
+        Raises
+        ------
+        HistoryError
+            If it cannot be opened.
+        """
+        if self._takeover.pending:
+            self._store = self._store or HistoryStore(self._url)
+        return self._takeover.pending
 
     def _say_down(self, why: str) -> None:
         if not self._down:
@@ -159,6 +224,8 @@ class HistoryRecorder:
         self._failed = str(error)
         self._say_down(self._failed)
         self._due = time.monotonic() + self._retry_seconds
+        if isinstance(error, HistoryError) and error.unusable:
+            self._renew(self._failed)
         if self._store:
             self._store.__exit__()
             self._store = None

@@ -2,9 +2,11 @@
 
 import json
 import math
+import sqlite3
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from pydantic import ValidationError
 from sqlalchemy import Connection, ScalarSelect, Table, delete, func, select, update
@@ -14,10 +16,11 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from daq import Event
 from monitor.history import schema
-from monitor.history.engines import open_engine, said, shown_url
+from monitor.history.engines import file_of, open_engine, said, shown_url
 from monitor.history.errors import HistoryError
 from monitor.history.migrations import migrate
 from monitor.history.rollup import roll_up
+from monitor.history.sqlite_file import SqliteFile, copy_open_file, is_damage
 from monitor.history.thinning import thin_diagnoses
 from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
@@ -57,9 +60,11 @@ class HistoryStore:
                 Path(self._engine.url.database).parent.mkdir(parents=True, exist_ok=True)
             with self._engine.begin() as connection:
                 migrate(connection, self.url)
+            path = file_of(url)
+            self._file = SqliteFile(path) if path else None
         except (SQLAlchemyError, OSError) as error:
             self._engine.dispose()
-            raise HistoryError(self.url, said(error, self._engine.url)) from error
+            raise self._error(error) from error
 
     def __enter__(self) -> Self:
         return self
@@ -67,6 +72,49 @@ class HistoryStore:
     def __exit__(self, *_: object) -> None:
         """Let go of the database."""
         self._engine.dispose()
+
+    def _error(self, error: Exception) -> HistoryError:
+        return HistoryError(self.url, said(error, self._engine.url), unusable=is_damage(error))
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the path of a SQLite file no longer leads to the one that is open."""
+        return self._file is not None and self._file.displacement() is not None
+
+    def check(self, *, whole: bool = False) -> bool:
+        """Look at the file: whether it is the one that was opened, and now and then whether it is whole.
+
+        Parameters
+        ----------
+        whole : whether to look at all of it now
+
+        Returns
+        -------
+        bool
+            Whether all of it was looked at, and is right.
+
+        Raises
+        ------
+        HistoryError
+            If it is not: moved, deleted, replaced or damaged.
+        """
+        if self._file is None:
+            return False
+        wrong = self._file.displacement()
+        looked = wrong is None and (whole or self._file.due)
+        if looked:
+            wrong = self._file.damage()
+        if wrong:
+            raise HistoryError(self.url, wrong, unusable=True)
+        return looked
+
+    def copy_to(self, path: Path) -> bool:
+        """Copy a SQLite database that is open although its path leads elsewhere; return whether that succeeded."""
+        try:
+            with closing(self._engine.raw_connection()) as connection:
+                return copy_open_file(cast(sqlite3.Connection, connection.driver_connection), path)
+        except (SQLAlchemyError, sqlite3.Error):
+            return False
 
     def write(self, items: Sequence[Event]) -> int:
         """Put items in, all or none; return how many no database will ever take: these are left out.
@@ -84,7 +132,7 @@ class HistoryStore:
         except _NEVER:  # one of them would keep out all that come after it, for good
             return 1 if len(items) == 1 else sum(self.write([item]) for item in items)
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, said(error, self._engine.url)) from error
+            raise self._error(error) from error
         return 0
 
     def forget(self, keep: int) -> None:
@@ -103,7 +151,7 @@ class HistoryStore:
                 _forget_events(connection, keep)
                 thin_diagnoses(connection)
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, said(error, self._engine.url)) from error
+            raise self._error(error) from error
 
 
 def _forget_events(connection: Connection, keep: int) -> None:

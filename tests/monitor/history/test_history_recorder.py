@@ -83,17 +83,17 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     assert list(made.said()) == [(TOPIC_BACK, {"brought_in": len(EVENTS)})]
 
 
-def test_damaged_database_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
+def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
     url, spool, file = sqlite_url(tmp_path), tmp_path / "spool.jsonl", tmp_path / "history.sqlite"
-    file.write_bytes(b"this is no database, and long enough not to be taken for an empty one" * 40)
+    file.mkdir()
     with recording(url, spool, retry_seconds=0.01) as made:
         for event in EVENTS:
             made.put(event)
             time.sleep(0.01)
     [(topic, payload)] = made.said()
     assert (topic, made.dropped) == (TOPIC_DOWN, 0)
-    assert "file is not a database" in payload["why"]
-    file.unlink()
+    assert "unable to open database file" in payload["why"]
+    file.rmdir()
     with spool.open("ab") as cut:
         cut.write(b'{"topic": "/event/g')  # a kill amid a line
     with recording(url, spool) as made:
@@ -116,7 +116,7 @@ def test_spool_that_holds_nonsense_does_no_harm(tmp_path: Path, line: str) -> No
 
 
 def test_what_finds_no_room_on_disk_is_counted(tmp_path: Path) -> None:
-    (tmp_path / "history.sqlite").write_bytes(b"no database" * 100)
+    (tmp_path / "history.sqlite").mkdir()
     (tmp_path / "spool").write_text("a file where a folder should be", encoding="utf-8")
     with recording(sqlite_url(tmp_path), tmp_path / "spool" / "spool.jsonl") as made:
         for event in EVENTS:

@@ -1,0 +1,135 @@
+"""The history's SQLite file: whether it is still the one that was opened, and whole; what to do where it is not."""
+
+import sqlite3
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from urllib.parse import quote
+
+_CHECK_SECONDS = 30.0  # between looks at the whole file, less than half of the minute within which damage is noticed
+_CHECK_SHARE = 50.0  # times as long as a look takes, at least
+_MAX_CHECK_SECONDS = 10.0  # of one look; one that takes longer is given up
+_PROGRESS_STEPS = 100_000  # of SQLite's machine between looks at the clock
+_PARTS = ("", "-wal", "-shm")  # of a database, behind its name
+_DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+_UNREAD = "_unread"  # in the name of what was set aside
+
+
+def is_damage(error: BaseException) -> bool:
+    """Return whether SQLite, or what stands between, complains of a damaged file; not of one that is locked or full."""
+    original = getattr(error, "orig", None) or error
+    return (getattr(original, "sqlite_errorcode", None) or 0) & 0xFF in _DAMAGE
+
+
+class SqliteFile:
+    """A file as it was when it was opened.
+
+    Parameters
+    ----------
+    path : of the file, which is there
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._identity = path, _identity(path)
+        self._due = time.monotonic() + _CHECK_SECONDS
+
+    def displacement(self) -> str | None:
+        """Return how the path no longer leads to the file that was opened; None if it does."""
+        now = _identity(self.path)
+        if now == self._identity:
+            return None
+        return "the file was moved or deleted" if now is None else "the file was replaced by another one"
+
+    @property
+    def due(self) -> bool:
+        """Whether the whole file is to be looked at again."""
+        return time.monotonic() >= self._due
+
+    def damage(self) -> str | None:
+        """Look at the whole file by a connection that has read nothing of it yet; return what is wrong."""
+        begun = time.monotonic()
+        try:
+            return _quick_check(self.path, begun + _MAX_CHECK_SECONDS)
+        finally:
+            took = time.monotonic() - begun
+            self._due = begun + max(_CHECK_SECONDS, _CHECK_SHARE * took)
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _quick_check(path: Path, until: float) -> str | None:
+    try:
+        connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro", uri=True, timeout=0.2)
+    except sqlite3.Error:
+        return None  # the next write tells
+    try:
+        connection.set_progress_handler(lambda: time.monotonic() > until, _PROGRESS_STEPS)
+        found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    except sqlite3.DatabaseError as error:
+        return f"the file is damaged: {error}" if is_damage(error) else None
+    finally:
+        connection.close()
+    return None if found == "ok" else f"the file is damaged: {' '.join(str(found).split())[:200]}"
+
+
+def set_aside(path: Path) -> Path:
+    """Rename a damaged database, with its journal, to a name that says so and that it has not been read yet.
+
+    Raises
+    ------
+    OSError
+        If it cannot be renamed.
+    """
+    aside = unread_name(path)
+    for part in _PARTS:
+        part_path = Path(f"{path}{part}")
+        if part_path.exists():
+            part_path.rename(f"{aside}{part}")
+    return aside
+
+
+def unread_name(path: Path) -> Path:
+    """Return a new name for what was a database, and has not been read yet."""
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
+    return path.with_name(f"{path.stem}_before_{stamp}{_UNREAD}.sqlite")
+
+
+def copy_open_file(connection: sqlite3.Connection, path: Path) -> bool:
+    """Copy a database that is open although its path does not lead to it any more; return whether that succeeded."""
+    try:
+        target = sqlite3.connect(path)
+        try:
+            connection.backup(target)
+        finally:
+            target.close()
+    except (sqlite3.Error, OSError):
+        path.unlink(missing_ok=True)
+        return False
+    return True
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove the journal of a database that is gone: it belongs to no other one."""
+    for part in _PARTS[1:]:
+        Path(f"{path}{part}").unlink(missing_ok=True)
+
+
+def unread(path: Path) -> list[Path]:
+    """Return what was set aside of a database and has not been read, the oldest first."""
+    return sorted(path.parent.glob(f"{path.stem}_before_*{_UNREAD}.sqlite"))
+
+
+def mark_read(aside: Path) -> Path:
+    """Rename what was set aside once it has been read; return its name from then on."""
+    read = aside.with_name(aside.name.replace(_UNREAD, ""))
+    for part in _PARTS:
+        part_path = Path(f"{aside}{part}")
+        if part_path.exists():
+            part_path.rename(f"{read}{part}")
+    return read
