@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test thorough check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit clean
+.PHONY: demo test thorough check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit fuzz clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -180,6 +180,10 @@ soak: $(VENV)/.done
 # The unit of `install-service` run by systemd itself: the table in docs/service.md, half a minute; as root, or with delegated groups.
 unit: $(VENV)/.done
 	PYTHONPATH=tests $(BIN)/python benchmarks/systemd_unit.py
+
+# Mutated files for every reader, 2000 each, in hours: `make fuzz ARGUMENTS="site log --first 500 --minutes 10"`.
+fuzz: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/fuzz_run.py $(ARGUMENTS)
 
 $(VENV)/.done: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'

@@ -1,6 +1,7 @@
 """Bytes in, recordings out: drivers, emulators, the MCAP log, and blocks of many devices on one grid."""
 
 from daq.assembly import Assembler
+from daq.bounded_text import one_line, parse_json, parse_toml, printable
 from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
 from daq.canlog import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
 from daq.channelmap import CHANNELS, ChannelMap
@@ -142,6 +143,10 @@ __all__ = [
     "low_grade",
     "make_driver",
     "newest_log",
+    "one_line",
+    "parse_json",
+    "parse_toml",
+    "printable",
     "read_attachments",
     "read_channel_map",
     "read_data",

@@ -4,6 +4,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from daq.bounded_text import parse_json
 from daq.errors import LogError
 from daq.recording import Channel
 
@@ -31,7 +32,7 @@ def parse_channel_map(text: str, path: Path) -> ChannelMap:
         If it is none.
     """
     try:
-        content = json.loads(text)
+        content = parse_json(text)
         channels = tuple(Channel(**entry) for entry in content["channels"])
         return ChannelMap(channels=channels, on_grid=bool(content["on_grid"]))
     except (ValueError, TypeError, KeyError) as error:

@@ -11,9 +11,14 @@ DaqError
 
 from pathlib import Path
 
+from daq.bounded_text import one_line
+
 
 class DaqError(Exception):
-    """Base of all errors of this package."""
+    """Base of all errors of this package; the message is one printable line of bounded length."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
 
 
 class DriverError(DaqError):

@@ -25,6 +25,7 @@ from zstandard import ZstdError
 
 from daq.accel_block_pb2 import AccelBlock
 from daq.block_message import decode_block, encode_block
+from daq.bounded_text import parse_json
 from daq.chunk_index import LeanWriter
 from daq.errors import ItemError, LogError
 from daq.file_index import file_index
@@ -298,7 +299,10 @@ def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]
 def _item(topic: str, message: Message) -> Item:
     if _is_signal(topic):
         return decode_block(topic.removeprefix(ACCEL), message.data)
-    return Event(topic=topic, time=message.log_time, payload=json.loads(message.data))
+    payload = parse_json(message.data)
+    if not isinstance(payload, dict):
+        raise ValueError(f"expected a JSON object, found {payload!r:.40}")
+    return Event(topic=topic, time=message.log_time, payload=payload)
 
 
 def read_attachments(log: AnyLog) -> dict[str, str]:

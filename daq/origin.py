@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from daq.bounded_text import parse_json
 from daq.errors import DataError
 from daq.recording import Channel
 
@@ -44,7 +45,7 @@ def parse_origin(text: str, path: Path) -> Origin:
         If it is none.
     """
     try:
-        content = json.loads(text)
+        content = parse_json(text)
         channels = tuple(
             Channel(name=name, device=str(device), axis=int(axis))
             for name, (device, axis) in content["channels"].items()

@@ -13,11 +13,16 @@ StateError          modes of one state of the structure that cannot be compared;
 from pathlib import Path
 from typing import Literal
 
+from daq import one_line
+
 State = Literal["reference", "current", "heldout"]  #: of the structure: as it was, as it is, as it is but not used
 
 
 class MonitorError(Exception):
-    """Base of all errors of this package."""
+    """Base of all errors of this package; the message is one printable line of bounded length."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
 
 
 class SettingsError(MonitorError):

@@ -4,7 +4,6 @@ The file (TOML) names a structure file without the bodies, the bodies, and per r
 frequencies before and after the change. Example and keys: docs/updater.md, "Bodies at known places".
 """
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -12,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from daq import FloatArray, LogError
+from daq import FloatArray, LogError, parse_toml
 from monitor.diagnosing import Observation
 from monitor.errors import BodiesError
 from monitor.modal_table import frequency_table, observation_of, read_tables
@@ -141,17 +140,17 @@ def read_known_bodies(path: Path) -> KnownBodies:
         Naming the file, the field, what was expected and what was found.
     """
     try:
-        return KnownBodies.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return KnownBodies.model_validate(parse_toml(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise BodiesError(path, f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise BodiesError(
             path, f"cannot be read: expected text in UTF-8, {error.reason} at byte {error.start}"
         ) from error
-    except tomllib.TOMLDecodeError as error:
-        raise BodiesError(path, str(error)) from error
     except ValidationError as error:
         raise BodiesError(path, _first_text(error)) from error
+    except ValueError as error:
+        raise BodiesError(path, str(error)) from error
 
 
 def _first_text(error: ValidationError) -> str:

@@ -1,6 +1,5 @@
 """The columns of a file of modes, read and checked: one clear error naming file, line and column."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, PositiveFloat, ValidationError
 
-from daq import LogError
+from daq import LogError, parse_json
 from monitor.modal_csv import OWN, CsvTable, read_text
 from oma import ComplexArray
 from updater import Structure
@@ -94,7 +93,7 @@ class _Identified(BaseModel):
 def _of_json(path: Path, text: str, structure: Structure) -> Columns:
     """Read what `identify --json` writes."""
     try:
-        modes = _Identified.model_validate(json.loads(text)).modes
+        modes = _Identified.model_validate(parse_json(text)).modes
     except ValidationError as error:
         first = error.errors()[0]
         raise LogError(path, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error

@@ -1,12 +1,13 @@
 """What cannot be delivered now, kept on disk in order: a line each, so that a cut one costs only itself."""
 
-import json
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
+
+from daq import parse_json
 
 _LOCK = threading.Lock()  # between what is appended and what is removed, of any spool of this process
 _LARGEST = 64 * 10**6  # bytes
@@ -104,6 +105,6 @@ def _whole(line: str) -> bool:
     if not line.endswith("\n"):
         return False
     try:
-        return isinstance(json.loads(line), dict)
+        return isinstance(parse_json(line), dict)
     except ValueError:
         return False

@@ -1,7 +1,6 @@
 """A thermometer that is no device: a file that another program writes, or a topic of a broker; read in a thread."""
 
 import csv
-import json
 import queue
 import time
 from abc import ABC, abstractmethod
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import unquote, urlsplit
 
-from daq import Event, HostClock, SupervisedThread, SystemClock
+from daq import Event, HostClock, SupervisedThread, SystemClock, parse_json
 from monitor.redaction import revealed, shown_address
 from monitor.settings import TemperatureSettings
 from monitor.weather import reading
@@ -227,7 +226,7 @@ def _time(text: str) -> int:
 
 
 def _celsius(payload: bytes, column: str) -> float:
-    said: Any = json.loads(payload)
+    said: Any = parse_json(payload)
     return float(said[column] if isinstance(said, dict) else said)
 
 

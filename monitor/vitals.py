@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from daq import Block, Event, HostClock, Item
+from daq import Block, Event, HostClock, Item, parse_json
 from monitor.processes import held_memory
 from monitor.result_events import event_result
 from monitor.results import (
@@ -257,7 +257,7 @@ class Vitals:
 def last_written(path: Path) -> dict[str, Any]:
     """Return what a file of vitals tells of the run before; nothing if it cannot be read."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -10,9 +10,14 @@ OmaError
 └── InputError              arguments that do not fit the recordings (a ValueError as well)
 """
 
+from daq import one_line
+
 
 class OmaError(Exception):
-    """Anything operational modal analysis reports."""
+    """Anything operational modal analysis reports, in one printable line of bounded length."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
 
 
 class IdentificationError(OmaError):

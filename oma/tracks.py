@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from daq import FloatArray, IndexArray
+from daq import FloatArray, IndexArray, parse_json
 from oma.estimate import ComplexArray, ModalEstimate
 
 _ARRAYS = ("identity", "log_frequency", "shape", "seen", "since", "first", "last")  # of Tracks, but for the covariance
@@ -57,7 +57,7 @@ class Tracks:
             If it is none.
         """
         try:
-            values: dict[str, Any] = json.loads(text)
+            values: dict[str, Any] = parse_json(text)
             parts = np.array(values["shape"], np.float64).reshape(-1, len(values["channels"]), 2)
             values |= {"channels": tuple(values["channels"]), "shape": parts.view(np.complex128)[..., 0]}
             n = len(values["identity"])

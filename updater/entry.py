@@ -2,15 +2,26 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 _LARGEST = 1e30  # of any figure: products of them stay numbers
+_SMALLEST = 1e-30  # of a positive one: their quotients too
 _FARTHEST = 1e6  # m
 
-Positive = Annotated[float, Field(gt=0, lt=_LARGEST)]
-NotNegative = Annotated[float, Field(ge=0, lt=_LARGEST)]
-Number = Annotated[float, Field(gt=-_LARGEST, lt=_LARGEST)]
-Coordinate = Annotated[float, Field(ge=-_FARTHEST, le=_FARTHEST)]
+
+def _no_truth_value(given: object) -> object:
+    """Refuse true and false where a number is expected: Python takes them for 1 and 0."""
+    if isinstance(given, bool):
+        raise ValueError("expected a number")
+    return given
+
+
+_Float = Annotated[float, BeforeValidator(_no_truth_value)]
+Count = Annotated[int, BeforeValidator(_no_truth_value)]
+Positive = Annotated[_Float, Field(ge=_SMALLEST, lt=_LARGEST)]
+NotNegative = Annotated[_Float, Field(ge=0, lt=_LARGEST)]
+Number = Annotated[_Float, Field(gt=-_LARGEST, lt=_LARGEST)]
+Coordinate = Annotated[_Float, Field(ge=-_FARTHEST, le=_FARTHEST)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 

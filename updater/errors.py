@@ -11,9 +11,14 @@ UpdaterError
 
 from pathlib import Path
 
+from daq import one_line
+
 
 class UpdaterError(Exception):
-    """Base of all errors of this package."""
+    """Base of all errors of this package; the message is one printable line of bounded length."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
 
 
 class StructureError(UpdaterError):

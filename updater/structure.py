@@ -8,14 +8,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from daq import FloatArray
-from updater.entry import Entry, NotNegative, Number, Positive, Vector
+from updater.entry import Count, Entry, NotNegative, Number, Positive, Vector
+from updater.errors import ModelError
 from updater.section import Section
 from updater.sensor import Correction, Sensor
-from updater.structure_checks import ON_MEMBER, check_names, check_places
+from updater.structure_checks import ON_MEMBER, check_names, check_places, check_size
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
-_MOST_ELEMENTS = 100_000  # of a member
 _SHORTEST = 1e-5  # m, of a member: ends nearer than a tenth of it are one node
 _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
@@ -75,7 +75,7 @@ class Member(Entry):
     end: Vector = Field(alias="to")  #: [m]
     material: str = ""  #: "" where matrices stand for it
     section: str = ""
-    elements: Annotated[int, Field(ge=1, le=_MOST_ELEMENTS)] = 0  #: of equal length; 0 where matrices stand for them
+    elements: Annotated[Count, Field(ge=1)] = 0  #: of equal length; 0 where matrices stand for them
     preload: Number = 0.0  #: axial force, positive in tension [N]
     local_y: Vector | None = None  #: roughly where the section's y axis points; horizontally if not said
 
@@ -245,6 +245,7 @@ class Structure(Entry):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
+        check_size(self)
         check_names(self)
         check_places(self)
         return self
@@ -307,11 +308,22 @@ class Structure(Entry):
         )
 
     def with_mesh(self, element_length: float) -> "Structure":
-        """Return the same structure with elements no longer than `element_length` [m]."""
+        """Return the same structure with elements no longer than `element_length` [m].
+
+        Raises
+        ------
+        ModelError
+            If there would be too many of them.
+        """
         members = tuple(
             member.model_copy(update={"elements": _count(member.length, element_length)}) for member in self.member
         )
-        return self.model_copy(update={"member": members})
+        finer = self.model_copy(update={"member": members})
+        try:
+            check_size(finer)
+        except ValueError as error:
+            raise ModelError(f"elements of {element_length:g} m: {error}") from error
+        return finer
 
     def with_bodies(self, bodies: Iterable[Body]) -> "Structure":
         """Return the same structure with bodies added."""

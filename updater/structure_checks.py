@@ -16,8 +16,25 @@ if TYPE_CHECKING:
     from updater.structure import Joint, Member, Structure
 
 ON_MEMBER = 1e-4  # m
+MAX_ELEMENTS = 20_000  #: of a structure: some 120,000 degrees of freedom
+MAX_SENSORS = 1000  #: covariances of all pairs of channels are held in memory
 _SHORTEST = 1e-3  # of its member's length, extent of a segment
 _ROUNDING = 1e-9  # of a factor that is 0
+
+
+def check_size(structure: Structure) -> None:
+    """Check that a structure's matrices fit into memory.
+
+    Raises
+    ------
+    ValueError
+        Naming the field and the limit.
+    """
+    n_elements = sum(member.elements for member in structure.member)
+    if n_elements > MAX_ELEMENTS:
+        raise ValueError(f"member: elements: expected up to {MAX_ELEMENTS} in all members, found {n_elements}")
+    if len(structure.sensor) > MAX_SENSORS:
+        raise ValueError(f"sensor: expected up to {MAX_SENSORS}, found {len(structure.sensor)}")
 
 
 def check_names(structure: Structure) -> None:

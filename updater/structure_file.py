@@ -1,6 +1,5 @@
 """Structures read from structure.toml and written back."""
 
-import tomllib
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import tomlkit
 from pydantic import BaseModel, ValidationError
 
+from daq import parse_toml
 from updater.errors import StructureError
 from updater.keys import not_known
 from updater.knobs import check_updating
@@ -57,14 +57,14 @@ def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure
         Naming the file and the entry that is wrong.
     """
     try:
-        content: dict[str, Any] = tomllib.loads(text)
-        structure = Structure.model_validate(content).beside(Path(path).parent)
-    except tomllib.TOMLDecodeError as error:
+        content = parse_toml(text)
+    except ValueError as error:
         raise StructureError(path, str(error)) from error
+    try:
+        structure = Structure.model_validate(content).beside(Path(path).parent)
+        check_updating(structure)
     except ValidationError as error:
         raise StructureError(path, _wrong(error, content)) from error
-    try:
-        check_updating(structure)
     except ValueError as error:
         raise StructureError(path, str(error)) from error
     return structure

@@ -2,18 +2,18 @@
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.markup import escape
 
 from monitor.cli.exits import DONE
 from monitor.cli.telling import standing, tell
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.history import AlarmRow, HistoryError
 from monitor.inbox import Acceptance, Undoing
 from monitor.site import Site, load_site
 from monitor.words import utc
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
+from monitor.cli.terminal import Terminal
 from monitor.known_bodies import BodiesResult, select_known_bodies
 from monitor.words import quantity_text, share_text
 from updater import Quantity
 
-console = Console(highlight=False)
+console = Terminal()
 _MAX_LISTED = 5  # sets of bodies
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from daq import low_grade
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
+from monitor.cli.terminal import Terminal
 from monitor.detectable_words import NO_THERMOMETER
 from monitor.disk_plan import disk_plan
 from monitor.errors import StartError
@@ -22,7 +22,7 @@ from monitor.surroundings import look_around
 
 _DAY_HOURS = 24.0
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 def check_command(path: Path, given: Sequence[str] = ()) -> int:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from monitor.cli.display import Display
 from monitor.cli.exits import INTERRUPTED
 from monitor.cli.reveal import reveal
 from monitor.cli.rig_process import RigProcess
+from monitor.cli.terminal import Terminal
 from monitor.cli.watch import tell_live
 from monitor.daemon import run, stop_on_signals
 from monitor.live import live_view
@@ -43,7 +42,7 @@ SHORT = Plan(window=20.0, baseline_windows=8, windows=13, between=(165.0, 195.0)
 
 def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:
     """Run the demo; 0 if the body was found rightly, 1 if not, 130 if it was stopped."""
-    console = Console(highlight=False)
+    console = Terminal()
     seed = secrets.randbelow(10_000) if seed is None else seed
     seconds = plan.windows * plan.window / speed
     console.print(f"[bold]modalwatch demo[/], seed {seed}: a virtual T-frame plays for {seconds:.0f} s")

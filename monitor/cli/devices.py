@@ -8,19 +8,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from daq import CanAddress, DriverError, Found, PortAnswer, SerialPortInfo, can_adapters, search_port, serial_ports
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import StartError
 from monitor.settings import AXES
 
-console = Console(highlight=False)
+console = Terminal()
 
 Seen = PortAnswer | str | None  #: an answer, why there is none, or silence
 
@@ -50,7 +49,7 @@ def devices_command(asked: Asked, json_path: Path | None) -> int:
         seen = dict(zip((port.path for port in wanted), _asked_at_once(wanted, asked.bitrate), strict=True))
     console.print(_table(ports, adapters, seen))
     found = [device for answer in seen.values() if isinstance(answer, PortAnswer) for device in answer.devices]
-    typer.echo(settings_for(found))
+    echo(settings_for(found))
     if json_path is not None:
         write_json(json_path, _as_json(ports, adapters, seen))
     silent = [_why(path, answer) for path, answer in seen.items() if not isinstance(answer, PortAnswer)]

@@ -5,8 +5,6 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from daq import AnyLog, LogError, Recording, as_logs, load_recordings
 from monitor.beside import discrepancy_result
 from monitor.cli.diagnosis_shown import say_answer, say_evidence
@@ -15,6 +13,7 @@ from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.cli.parameter_table import changes_table
 from monitor.cli.range_shown import say_range
+from monitor.cli.terminal import Terminal
 from monitor.describe import bare_reference
 from monitor.diagnosing import Explanation, Observation, explain, given_up, observe, window_seconds
 from monitor.discrepancy import DiscrepancyResult
@@ -42,7 +41,7 @@ from updater import (
     parse_structure,
 )
 
-console = Console(highlight=False)
+console = Terminal()
 _LIFTED = "the removed body is not in this file: its stiffness was fitted to the reference logs with the body on"
 _EXTENDED = "found by modalwatch diagnose"  # comment beside what an extended model has beyond the file given
 

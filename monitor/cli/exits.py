@@ -7,7 +7,7 @@ DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1
 
 def explain(error: Exception, *, debug: bool) -> int:
     """Say what went wrong in one line; return the exit code. What nobody foresaw is raised again to debug it."""
-    from daq import DaqError
+    from daq import DaqError, one_line
     from monitor.errors import MonitorError, StartError
     from oma import OmaError
     from updater import UpdaterError
@@ -15,7 +15,7 @@ def explain(error: Exception, *, debug: bool) -> int:
     if isinstance(error, DaqError | OmaError | MonitorError | UpdaterError):
         typer.echo(f"error: {error}", err=True)
         return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
-    typer.echo(f"internal error: {type(error).__name__}: {error}", err=True)
+    typer.echo(f"internal error: {one_line(f'{type(error).__name__}: {error}')}", err=True)
     if debug:
         raise error
     return INTERNAL

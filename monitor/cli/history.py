@@ -7,13 +7,13 @@ from pathlib import Path
 from time import time_ns
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from monitor.alarm_words import duration_text
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow, database_url
@@ -21,7 +21,7 @@ from monitor.results import TOPIC_SELF_TEST, AcceptedShift, ReferenceResult
 from monitor.site import load_site
 from monitor.words import utc
 
-console = Console(highlight=False)
+console = Terminal()
 _DAY = 86_400 * 10**9  # ns
 _EVER = 2**62  # ns UTC
 _MOST = 20  # lines of a table

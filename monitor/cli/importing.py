@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.markup import escape
 
 from daq import (
@@ -24,6 +23,7 @@ from daq import (
 )
 from monitor.cli.exits import DONE
 from monitor.cli.new_site import learning_notes, new_site
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.site import Site, load_site
 from monitor.time_range import instant
@@ -31,7 +31,7 @@ from updater import parse_structure, portable_text
 
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.markup import escape
 
 from daq import Channel, DbcSensor, LoggedSensor, import_can_log
 from monitor.cli.exits import DONE
 from monitor.cli.importing import ImportOptions, columns_of, start_of
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.site import load_site
 from updater import parse_structure, portable_text
@@ -16,7 +16,7 @@ from updater import parse_structure, portable_text
 _DEVICE = "import"
 _AXES = 3
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 def import_can_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:

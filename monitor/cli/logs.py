@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -28,12 +27,13 @@ from daq import (
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.cli.range_shown import say_range
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.logged import late_devices
 from monitor.recordings import log_recordings
 from monitor.time_range import WHOLE, TimeRange
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 def repair_command(path: Path) -> int:

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from daq import AnyLog
+from monitor.cli.terminal import Terminal
 from monitor.fusion import FusedModes, Windows, are_near
 from monitor.model_modes import ModelPartner
 from monitor.stationarity import FrequencyChange
 from monitor.synchrony import LOW_MPC, Asynchrony
 from oma import ALIAS_FREE, mpc, mpd
 
-console = Console(highlight=False)
+console = Terminal()
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
 
 

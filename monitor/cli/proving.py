@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -14,6 +13,7 @@ from daq import AnyLog
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.cli.logs import one_log
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.memory import parse_memory, recall
 from monitor.proof import Proof, ProofError, gather, prove
@@ -22,7 +22,7 @@ from monitor.site import Site, load_site
 from monitor.words import utc
 from updater import parse_structure
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 def prove_command(path: Path, mass: float, at: str, logs: Sequence[Path], json: Path | None) -> int:

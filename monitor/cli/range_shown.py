@@ -1,8 +1,8 @@
 """The line that says to which range of time a command is limited."""
 
-from rich.console import Console
+from monitor.cli.terminal import Terminal
 
-_console = Console(highlight=False)
+_console = Terminal()
 
 
 def say_range(text: str) -> None:

@@ -5,9 +5,9 @@ import os
 from pathlib import Path
 
 import httpx
-import typer
 
 from monitor.cli.exits import DONE, NEEDS_A_PERSON
+from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.site import Site, load_site
 from monitor.unit_file import unit_of
@@ -32,14 +32,14 @@ def install_command(path: Path, *, of_user: bool, only_print: bool) -> int:
             _give_to_owner(folder, site)
     unit = unit_of(site.path, tuple(dict.fromkeys(writable)), of_user=of_user)
     if only_print:
-        typer.echo(unit.text, nl=False)
+        echo(unit.text, nl=False)
         return DONE
     unit.write()
     command = "systemctl --user" if of_user else "systemctl"
-    typer.echo(f"written: {unit.path}")
-    typer.echo(f"to start it now and at every boot: {command} daemon-reload && {command} enable --now {unit.path.name}")
+    echo(f"written: {unit.path}")
+    echo(f"to start it now and at every boot: {command} daemon-reload && {command} enable --now {unit.path.name}")
     if of_user:
-        typer.echo("to have it run while nobody is logged in: loginctl enable-linger")
+        echo("to have it run while nobody is logged in: loginctl enable-linger")
     return DONE
 
 
@@ -64,7 +64,7 @@ def health_command(path: Path) -> int:
     except (httpx.HTTPError, OSError, ValueError) as error:
         problems = [f"no answer: {error}"]
     for problem in problems:
-        typer.echo(problem)
+        echo(problem)
     return NEEDS_A_PERSON if problems else DONE
 
 

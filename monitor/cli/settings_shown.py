@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import typer
-
 from monitor.cli.exits import DONE
+from monitor.cli.terminal import echo
 from monitor.settings import annotated, json_schema, overrides, parse_settings, read_settings
 
 
@@ -18,10 +17,10 @@ def settings_command(site: Path | None, given: Sequence[str], *, schema: bool) -
         If the settings of the site, or what overrides them, cannot be used.
     """
     if schema:
-        typer.echo(json_schema())
+        echo(json_schema())
     elif site is None:
-        typer.echo(annotated(), nl=False)
+        echo(annotated(), nl=False)
     else:
         text, _ = read_settings(site, overrides(given))
-        typer.echo(annotated(parse_settings(text, site)), nl=False)
+        echo(annotated(parse_settings(text, site)), nl=False)
     return DONE

@@ -4,7 +4,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
 from rich.markup import escape
 
 from monitor.channel_check import check_channels, measured_only
@@ -13,6 +12,7 @@ from monitor.cli.files import write_json
 from monitor.cli.parameter_table import SENSITIVITY_NOTE, parameter_table, parameters_json
 from monitor.cli.sight_json import as_json
 from monitor.cli.sight_shown import body_table, channel_words, clearer_words, helper_words, modes_table, plan_tables
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.odd_units import odd_units
 from monitor.sight import ALIKE, Sight, look
@@ -30,7 +30,7 @@ from updater import (
     parameter_sensitivities,
 )
 
-console = Console(highlight=False)
+console = Terminal()
 _USUAL_RATE = 1000.0  # Hz
 _ELSE = "of another recorder --highest says how far, or --channels SITE.toml or a log of it"
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}

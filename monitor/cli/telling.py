@@ -2,15 +2,15 @@
 
 import time
 
-from rich.console import Console
 from rich.markup import escape
 
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.history import AlarmRow, HistoryError, Reader, Span
 from monitor.inbox import Said, leave
 from monitor.site import Site
 
-console = Console(highlight=False)
+console = Terminal()
 _EVER = Span(start=0, end=2**62)
 _FRESH = 10.0  # s: age of a monitor's last sign of life
 _WAIT, _LOOK = 3.0, 0.1  # s: until it has taken a word; between looks

@@ -8,17 +8,16 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from rich.console import Console
-
 from daq import AnyLog, LogExcerpt, files_of
 from monitor.cli.exits import DONE
 from monitor.cli.range_shown import say_range
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError, ResultsError
 from monitor.logged import load_run
 from monitor.report import load_diagnosis, run_report
 from monitor.time_range import WHOLE, TimeRange
 
-console = Console(highlight=False)
+console = Terminal()
 _CONNECT_SECONDS = 2.0
 
 

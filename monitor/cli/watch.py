@@ -16,6 +16,7 @@ from monitor.cli.journal import journal, line
 from monitor.cli.logs import one_log
 from monitor.cli.range_shown import say_range
 from monitor.cli.telling import standing_if_known, tell
+from monitor.cli.terminal import Terminal
 from monitor.daemon import reload_on_signal, run, stop_on_signals
 from monitor.inbox import Acknowledgement
 from monitor.live import LiveView, live_view
@@ -31,7 +32,7 @@ from monitor.time_range import WHOLE, TimeRange
 from monitor.words import utc
 from updater import parse_structure
 
-console = Console(highlight=False)
+console = Terminal()
 
 
 def say(result: Result) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from daq import parse_json
 from monitor.accepted import Accepted, Wanted
 from monitor.alarms import Alarm
 from monitor.memory.codec import CodecError, decode, encode
@@ -75,7 +76,7 @@ def parse_memory(text: str) -> Memory:
     """
     head, _, content = text.partition("\n")
     try:
-        said: Any = json.loads(head)
+        said: Any = parse_json(head)
         version, digest = said["modalwatch"], said["sha256"]
     except (ValueError, KeyError, TypeError) as error:
         raise CodecError("it is no memory of a watch, or damaged") from error
@@ -83,8 +84,15 @@ def parse_memory(text: str) -> Memory:
         raise CodecError(f"it is of version {version}, this program reads {VERSION}")
     if _digest(content) != digest:
         raise CodecError("it is damaged: its checksum is wrong")
-    memory: Memory = decode(Memory, json.loads(content))
+    memory: Memory = decode(Memory, _content(content))
     return memory
+
+
+def _content(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    try:
+        return parse_json(text)
+    except ValueError as error:
+        raise CodecError(f"it is no memory of a watch: {error}") from error
 
 
 def _digest(content: str) -> str:

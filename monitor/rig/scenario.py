@@ -1,27 +1,24 @@
 """What a virtual rig is and what will happen to it: SCENARIO.toml."""
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from daq import parse_toml
 from monitor.errors import SettingsError
+from monitor.settings.section import Table
 from updater import Body
 
 Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
-Damping = Annotated[float, Field(gt=0, lt=1)]
+Damping = Annotated[float, Field(ge=1e-5, lt=1)]
+Factor = Annotated[float, Field(ge=0.01, le=100)]
 Flexibility = tuple[NotNegative, NotNegative, NotNegative]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class RigDevice(_Section):
+class RigDevice(Table):
     """One emulated triaxial accelerometer; its axes are the structure's."""
 
     name: Annotated[str, Field(min_length=1)]
@@ -31,21 +28,23 @@ class RigDevice(_Section):
     node: Annotated[int, Field(ge=1, le=127)] | None = None  #: on the rig's CAN bus; None: it has a serial port
 
 
-class Truth(_Section):
+class Truth(Table):
     """What nobody tells the monitor about the structure itself."""
 
-    stiffness_factor: Positive = 1.0  #: of E and G
-    density_factor: Positive = 1.0
+    stiffness_factor: Factor = 1.0  #: of E and G
+    density_factor: Factor = 1.0
     foot_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: about x y z, times L / (E I) of the longest member [-]
     joint_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: of every joint, alike [-]
-    damping: Annotated[tuple[Damping, ...], Field(min_length=8)] = (0.005,) * 24  #: ratio of each simulated mode [-]
+    damping: Annotated[tuple[Damping, ...], Field(min_length=8, max_length=200)] = (0.005,) * 24
+    """ratio of each simulated mode [-]"""
     gain_scatter: NotNegative = 0.005  #: standard deviation of channel gains [-]
     noise_density: NotNegative = 2e-6  #: of the sensors, one-sided [m/s2/sqrt(Hz)]
     force_density: NotNegative = 5e-9  #: of each ambient force, two-sided [N2/Hz]
-    forces_per_member: Annotated[int, Field(ge=1)] = 3  #: places where ambient forces act, in both cross directions
+    forces_per_member: Annotated[int, Field(ge=1, le=100)] = 3
+    """places where ambient forces act, in both cross directions"""
 
 
-class RigEvent(_Section):
+class RigEvent(Table):
     """A body that is clamped on."""
 
     kind: Literal["add_body"] = "add_body"
@@ -53,14 +52,14 @@ class RigEvent(_Section):
     body: Body
 
 
-class Scenario(_Section):
+class Scenario(Table):
     """A whole SCENARIO.toml."""
 
     structure: str  #: path of the structure's file, from the scenario's; "t_structure" is the shipped one
-    seed: Annotated[int, Field(ge=0)]
-    rate: Positive = 1000.0  #: highest that devices may be asked for [Hz]
+    seed: Annotated[int, Field(ge=0, lt=1 << 63)]
+    rate: Annotated[float, Field(ge=1, le=1e5)] = 1000.0  #: highest that devices may be asked for [Hz]
     duration: NotNegative  #: [s] of data after the last device began to sample; 0 = for ever
-    device: Annotated[tuple[RigDevice, ...], Field(min_length=1)]
+    device: Annotated[tuple[RigDevice, ...], Field(min_length=1, max_length=200)]
     truth: Truth = Truth()
     event: tuple[RigEvent, ...] = ()
 
@@ -84,15 +83,15 @@ def load_scenario(path: Path) -> Scenario:
         Naming the file, the key and what was found there.
     """
     try:
-        return Scenario.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return Scenario.model_validate(parse_toml(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise SettingsError(path, f"cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise SettingsError(path, str(error)) from error
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "scenario"
         raise SettingsError(path, f"{place}: {first['msg']}, found {first['input']!r:.80}") from error
+    except ValueError as error:  # no UTF-8, no TOML
+        raise SettingsError(path, str(error)) from error
 
 
 def dump_scenario(scenario: Scenario) -> str:

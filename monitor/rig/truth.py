@@ -11,7 +11,7 @@ import numpy as np
 
 from daq import FloatArray
 from monitor.rig.scenario import Scenario, Vector
-from updater import Ambient, AmbientResponse, Body, Joint, Member, Model, Structure, Support, build_model
+from updater import Ambient, AmbientResponse, Body, Joint, Member, Model, ModelError, Structure, Support, build_model
 
 OVERSAMPLING = 4  #: simulated samples a scan at the scenario's rate
 LEAD = 4000  #: simulated samples before the world's origin, for the devices' filters to look back on
@@ -21,6 +21,7 @@ _KEPT = 4.0  # s of motion that devices may still ask for
 _SETTLED = (
     4.0  # time constants of the slowest mode, after which the motion is taken as stationary (1 - e^-8 of its power)
 )
+_LONGEST_SETTLING = 3600.0  # s that are simulated before the rig begins
 _TURNS = ("rx", "ry", "rz")
 
 
@@ -110,6 +111,11 @@ class World:
         seed = int(np.random.SeedSequence((self._scenario.seed, 2)).generate_state(1)[0])
         response = AmbientResponse(model, read, damping, self._ambient(), rate=self.rate, seed=seed)
         slowest = float(np.min(damping * model.modes(len(damping)).omega))
+        if _SETTLED / slowest > _LONGEST_SETTLING:
+            raise ModelError(
+                f"the rig's slowest mode decays in {1 / slowest:.3g} s: "
+                f"expected {_LONGEST_SETTLING / _SETTLED:g} s or less"
+            )
         for _ in range(round(_SETTLED / slowest / _CHUNK)):
             response.step(round(_CHUNK * self.rate))
         return response

@@ -83,7 +83,7 @@ class DeviceSettings(Section):
     can: CanSettings | None = None
     dbc: DbcSettings | None = None
     log: LogSettings | None = None
-    rate: Positive = 1000.0
+    rate: Annotated[float, Field(ge=1e-3, le=1e6)] = 1000.0
     """scans a second [Hz]"""
     delay_ms: Annotated[Annotated[float, Field(ge=0, le=1000)] | None, Field(examples=[1.5])] = None
     """how long after the motion a scan is, which times are corrected by; as the driver knows its filter unless given"""

@@ -1,14 +1,13 @@
 """SITE.toml read and checked, with one line that names file and key for what is wrong."""
 
 import difflib
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, SecretStr, ValidationError
 
-from daq import HOW_TO_PLACE, CanAddress, CanPlace
+from daq import HOW_TO_PLACE, CanAddress, CanPlace, parse_toml
 from monitor.errors import SettingsError
 from monitor.settings.device import DeviceSettings
 from monitor.settings.overrides import Override, overridden, overrides
@@ -34,9 +33,11 @@ def parse_settings(
         Naming the file, the key, what was found and, for a key nobody knows, the nearest right word.
     """
     try:
-        settings = Settings.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+        content = parse_toml(text)
+    except ValueError as error:
         raise SettingsError(path, str(error)) from error
+    try:
+        settings = Settings.model_validate(content)
     except ValidationError as error:
         raise _explained(error, path, origins or {}) from error
     _check_devices(settings, path)
@@ -93,10 +94,10 @@ def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]
     """
     try:
         text = path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
-        tomllib.loads(text)
+        parse_toml(text)
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(path, f"cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise SettingsError(path, str(error)) from error
     text, origins = overridden(text, given)
     return text, _from_folder(parse_settings(text, path, origins), path.parent)

@@ -4,12 +4,31 @@ from collections.abc import Sequence
 from typing import Annotated
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 Positive = Annotated[float, Field(gt=0)]
+_SMALLEST, _LARGEST = 1e-20, 1e9  # of a number with a fraction that is not 0
 
 
-class Section(BaseModel):
+class Table(BaseModel):
+    """A table of a file of settings: frozen, refusing keys it does not know and numbers that cannot be meant."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _plausible(cls, given: object, info: ValidationInfo) -> object:
+        """Refuse truth values where numbers are expected (Python takes them for 1 and 0), and absurd magnitudes."""
+        field = cls.model_fields[info.field_name or ""]
+        for value in given if isinstance(given, list | tuple) else (given,):
+            if isinstance(value, bool) and field.annotation is not bool:
+                raise ValueError("expected no truth value")
+            if isinstance(value, float) and value and not _SMALLEST <= abs(value) <= _LARGEST:
+                raise ValueError(f"expected a number from {_SMALLEST:g} to {_LARGEST:g}")
+        return given
+
+
+class Section(Table):
     """A table of SITE.toml: every setting is spelled here, with its default, and said what it means, once.
 
     The text below a field is its description: in `modalwatch settings`, in the JSON Schema and, as a test sees to, in
@@ -17,10 +36,7 @@ class Section(BaseModel):
     """
 
     model_config = ConfigDict(
-        frozen=True,
-        extra="forbid",
         use_attribute_docstrings=True,
-        allow_inf_nan=False,
         hide_input_in_errors=True,  # it may be a secret
     )
 

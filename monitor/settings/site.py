@@ -14,6 +14,7 @@ from monitor.settings.notify import NotifySettings
 from monitor.settings.section import Positive, Section, has_place
 
 _BASELINE_WINDOWS = 24  # to begin with
+_MOST_WINDOWS = 100_000  # two years of windows of 10 minutes
 
 
 class RecorderSettings(Section):
@@ -40,15 +41,15 @@ class RecorderSettings(Section):
 class AnalysisSettings(Section):
     """How windows are cut and analysed."""
 
-    window_seconds: Annotated[float, Field(ge=1)] = 600.0
+    window_seconds: Annotated[float, Field(ge=1, le=1e6)] = 600.0
     """length of a window"""
     overlap: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """share of a window that the next one repeats"""
     band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
     """[low, high] in Hz; chosen from rate and window unless given"""
-    baseline_windows: Annotated[int | None, Field(ge=5, examples=[24])] = None
+    baseline_windows: Annotated[int | None, Field(ge=5, le=_MOST_WINDOWS, examples=[24])] = None
     """number of baseline windows; default: 24, extended automatically if the baseline is too short"""
-    baseline_windows_max: Annotated[int, Field(ge=5)] = 144
+    baseline_windows_max: Annotated[int, Field(ge=5, le=_MOST_WINDOWS)] = 144
     """at which learning ends in any case; ignored with `baseline_windows`"""
 
     @property
@@ -71,9 +72,9 @@ class AlarmSettings(Section):
 
     false_alarms_per_year: Annotated[float, Field(gt=0, le=1000)] = 1.0
     """that all detectors together may give; sets their limits"""
-    hold_windows: Annotated[int, Field(ge=1)] = 2
+    hold_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
     """windows in a row over the limit that raise the alarm"""
-    clear_windows: Annotated[int, Field(ge=1)] = 2
+    clear_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
     """calm windows in a row that clear it"""
     clear_ratio: Annotated[float, Field(gt=0, le=1)] = 0.8
     """a window is calm when its novelty is under this share of the limit"""
@@ -83,7 +84,7 @@ class AlarmSettings(Section):
     """an alarm raised again this soon after its end goes on instead of being a new one"""
     flapping_changes: Annotated[int, Field(ge=3)] = 6
     """alarms raised and cleared within `flapping_hours`, from which on they wake nobody"""
-    flapping_hours: Annotated[float, Field(ge=0)] = 24.0
+    flapping_hours: Annotated[float, Field(ge=0, le=1e6)] = 24.0
     """see `flapping_changes`"""
     trend: Literal["forgive", "report", "notify"] = "report"
     """slow trends of the frequencies: `forgive`, `report` in log, status and report, or `notify` people as well"""
@@ -202,7 +203,7 @@ class Settings(Section):
     """structure file"""
     state: str = "state"
     """folder for what outlives a run"""
-    device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1)]
+    device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1, max_length=1000)]
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     alarm: AlarmSettings = AlarmSettings()

@@ -1,11 +1,11 @@
 """What the pages are made from: the monitor's file of vitals, and the history; none reaches into the monitor."""
 
-import json
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from daq import parse_json
 from monitor.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
 from monitor.results import ReferenceResult
 from monitor.vitals import NAME
@@ -48,7 +48,7 @@ class Source:
     def vitals(self) -> dict[str, Any] | None:
         """Return the newest vitals; None where no monitor of this version has ever run."""
         try:
-            found: dict[str, Any] = json.loads((self.state / NAME).read_text(encoding="utf-8"))
+            found: dict[str, Any] = parse_json((self.state / NAME).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
         return found if isinstance(found, dict) and "blind" in found else None

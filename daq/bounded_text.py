@@ -1,0 +1,93 @@
+"""Text from files of others: TOML and JSON of bounded size and depth, and text that is safe to print."""
+
+import json
+import tomllib
+import unicodedata
+from typing import Any
+
+_MAX_CHARACTERS = 64_000_000  # of a text that is parsed
+_MAX_DEPTH = 64  # of tables and lists
+_MAX_INTEGER = (1 << 64) - 1  # times and counters are less
+_MAX_LINE = 1000  # characters of an error
+_TAIL = 250  # of them from the end of the text
+_UNSAFE = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")  # Unicode categories: control, bidirectional, surrogate, ...
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises
+    ------
+    ValueError
+        If it is no TOML, too large, nested too deeply, or holds an integer of more than 64 bits.
+    """
+    _check_size(text)
+    try:
+        content = tomllib.loads(text)
+    except RecursionError as error:
+        raise ValueError(_TOO_DEEP) from error
+    _check_values(content)
+    return content
+
+
+def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the value of a JSON text; errors as for `parse_toml`."""
+    _check_size(text)
+    try:
+        content = json.loads(text)
+    except RecursionError as error:
+        raise ValueError(_TOO_DEEP) from error
+    _check_values(content)
+    return content
+
+
+_TOO_DEEP = f"expected tables and lists nested up to {_MAX_DEPTH} deep, found more"
+
+
+def _check_size(text: str | bytes) -> None:
+    if len(text) > _MAX_CHARACTERS:
+        raise ValueError(f"expected up to {_MAX_CHARACTERS} characters, found {len(text)}")
+
+
+def _check_values(content: object) -> None:
+    """Refuse containers nested too deeply, and integers that no array and no database takes."""
+    level: list[object] = [content]
+    for _ in range(_MAX_DEPTH):
+        inner: list[object] = []
+        for value in level:
+            if isinstance(value, dict):
+                inner += value.values()
+            elif isinstance(value, list):
+                inner += value
+            elif isinstance(value, int) and abs(value) > _MAX_INTEGER:
+                raise ValueError(f"expected integers of up to 64 bits, found one of {value.bit_length()}")
+        if not inner:
+            return
+        level = inner
+    raise ValueError(_TOO_DEEP)
+
+
+def printable(text: str) -> str:
+    """Return a text whose control characters, but for tabs and line breaks, are written as escapes.
+
+    Escape sequences in a name would otherwise move the cursor, change colours or titles, and hide what is shown.
+    """
+    if text.isprintable():
+        return text
+    return "".join(character if _is_safe(character) else _escaped(character) for character in text)
+
+
+def _is_safe(character: str) -> bool:
+    return character in "\n\t" or unicodedata.category(character) not in _UNSAFE
+
+
+def _escaped(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
+
+
+def one_line(text: str) -> str:
+    """Return a printable text as one line of bounded length; of a longer one the beginning and the end."""
+    line = printable(" ".join(text.split("\n")))
+    if len(line) <= _MAX_LINE:
+        return line
+    return f"{line[: _MAX_LINE - _TAIL]} ... ({len(line) - _MAX_LINE} characters left out) ... {line[-_TAIL:]}"

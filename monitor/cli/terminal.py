@@ -1,0 +1,25 @@
+"""Output on the terminal, in which control characters of names and texts from files are shown as escapes."""
+
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from daq import printable
+
+
+class Terminal(Console):
+    """Console that escapes control characters in all strings it renders, cells of tables too."""
+
+    def __init__(self) -> None:
+        super().__init__(highlight=False)
+
+    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - as rich has them
+        """Return the text that a string with markup stands for."""
+        return super().render_str(printable(text), **options)
+
+
+def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
+    """Print a text without markup, its control characters as escapes."""
+    typer.echo(printable(text), nl=nl, err=err)
