@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, TypeVar, cast
+from typing import IO, Any, Literal, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
@@ -58,6 +58,14 @@ class Event:
 
 
 Item = Block | Event
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Change that others have made to an open file."""
+
+    how: Literal["moved", "deleted", "cut short"]
+    to: str | None = None  #: where it is now, if that is known
 
 
 class LogWriter:
@@ -156,10 +164,37 @@ class LogWriter:
 
     def abandon(self) -> None:
         """Close the file as it was after its last flush: the disk takes no more."""
+        number = os.dup(self._file.fileno())  # whatever its path leads to by now
+        try:
+            self.forsake()
+            with contextlib.suppress(OSError):
+                os.ftruncate(number, self._safe)
+        finally:
+            os.close(number)
+
+    def forsake(self) -> None:
+        """Close the file as it is."""
         with contextlib.suppress(OSError):
             self._file.close()
-        with contextlib.suppress(OSError):
-            os.truncate(self._path, self._safe)
+
+    def displacement(self) -> "Displacement | None":
+        """Return what others have done to the file since it was begun; None if its path still leads to it."""
+        own = os.fstat(self._file.fileno())
+        try:
+            there = self._path.stat()
+        except OSError:
+            there = None
+        if there is None or (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+            return Displacement("moved", _path_of(self._file.fileno())) if own.st_nlink else Displacement("deleted")
+        return Displacement("cut short") if own.st_size < self._safe else None
+
+
+def _path_of(number: int) -> str | None:
+    """Return where an open file is now, as far as the system says that."""
+    try:
+        return os.readlink(f"/proc/self/fd/{number}")
+    except OSError:
+        return None
 
 
 def _event_json(event: Event) -> bytes:

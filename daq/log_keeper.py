@@ -9,7 +9,7 @@ from pathlib import Path
 
 from daq.disk_guard import DiskGuard, Surplus
 from daq.errors import ItemError, LogError
-from daq.log import Event, Item
+from daq.log import Displacement, Event, Item
 from daq.recorder import LogRecorder
 from daq.recording import Block
 from daq.repair import repair_log
@@ -17,6 +17,7 @@ from daq.supervision import error_text
 
 _KEPT = 20_000  # items in memory while the disk takes none: at four blocks a second of 32 devices, some 2.5 minutes
 _RETRY_SECONDS = 5.0
+_LOOK_SECONDS = 1.0  # between looks at whether the open file is still where it was begun
 
 
 class LogKeeper:
@@ -27,7 +28,8 @@ class LogKeeper:
     the file that was cut back gets its end, if the disk has room for that.
 
     Events, in the log and told: /event/log_deleted before a file goes; /event/disk_low and /event/disk_ok where there
-    is nothing that may go; /event/recording_stopped and /event/recording_resumed (with what was lost).
+    is nothing that may go; /event/recording_stopped and /event/recording_resumed (with what was lost);
+    /event/log_file_lost where others have moved, deleted or cut the open file (with what was lost).
 
     Parameters
     ----------
@@ -45,6 +47,7 @@ class LogKeeper:
         self._stopped: str | None = None  # why nothing is written
         self._low = False
         self._retry = 0.0
+        self._look = 0.0  # monotonic time of the next look at where the open file is
         self._cut: Path | None = None  # the file that has no end
         self._lost_now: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()  #: device -> scans (events: their number) that no file has
@@ -74,7 +77,7 @@ class LogKeeper:
             If no log can hold it: it is lost, and counted.
         """
         if len(self._pending) >= self._room and self._stopped:
-            self._lost_now[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+            self._lost_now[_name(item)] += _amount(item)
             return
         self._pending.append(item)
         if not self._stopped:
@@ -82,7 +85,7 @@ class LogKeeper:
                 self._recorder.write(item)
             except ItemError:
                 self._pending.pop()
-                self.lost[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+                self.lost[_name(item)] += _amount(item)
                 raise
             except Exception as error:  # noqa: BLE001 - whatever stops this file, the next one may take it
                 self._stop(error)
@@ -93,6 +96,12 @@ class LogKeeper:
             if time.monotonic() >= self._retry:
                 self._resume()
             return
+        if time.monotonic() >= self._look:
+            self._look = time.monotonic() + _LOOK_SECONDS
+            displaced = self._recorder.displacement()
+            if displaced:
+                self._begin_anew(displaced)
+                return
         try:
             self._recorder.flush()
         except Exception as error:  # noqa: BLE001 - likewise
@@ -101,6 +110,31 @@ class LogKeeper:
         self._pending.clear()
         with contextlib.suppress(OSError):  # a folder that cannot be looked at: writing will tell
             self._tidy()
+
+    def _begin_anew(self, displaced: Displacement) -> None:
+        """Begin a new file where others have taken the open one away; what is not flushed yet goes into the new one.
+
+        One that was moved is finished where it is. Of one that was deleted or cut short all is lost, and counted.
+        """
+        file, first, bytes_written = self._recorder.paths[-1], self._recorder.first, self._recorder.size
+        unwritten = Counter[str]()
+        for item in self._pending:
+            unwritten[_name(item)] += _amount(item)
+        said: dict[str, object] = {"file": file.name, "how": displaced.how}
+        if displaced.how == "moved":
+            said["to"] = displaced.to
+            with contextlib.suppress(OSError):
+                self._recorder.close()
+            self._pending.clear()
+        else:
+            lost = self._recorder.contents - unwritten
+            self.lost += lost
+            said |= {"lost": dict(lost), "bytes": bytes_written, "from": first, "until": self._recorder.newest}
+            self._recorder.forsake()
+            self._cut = file if displaced.how == "cut short" else None
+        self._stopped = f"{file}: {displaced.how}"
+        self._resume()
+        self._say("log_file_lost", said)
 
     def _tidy(self) -> None:
         """Delete what is too much, each only after its event is on the disk; say when that is not enough."""
@@ -186,11 +220,11 @@ class LogKeeper:
 
     def close(self) -> None:
         """Bring what was taken to the disk and finish the file; what it does not take is lost, and counted."""
-        self._retry = 0.0
+        self._retry = self._look = 0.0
         self.flush()
         if self._stopped:
             for item in self._pending:
-                self._lost_now[_name(item)] += item.n_scans if isinstance(item, Block) else 1
+                self._lost_now[_name(item)] += _amount(item)
             self._pending.clear()
             return
         try:
@@ -207,6 +241,10 @@ def _is_full(error: Exception) -> bool:
     """Tell whether there is no room, on the disk or in what its user may have of it."""
     reason = error.__cause__ if isinstance(error, LogError) else error
     return isinstance(reason, OSError) and reason.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def _amount(item: Item) -> int:
+    return item.n_scans if isinstance(item, Block) else 1
 
 
 def _name(item: Item) -> str:

@@ -1,12 +1,14 @@
 """The log of a run in files of bounded size: what one file no longer takes, the next one begins with."""
 
+import contextlib
 import math
 import uuid
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.log import Item, LogWriter
+from daq.log import Displacement, Item, LogWriter
 from daq.log_names import log_path
 from daq.parts import Part
 from daq.recording import Block
@@ -57,6 +59,7 @@ class LogRecorder:
         self.newest = started  #: time of the newest data [ns UTC]
         self._first = started  # the same of the first data in the open file
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
+        self.contents: Counter[str] = Counter()  #: of the open file: device -> scans, "events" -> their number
         self.paths = [log_path(folder, started)]  #: of all files so far
         self._writer = LogWriter(self.paths[0], attachments, self._part)
 
@@ -70,6 +73,9 @@ class LogRecorder:
             _finish(finished)
         self._writer.write(item)
         self._holds += 1
+        self.contents[item.device if isinstance(item, Block) else "events"] += (
+            item.n_scans if isinstance(item, Block) else 1
+        )
         if self._view and isinstance(item, Block):
             self._write_view(self._view, item)
 
@@ -96,9 +102,12 @@ class LogRecorder:
             If it cannot be made; nothing of it is left.
         """
         part = Part(run=self._part.run, started=self._part.started, number=self._part.number + 1)
+        with contextlib.suppress(OSError):  # the file will tell
+            self._folder.mkdir(parents=True, exist_ok=True)
         path = log_path(self._folder, self.newest)
         self._writer = LogWriter(path, self._attachments, part)
         self._part, self._first, self._holds, self._full = part, self.newest, 0, False
+        self.contents = Counter()
         self.paths.append(path)
 
     def discard(self) -> None:
@@ -109,6 +118,24 @@ class LogRecorder:
     def close(self) -> None:
         """Finish the open file."""
         self._writer.close()
+
+    @property
+    def first(self) -> int:
+        """Time of the first data in the open file [ns UTC]."""
+        return self._first
+
+    @property
+    def size(self) -> int:
+        """Length of the open file up to the last flush [bytes]."""
+        return self._writer.size
+
+    def displacement(self) -> Displacement | None:
+        """Return what others have done to the open file; None if its path still leads to it."""
+        return self._writer.displacement()
+
+    def forsake(self) -> None:
+        """Close the open file as it is, whatever others have done to it."""
+        self._writer.forsake()
 
     def abandon(self) -> None:
         """Close the open file as it is: the disk takes no more."""

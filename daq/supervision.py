@@ -11,15 +11,14 @@ from typing import Any
 
 _FIRST_PAUSE_SECONDS, _LONGEST_PAUSE_SECONDS = 0.5, 60.0  # before a restart; doubled with each in a row
 _CALM_SECONDS = 2 * _LONGEST_PAUSE_SECONDS  # without another failure, after which a part works again
-_MAX_TEXT = 200  # characters of an exception's own message
 
 
 def error_text(error: BaseException) -> str:
-    """Return the type and message of an exception in one short line, with the place where it was raised."""
-    text = short_line(str(error), _MAX_TEXT)
+    """Return the type of an exception and the place where it was raised; its message may quote secrets."""
+    text = f": {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}{': ' if text else ''}{text}{place}"
+    return f"{type(error).__name__}{text}{place}"
 
 
 def short_line(text: str, most: int) -> str:

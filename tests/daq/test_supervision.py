@@ -47,7 +47,7 @@ def test_thread_is_restarted_counted_and_reported_once() -> None:
     thread.start()
     until(lambda: len(runs) == 3)
     assert failures.counts == {"courier": 2}
-    assert (failures.problem or "").startswith("courier: OverflowError: year 99999999999 is out of range (test_super")
+    assert (failures.problem or "").startswith("courier: OverflowError (test_super")
     [(topic, said)] = failures.events()
     assert (topic, said["thread"]) == ("/event/thread_failed", "courier")
     until(lambda: failures.problem is None)
