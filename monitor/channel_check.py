@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import Channel, read_attachments
 from monitor.recordings import log_channels, log_rate
-from monitor.settings import Settings, load_settings, parse_settings
+from monitor.settings import Settings, load_settings, parse_attached
 from oma import PASS, TOP
 from updater import Sensor, Structure
 
@@ -61,7 +61,7 @@ def _of_log(path: Path) -> tuple[tuple[Channel, ...], float]:
     channels, attached = log_channels(path), read_attachments(path)
     if "site.toml" not in attached:
         return channels, PASS * log_rate(path)
-    return channels, _of_settings(parse_settings(attached["site.toml"], f"{path}: site.toml"))[1]
+    return channels, _of_settings(parse_attached(attached["site.toml"], f"{path}: site.toml"))[1]
 
 
 def measured_only(structure: Structure, check: ChannelCheck) -> Structure:

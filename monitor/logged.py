@@ -31,7 +31,7 @@ from daq import (
 from monitor.errors import ResultsError, SettingsError
 from monitor.result_events import event_result
 from monitor.results import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.settings import Settings, attachable, parse_settings
+from monitor.settings import Settings, attachable, parse_attached
 from monitor.story import Story
 from monitor.time_range import WHOLE, TimeRange
 from monitor.worker import TOPIC_STOPPED
@@ -231,7 +231,7 @@ def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, flo
     device that is silent at the end is left out.
     """
     try:
-        settings = parse_settings(site_text)
+        settings = parse_attached(site_text)
     except SettingsError:
         return None
     blocks = list(blocks)

@@ -3,8 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
-from jinja2 import StrictUndefined, TemplateError
-from jinja2.sandbox import SandboxedEnvironment
+from monitor.notice_template import TemplateFailure, render_bounded, render_trusted
 
 NoticeKind = Literal["alarm", "update", "recovery", "acknowledged", "flapping", "trouble", "trend"]
 
@@ -14,8 +13,6 @@ DEFAULT_TEMPLATE = """\
 {% endif %}"""
 _MOST = 200  # notices in one message
 _LONGEST = 3000  # characters of its text: chat servers refuse more
-_FAILURES = TemplateError, TypeError, ValueError, ArithmeticError  # of templates
-_ENVIRONMENT = SandboxedEnvironment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +84,7 @@ def _worth_telling(notices: list[Notice], most: int) -> list[Notice]:
 def _rendered(notices: list[Notice], template: str | None, others: int) -> str:
     try:
         return render(notices, template, others)
-    except _FAILURES as error:
+    except TemplateFailure as error:
         return f"{render(notices, None, others)}\n(the site's own template has failed: {error})"
 
 
@@ -96,11 +93,22 @@ def render(notices: list[Notice], template: str | None = None, others: int = 0) 
 
     Raises
     ------
-    TemplateError
-        If the template asks for what there is not.
+    TemplateFailure
+        If the template asks for what there is not, or for more time, memory or output than it may.
     """
-    made = _ENVIRONMENT.from_string(template or DEFAULT_TEMPLATE)
-    return made.render(notices=notices, notice=foremost(notices), others=others).strip()
+    context = _context(notices, others)
+    if template is None:
+        return render_trusted(DEFAULT_TEMPLATE, context).strip()
+    return render_bounded(template, [context])[0].strip()
+
+
+def _context(notices: list[Notice], others: int) -> dict[str, Any]:
+    """Return what templates see, as JSON values."""
+    return {
+        "notices": [notice.values() for notice in notices],
+        "notice": foremost(notices).values(),
+        "others": others,
+    }
 
 
 def check_template(template: str) -> None:
@@ -111,9 +119,9 @@ def check_template(template: str) -> None:
     ValueError
         Naming what is wrong with it.
     """
-    for kind in get_args(NoticeKind):
-        notice = Notice(kind=kind, site="site", time=0, utc="then", state="alarm", text="so")
-        try:
-            render([notice], template)
-        except _FAILURES as error:
-            raise ValueError(f"expected a jinja2 template of `notices` and `notice`: {error}") from error
+    kinds: tuple[NoticeKind, ...] = get_args(NoticeKind)
+    notices = [Notice(kind=kind, site="site", time=0, utc="then", state="alarm", text="so") for kind in kinds]
+    try:
+        render_bounded(template, [_context([notice], 0) for notice in notices], checked=True)
+    except TemplateFailure as error:
+        raise ValueError(f"expected a jinja2 template of `notices` and `notice`: {error}") from error

@@ -16,7 +16,7 @@ from daq import (
     read_channel_map,
     read_log,
 )
-from monitor.settings import parse_settings
+from monitor.settings import parse_attached
 
 _PAUSE = 5.0  # s of silence between two records
 _PAUSING = 0.1  # of what is held: a logger that is silent for longer in all records now and then
@@ -38,7 +38,7 @@ def log_channels(log: AnyLog) -> tuple[Channel, ...]:
         raise LogError(
             str(log), "does not say which channel is which sensor: no channel map and no settings are attached"
         )
-    return parse_settings(attached["site.toml"], f"{log}: site.toml").channels
+    return parse_attached(attached["site.toml"], f"{log}: site.toml").channels
 
 
 def log_recordings(

@@ -166,10 +166,10 @@ def _pipeline(task: _Task) -> "Pipeline":
     from monitor.backlog import Backlog, as_logged
     from monitor.memory import parse_memory
     from monitor.pipeline import Pipeline
-    from monitor.settings import parse_settings
+    from monitor.settings import parse_attached
     from updater import parse_structure
 
-    settings = parse_settings(task.site)
+    settings = parse_attached(task.site)
     known = parse_memory(task.memory) if task.memory else None
     live = Backlog(settings, lambda: int(task.newest.value))
     skip = live if task.skipped is None else as_logged(task.skipped)

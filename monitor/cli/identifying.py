@@ -19,7 +19,7 @@ from monitor.errors import ArgumentError
 from monitor.fusion import FusedModes, Windows, fuse, identify_windows
 from monitor.model_modes import ModelModes, model_modes
 from monitor.recordings import log_channels, log_recordings
-from monitor.settings import Settings, parse_settings
+from monitor.settings import Settings, parse_attached
 from monitor.setups import merge_setups
 from monitor.stationarity import frequency_change
 from monitor.synchrony import LOW_MPC, Asynchrony, asynchrony
@@ -144,7 +144,7 @@ def _fill(
 def _settings(log: AnyLog) -> Settings | None:
     """Return the settings attached to a log."""
     text = read_attachments(log).get("site.toml")
-    return None if text is None else parse_settings(text, f"{log}: site.toml")
+    return None if text is None else parse_attached(text, f"{log}: site.toml")
 
 
 def _attached_structure(log: AnyLog) -> Structure | None:

@@ -1,7 +1,7 @@
 """SITE.toml: what is connected where, and how it is watched; read, overridden, and written with all that it means."""
 
 from monitor.settings.annotated import EXAMPLE, annotated, json_schema
-from monitor.settings.attached import attachable
+from monitor.settings.attached import attachable, parse_attached
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overridden, overrides
@@ -25,6 +25,7 @@ __all__ = [
     "nearest",
     "overridden",
     "overrides",
+    "parse_attached",
     "parse_settings",
     "read_settings",
 ]

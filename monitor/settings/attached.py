@@ -1,11 +1,32 @@
 """SITE.toml as it is attached to logs and shown in reports: what a replay needs, and nothing that may be a secret."""
 
-import tomllib
+from pathlib import Path
 from typing import Any
 
 import tomlkit
 
+from daq import parse_toml
+from monitor.errors import SettingsError
 from monitor.redaction import redacted_topic
+from monitor.settings.reading import parse_settings
+from monitor.settings.site import Settings
+
+
+def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
+    """Read settings for an analysis: targets of notices and the history are neither read nor checked.
+
+    Settings attached to a log are whatever a stranger wrote; templates in them are programs.
+
+    Raises
+    ------
+    SettingsError
+        As for `parse_settings`.
+    """
+    try:
+        parse_toml(text)
+    except ValueError as error:
+        raise SettingsError(path, str(error)) from error
+    return parse_settings(attachable(text), path)
 
 
 def attachable(text: str) -> str:
@@ -19,7 +40,7 @@ def attachable(text: str) -> str:
     text : of SITE.toml, with what overrides it; also as logs of earlier versions hold it
     """
     try:
-        content = tomllib.loads(text)
+        content = parse_toml(text)
     except ValueError:
         return ""
     content.pop("notify", None)

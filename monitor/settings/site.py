@@ -209,7 +209,7 @@ class Settings(Section):
     alarm: AlarmSettings = AlarmSettings()
     temperature: TemperatureSettings | None = None
     history: HistorySettings = HistorySettings()
-    notify: tuple[NotifySettings, ...] = ()
+    notify: Annotated[tuple[NotifySettings, ...], Field(max_length=20)] = ()
     web: WebSettings | None = None
     viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None

@@ -11,7 +11,7 @@ from daq import Block, Item
 from monitor.geometry import Geometry
 from monitor.result_events import event_result
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.settings import Settings, parse_settings
+from monitor.settings import Settings, parse_attached
 from monitor.story import Story
 from monitor.viewer.blueprint import Live, layout
 from monitor.viewer.cards import write_cards, write_reference
@@ -42,7 +42,7 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
     items : blocks and events as they are logged
     """
     os.nice(10)  # acquisition and analysis come first
-    settings = parse_settings(site)
+    settings = parse_attached(site)
     if settings.viewer is None:
         raise ValueError("site: expected a [viewer] section, found none")
     name, identity = parse_structure(structure).name, f"live-{os.getpid()}"

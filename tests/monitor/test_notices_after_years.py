@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from daq_helpers import make_block
 from history_helpers import change
-from jinja2.exceptions import SecurityError
 from notice_helpers import ALARM, NOTICE, Server, until
 
 from daq import Event
+from monitor.notice_template import TemplateFailure
 from monitor.notice_text import message, render
 from monitor.notices import Courier, make_sender
 from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
@@ -30,7 +30,7 @@ def server() -> Iterator[Server]:
 
 def test_template_sees_no_program() -> None:
     """It is text from a file: it may not reach into the interpreter."""
-    with pytest.raises(SecurityError, match="unsafe"):
+    with pytest.raises(TemplateFailure, match="unsafe"):
         render([NOTICE], "{{ notices.__class__.__mro__ }}")
 
 

@@ -1,0 +1,68 @@
+"""Templates of notices are bounded in time, memory and output; settings attached to a log are not rendered at all."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from daq import Channel, LogWriter
+from monitor.notice_template import TemplateFailure, render_bounded
+from monitor.notice_text import Notice, check_template, message
+from monitor.recordings import log_channels
+from monitor.settings import parse_attached
+
+NOTICE = Notice(kind="alarm", site="bridge", time=0, utc="then", state="alarm", text="a mass was added")
+LOOPS = "{% for a in range(99999) %}{% for b in range(99999) %}{% endfor %}{% endfor %}"
+HOSTILE = [
+    (LOOPS, "2 s of processor time"),
+    ("{{ '%999999999d' % 5 }}", "MB"),
+    ("{{ 'x' * 199999 }}", "characters"),
+    ("{% for a in range(99999) %}{{ notice.text }}{% endfor %}", "characters"),
+    ("{{ notice.__class__.__mro__ }}", "unsafe"),
+    ("{{ " + "(" * 3000 + ")" * 3000 + " }}", ""),
+    ("x" * 30_000, "expected up to 20000 characters"),
+]
+
+
+@pytest.mark.parametrize(("template", "said"), HOSTILE)
+def test_hostile_templates_are_refused(template: str, said: str) -> None:
+    begun = time.monotonic()
+    with pytest.raises(ValueError, match="expected a jinja2 template") as refused:
+        check_template(template)
+    assert said in str(refused.value)
+    assert time.monotonic() - begun < 30
+
+
+def test_a_notice_is_sent_in_the_own_words_where_the_template_fails() -> None:
+    said = message([NOTICE], LOOPS).text
+    assert said.startswith("bridge, then: a mass was added")
+    assert "template has failed" in said
+
+
+def test_templates_see_what_they_always_saw() -> None:
+    template = "{% for n in notices %}{{ n.site }}: {{ n.text }} ({{ others }}){% endfor %} {{ notice.kind }}"
+    assert message([NOTICE], template, 3).text == "bridge: a mass was added (3) alarm"
+    with pytest.raises(TemplateFailure, match="'nothing'"):
+        render_bounded("{{ notice.nothing }}", [{"notice": NOTICE.values()}])
+
+
+SITE = f"""structure = "t.toml"
+[[device]]
+name = "imu"
+driver = "epson-uart"
+port = "p"
+channels = {{x = "a"}}
+[[notify]]
+command = ["true"]
+template = {json.dumps(LOOPS)}
+"""
+
+
+def test_settings_of_a_log_are_read_without_notices(tmp_path: Path) -> None:
+    begun = time.process_time()
+    assert parse_attached(SITE).notify == ()
+    path = tmp_path / "log.mcap"
+    LogWriter(path, {"site.toml": SITE}).close()
+    assert log_channels(path) == (Channel(name="a", device="imu", axis=0),)
+    assert time.process_time() - begun < 1.0
