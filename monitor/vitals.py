@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from daq import Block, Event, HostClock, Item, parse_json
+from monitor.overload import Overload
 from monitor.processes import held_memory
 from monitor.result_events import event_result
 from monitor.results import (
@@ -100,6 +101,7 @@ class Vitals:
         self._window: dict[str, Any] = {}
         self._novelty: dict[str, Any] = {}  # of the last window that was judged
         self._sight, self._unheard = Sight(), Unheard()
+        self._overload = Overload()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         before = last_written(path)
         self._self_test = before.get("self_test")
@@ -190,6 +192,8 @@ class Vitals:
                 "detectable": self._novelty.get("detectable"),
                 "blind": self._sight.blind,
                 "unheard": self._unheard.texts,
+                "overload": self._overload.problem,
+                "windows_left_out": self._overload.total,
                 "late": self._late,
                 "self_test": self._self_test if self._pace.tests else None,
                 "identities": self._identities,
@@ -208,6 +212,8 @@ class Vitals:
             self._self_test = result.payload() | {"text": result.text}
 
     def _happened(self, event: Event) -> None:
+        if event.topic == "/event/analysis_behind":
+            self._note(self._overload.take(left_out=True))
         device = self._devices.get(str(event.payload.get("device", "")))
         if device is not None:
             device.gaps += event.topic == "/event/gap"
@@ -224,6 +230,10 @@ class Vitals:
             self._said.append(("/event/device_replaced", {"device": name, "before": known, "now": found}))
         self._identities[name] = found
 
+    def _note(self, said: Said | None) -> None:
+        if said:
+            self._said.append(said)
+
     def _analysed(self, event: Event) -> None:
         result = event_result(event)
         late = (self._clock.now() - event.time) * 1e-9 / self._clock.speed
@@ -233,6 +243,7 @@ class Vitals:
                 self._late["alarm"] = late
         if isinstance(result, WindowResult):
             self._late["window"] = late
+            self._note(self._overload.take(left_out=result.skipped))
             self._windowed, self._sight = time.monotonic(), self._sight.after(result)
             self._listen(result)
             self._learnt = result.phase != "learning"

@@ -1,5 +1,6 @@
 """Questions to the history, each answered through an index."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -169,6 +170,20 @@ class Reader:
     def events(self, span: Span, most: int = 1000, topic: str | None = None) -> list[EventRow]:
         """Return the last events of a span, or of one kind, in the order of time."""
         return [EventRow(**row._mapping) for row in reversed(self._rows(events_query(span, topic).limit(most)))]
+
+    def alarm_changes(self, span: Span, most: int) -> list[EventRow]:
+        """Return the last reported changes of the alarm in a span as events, in the order of time."""
+        table = schema.changes
+        query = (
+            select(table.c.time, table.c.state, table.c.text)
+            .where(table.c.time.between(span.start, span.end), table.c.quiet.is_(False))
+            .order_by(table.c.time.desc())
+            .limit(most)
+        )
+        return [
+            EventRow(time=time, topic=f"/alarm/{state}", device="", json=json.dumps({"text": text}))
+            for time, state, text in reversed(self._rows(query))
+        ]
 
     def state(self) -> str:
         """Return the state of the alarm: learning, normal, watch or alarm."""

@@ -17,6 +17,7 @@ from monitor.words import change_text, utc
 
 _ROUTINE = (
     "gap",
+    "windows_left_out",
     "acknowledge",
     "accept",
     "accept_undo",

@@ -39,6 +39,12 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     for name, text in {"blocks": "Of Python's allocator", "heap_bytes": "Of the C library's"}.items():
         if name in vitals["held"]:
             _gauge(registry, f"held_{name}", f"{text}, in use by the monitor's own process", vitals["held"][name])
+    _gauge(
+        registry,
+        "left_out_windows",
+        "Windows left out since the start as the analysis had fallen behind.",
+        vitals.get("windows_left_out", 0),
+    )
     failures = Gauge(
         "modalwatch_thread_failures", "Unforeseen exceptions since the start.", ["thread"], registry=registry
     )

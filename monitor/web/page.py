@@ -142,4 +142,7 @@ def _age(silent: float | None) -> str:
 
 
 def _event(event: EventRow) -> dict[str, str]:
+    if event.topic.startswith("/alarm/"):
+        state = event.topic.removeprefix("/alarm/")
+        return {"time": utc(event.time), "what": state, "said": str(json.loads(event.json)["text"])}
     return {"time": utc(event.time), "what": event_name(event.topic), "said": event_said(json.loads(event.json))}

@@ -15,6 +15,7 @@ from updater import Diagnosis
 _STALE_SECONDS = 10.0  # without a new file of vitals
 _SILENT_SECONDS = 5.0  # without data of a device
 _SHOWN = 300  # windows
+_EVENTS = 12  # that are shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,12 +77,19 @@ class Source:
                     windows=windows,
                     trends={mode: reader.trend(mode, late, "window") for mode in reader.modes()},
                     alarms=alarms,
-                    events=reader.events(Span(start=0, end=2**62), 8),
+                    events=_newest(reader),
                     reference=ReferenceResult.model_validate_json(reference) if reference else None,
                     places=_places(Diagnosis.model_validate_json(found)) if found else [],
                 )
         except (HistoryError, ValueError):
             return None
+
+
+def _newest(reader: Reader) -> list[EventRow]:
+    """Return the last events and the last changes of the alarm in the order of time."""
+    always = Span(start=0, end=2**62)
+    rows = [*reader.events(always, _EVENTS), *reader.alarm_changes(always, _EVENTS)]
+    return sorted(rows, key=lambda row: row.time)[-_EVENTS:]
 
 
 def _places(diagnosis: Diagnosis) -> list[tuple[float, float, float]]:
@@ -102,6 +110,8 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
     if vitals["blind"]:
         found.append(vitals["blind"])
     found += vitals.get("unheard", ())
+    if vitals.get("overload"):
+        found.append(vitals["overload"])
     if vitals["dropped"]:
         found.append(f"{vitals['dropped']} items did not reach the log")
     if (test := vitals.get("self_test")) and not test["passed"]:

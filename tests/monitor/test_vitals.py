@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from daq_helpers import make_block
@@ -9,7 +10,7 @@ from history_helpers import run_events
 from vitals_helpers import PACE, WELL
 
 from daq import Event, SystemClock
-from monitor.result_events import result_event
+from monitor.result_events import event_result, result_event
 from monitor.results import WindowResult
 from monitor.vitals import NAME, Pace, Vitals
 
@@ -166,3 +167,27 @@ def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
     vitals.take(next(e for e in EVENTS if e.topic == "/result/window" and e.time == raised.time))
     vitals.write(WELL)
     assert json.loads((tmp_path / NAME).read_text())["late"] == {"alarm": 0.5, "window": 0.5}
+
+
+def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_path: Path) -> None:
+    """An overloaded machine analyses a window now and then: that does not make it well. Ten in a row do."""
+    vitals = Vitals(tmp_path / NAME, ("left",), Pace(step=600.0, window=600.0), SystemClock())
+    window = next(result for event in EVENTS if isinstance(result := event_result(event), WindowResult))
+    skipped = window.model_copy(update={"skipped": True, "problem": "left out"})
+
+    def take(*results: WindowResult) -> tuple[list[Any], str | None]:
+        for result in results:
+            vitals.take(result_event(result))
+        vitals.write(WELL)
+        vitals._due = 0.0
+        return list(vitals.said()), json.loads((tmp_path / NAME).read_text())["overload"]
+
+    assert take(window) == ([], None)
+    assert take(skipped, skipped, window, skipped) == (
+        [("/event/windows_left_out", {"why": "the analysis has fallen behind"})],
+        "3 of the last 5 windows left out: the analysis has fallen behind",
+    )
+    assert take(*[window] * 9)[1] == "1 of the last 10 windows left out: the analysis has fallen behind"
+    assert take(window) == ([("/event/analysis_caught_up", {"left_out": 3})], None)
+    vitals.take(Event(topic="/event/analysis_behind", time=1, payload={"left_out_s": 6000.0}))
+    assert [topic for topic, _ in vitals.said()] == ["/event/windows_left_out"]

@@ -85,6 +85,15 @@ def test_running_monitor_is_healthy(source: Source) -> None:
     assert (answer.status_code, answer.json()) == (200, {"healthy": True, "problems": []})
 
 
+def test_events_of_the_page_have_the_alarm_and_what_was_left_out(source: Source) -> None:
+    """The alarm is raised after what else happened; whoever looks at the last events alone is to see it."""
+    with HistoryStore(source.url) as store:
+        store.write([Event(topic="/event/windows_left_out", time=EVENTS[-1].time - 1, payload={"why": "behind"})])
+    events = Client(source).get("/state").text.partition("<h2>Events</h2>")[2]
+    assert "<b>alarm</b> ALARM" in events
+    assert "<b>windows left out</b> why behind" in events
+
+
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
@@ -94,6 +103,8 @@ def test_running_monitor_is_healthy(source: Source) -> None:
             "no window has been analysed for 4000 s; one is due every 600 s",
         ),
         ({"dropped": 3}, "3 items did not reach the log"),
+        ({"overload": "2 of the last 10 windows left out: the analysis has fallen behind"}, "2 of the last 10 windows"),
+        ({"threads": "notices_1: OverflowError (senders.py:9), 2 times"}, "threads: notices_1: OverflowError"),
         ({"disk": "No space left"}, "disk: No space left"),
         ({"history": "database is locked"}, "history: database is locked"),
         ({"devices": {"left": {"lost": True, "silent": 9.0}}}, "device left is lost"),
