@@ -29,12 +29,13 @@ class ScanClock:
         self._fit.add(block.pair_index, block.pair_time)
 
     def times(self, index: IndexArray) -> IndexArray:
-        """Return times [ns UTC] of scans whose indices (n,) ascend; they ascend as well."""
+        """Return times [ns UTC] of scans by their indices (n,); they ascend where these do, and gaps cost nothing."""
         second, within = np.divmod(index, self._spacing)
-        first, last = int(second[0]), int(second[-1])
-        known = np.array([self._time(number) for number in range(first, last + 2)], np.int64)
-        begin = known[second - first]
-        return np.asarray(begin + within * (known[second - first + 1] - begin) // self._spacing, np.intp)
+        numbers = np.unique(np.concatenate((second, second + 1)))
+        known = np.array([self._time(int(number)) for number in numbers], np.int64)
+        place = np.searchsorted(numbers, second)  # the next number is the next second
+        begin = known[place]
+        return np.asarray(begin + within * (known[place + 1] - begin) // self._spacing, np.intp)
 
     def _time(self, number: int) -> int:
         known = self._known.get(number)
@@ -57,6 +58,7 @@ class ScanClocks:
 
     def __init__(self) -> None:
         self._own: dict[str, ScanClock] = {}
+        self._ends: dict[str, int] = {}  # device -> index after its last block
         self._shared: dict[str, ScanClock] = {}
 
     def add(self, block: Block) -> ScanClock:
@@ -66,7 +68,10 @@ class ScanClocks:
             if len(self._shared) > _KEPT:
                 del self._shared[next(iter(self._shared))]
         else:
-            if block.flags & Flag.RESTARTED or block.device not in self._own:
+            if block.flags & Flag.RESTARTED or block.first_index < self._ends.get(block.device, 0):
+                self._own.pop(block.device, None)  # began anew, be it in a block that has not come
+            self._ends[block.device] = block.end_index
+            if block.device not in self._own:
                 self._own[block.device] = ScanClock(block.rate)
             clock = self._own[block.device]
         clock.add(block)

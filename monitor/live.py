@@ -13,7 +13,15 @@ from contextlib import contextmanager
 from multiprocessing.queues import Queue
 
 from daq import Block, Item
-from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received
+from monitor.processes import (
+    LastWords,
+    deaf_to_stop_signals,
+    environment,
+    handed_over,
+    queue_to_child,
+    received,
+    report_end,
+)
 from monitor.settings import Settings
 
 _HOST = "127.0.0.1"
@@ -58,13 +66,16 @@ class LiveView:
             return
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = queue_to_child(_WAITING)
-        self._process = context.Process(target=_serve, args=(*self._arguments, self._inbox), name="viewer", daemon=True)
+        self._last_words = LastWords()
+        arguments = self._last_words.sender, _serve, *self._arguments, self._inbox
+        self._process = context.Process(target=report_end, args=arguments, name="viewer", daemon=True)
         try:
             with environment(_ENVIRONMENT), deaf_to_stop_signals():
                 self._process.start()
         except OSError as error:  # the system has no room for another process
             self._process, self.problem = None, f"it cannot be started: {error}"
             return
+        self._last_words.started()
         handed_over(self._inbox)
         self.served = True
 
@@ -79,7 +90,7 @@ class LiveView:
         if self._process is None:
             return
         if not isinstance(item, Block) and not self._process.is_alive():
-            self.problem = f"its process ended with code {self._process.exitcode}"
+            self.problem = self._last_words.text(self._process)
             self._process = None
             self._inbox.cancel_join_thread()  # nobody reads any more: the end of this process must not wait for that
             return

@@ -6,14 +6,17 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import Connection
 from multiprocessing.queues import Queue
 from typing import TypeVar
 
+from daq import error_text
+
 T = TypeVar("T")
+_UNFORESEEN = 70  # exit code, as of the program
 _READER, _WRITER, _ENDS_WITH_ITS_READER = "_reader", "_writer", "_ignore_epipe"  # of a queue; concurrent.futures too
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # as glibc's malloc.h has them
 
@@ -101,6 +104,35 @@ def environment(values: Mapping[str, str]) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+class LastWords:
+    """Why a child process ended, sent by itself; its traceback would reach nobody but a terminal."""
+
+    def __init__(self) -> None:
+        self._receiver, self.sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
+
+    def started(self) -> None:
+        """Leave the sending end to the child that has been started with it."""
+        self.sender.close()
+
+    def text(self, process: multiprocessing.process.BaseProcess) -> str:
+        """Return in one line how a process has ended."""
+        try:
+            why = str(self._receiver.recv()) if self._receiver.poll() else ""
+        except (EOFError, OSError):
+            why = ""
+        return f"its process ended with code {process.exitcode}{': ' if why else ''}{why}"
+
+
+def report_end(sender: Connection, target: Callable[..., None], *arguments: object) -> None:
+    """Do the work of a child process; an unforeseen exception ends it with its reason sent to the parent."""
+    try:
+        target(*arguments)
+    except Exception as error:  # noqa: BLE001 - the edge of the process
+        with suppress(OSError):
+            sender.send(error_text(error))
+        sys.exit(_UNFORESEEN)
 
 
 def queue_to_child(capacity: int = 0) -> "Queue[T]":

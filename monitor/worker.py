@@ -9,7 +9,16 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
-from monitor.processes import deaf_to_stop_signals, environment, handed_over, queue_to_child, received, trim_memory
+from monitor.processes import (
+    LastWords,
+    deaf_to_stop_signals,
+    environment,
+    handed_over,
+    queue_to_child,
+    received,
+    report_end,
+    trim_memory,
+)
 from monitor.results import Result
 
 if TYPE_CHECKING:
@@ -64,12 +73,14 @@ class Worker:
         self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
         self._environment = _ENVIRONMENT | (_GIVEN_BACK if skipped is None else _KEPT)
         task = _Task(structure, site, memory, keep, skipped, self._newest)
-        arguments = (task, self._inbox, self._outbox)
-        self._process = context.Process(target=_analyse, args=arguments, name="analysis", daemon=True)
+        self._last_words = LastWords()
+        arguments = self._last_words.sender, _analyse, task, self._inbox, self._outbox
+        self._process = context.Process(target=report_end, args=arguments, name="analysis", daemon=True)
 
     def __enter__(self) -> Self:
         with environment(self._environment), deaf_to_stop_signals():  # one thread of BLAS: the same sums on every run
             self._process.start()
+        self._last_words.started()
         handed_over(self._inbox)
         return self
 
@@ -120,7 +131,7 @@ class Worker:
 
     def _check_alive(self) -> None:
         if not self._process.is_alive():
-            raise AnalysisError(f"the analysis process ended with code {self._process.exitcode}") from None
+            raise AnalysisError(f"the analysis: {self._last_words.text(self._process)}") from None
 
 
 class _Shared(Protocol):

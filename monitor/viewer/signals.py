@@ -67,7 +67,7 @@ class SignalStream:
         """Take a block; about a second of them is sent at once, which costs far less than one by one."""
         clock = self._clocks.add(block)
         waiting = self._waiting.setdefault(block.device, [])
-        if block.flags & Flag.RESTARTED or (waiting and block.clock != waiting[0].clock):
+        if block.flags & Flag.RESTARTED or (waiting and not _continues(waiting[-1], block)):
             waiting.clear()
         waiting.append(block)
         if sum(b.n_scans for b in waiting) >= block.rate * _CHUNK_SECONDS:
@@ -86,3 +86,9 @@ class SignalStream:
             self._recording.flush()  # what waits, waits before this process, where it is bounded and counted
         except RuntimeError as error:
             raise ServerEndedError(str(error)) from error
+
+
+def _continues(last: Block, block: Block) -> bool:
+    """Return whether a block can be drawn with the one before it; what lay between them may have been dropped."""
+    alike = (block.clock, block.rate, block.counts.shape[1]) == (last.clock, last.rate, last.counts.shape[1])
+    return alike and block.first_index >= last.end_index

@@ -13,7 +13,7 @@ from ipaddress import ip_address
 import uvicorn
 
 from monitor.errors import StartError
-from monitor.processes import deaf_to_stop_signals
+from monitor.processes import LastWords, deaf_to_stop_signals, report_end
 from monitor.web.app import make_app
 from monitor.web.guard import read_token
 from monitor.web.source import Source
@@ -25,11 +25,12 @@ class WebServer:
 
     url: str
     process: multiprocessing.process.BaseProcess
+    last_words: LastWords
 
     @property
     def problem(self) -> str | None:
         """Why nothing is served any more."""
-        return None if self.process.is_alive() else f"its process ended with code {self.process.exitcode}"
+        return None if self.process.is_alive() else self.last_words.text(self.process)
 
 
 @contextmanager
@@ -48,12 +49,16 @@ def web_process(source: Source, host: str, port: int, token_file: str | None) ->
         raise StartError(f"web: {host}:{port}: {error}") from error
     with listener:
         context = multiprocessing.get_context("spawn")
+        last_words = LastWords()
         arguments = (source, listener, token, ip_address(host).is_loopback, os.getpid())
-        process = context.Process(target=_serve, args=arguments, name="web", daemon=True)
+        process = context.Process(
+            target=report_end, args=(last_words.sender, _serve, *arguments), name="web", daemon=True
+        )
         with deaf_to_stop_signals():
             process.start()
+        last_words.started()
     try:
-        yield WebServer(f"http://{f'[{host}]' if ':' in host else host}:{port}", process)
+        yield WebServer(f"http://{f'[{host}]' if ':' in host else host}:{port}", process, last_words)
     finally:
         process.kill()
         process.join()

@@ -1,6 +1,7 @@
 """What processes of the monitor's own find when they start, and what they keep of memory."""
 
 import gc
+import multiprocessing
 import os
 import platform
 import subprocess
@@ -8,7 +9,7 @@ import sys
 
 import pytest
 
-from monitor.processes import environment, held_memory
+from monitor.processes import LastWords, environment, held_memory, report_end
 
 MAPPED = """
 import ctypes
@@ -78,3 +79,17 @@ def test_what_is_held_is_told_and_what_was_let_go_is_not() -> None:
     after = held_memory()
     assert abs(after["blocks"] - before["blocks"]) < 5000
     assert abs(after["heap_bytes"] - before["heap_bytes"]) < 1_000_000
+
+
+def _fail(*_: object) -> None:
+    raise LookupError("token=secret")
+
+
+def test_child_that_fails_says_why_to_its_parent_alone(capfd: pytest.CaptureFixture[str]) -> None:
+    words = LastWords()
+    process = multiprocessing.get_context("fork").Process(target=report_end, args=(words.sender, _fail, 1))
+    process.start()
+    words.started()
+    process.join(10.0)
+    assert words.text(process).startswith("its process ended with code 70: LookupError (test_processes.py:")
+    assert "".join(capfd.readouterr()) == ""
