@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test thorough check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak unit fuzz clean
+.PHONY: demo test thorough check lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak web-load unit fuzz clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -176,6 +176,10 @@ trends: $(VENV)/.done
 # The service through every fault of a rig's life, two hours: docs/soak.md; `make soak ARGUMENTS="--minutes 10"`, `--devices 32`.
 soak: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/soak.py $(ARGUMENTS)
+
+# Latency of the status page under half-sent requests and many that ask: the table in docs/security.md, ten seconds.
+web-load: $(VENV)/.done
+	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/web_load.py
 
 # The unit of `install-service` run by systemd itself: the table in docs/service.md, half a minute; as root, or with delegated groups.
 unit: $(VENV)/.done

@@ -1,37 +1,44 @@
 """The routes."""
 
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from starlette.applications import Starlette
-from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
+from starlette.types import ASGIApp
 
 from monitor.inbox import Acknowledgement, leave
 from monitor.web.guard import Guard, user_of
 from monitor.web.metrics import metrics
 from monitor.web.page import page_html, state_html
+from monitor.web.snapshot import Snapshot
 from monitor.web.source import Source, problems
 
 _STATIC = Path(__file__).parent / "static"
+_TYPES = {".css": "text/css", ".js": "text/javascript"}
+_Endpoint = Callable[[Request], Awaitable[Response]]
 
 
-def make_app(source: Source, *, token: str, open_to_look: bool) -> Starlette:
-    """Return the application; handlers are plain functions, run in threads, as they read files and the database."""
+def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
+    """Return the application: what is looked at is computed once a second at most, however many look."""
+    state = Snapshot(lambda: state_html(source))
+    problem_list = Snapshot(lambda: problems(source.vitals()))
+    figures = Snapshot(lambda: metrics(source.vitals()))
 
-    def page(_: Request) -> Response:
-        return HTMLResponse(page_html(source))
+    async def page(_: Request) -> Response:
+        return HTMLResponse(page_html(source.name, await state.get()))
 
-    def state(_: Request) -> Response:
-        return HTMLResponse(state_html(source))
+    async def changing(_: Request) -> Response:
+        return HTMLResponse(await state.get())
 
-    def healthz(_: Request) -> Response:
-        found = problems(source.vitals())
+    async def healthz(_: Request) -> Response:
+        found = await problem_list.get()
         return JSONResponse({"healthy": not found, "problems": found}, 503 if found else 200)
 
-    def figures(_: Request) -> Response:
-        return Response(metrics(source.vitals()), media_type="text/plain; version=0.0.4")
+    async def prometheus(_: Request) -> Response:
+        return Response(await figures.get(), media_type="text/plain; version=0.0.4")
 
     def acknowledge(request: Request) -> Response:
         by = (request.query_params.get("by") or user_of(request) or "status page")[:100]
@@ -41,16 +48,22 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> Starlette:
             return PlainTextResponse(f"the state folder takes nothing: {error.strerror}\n", 503)
         return JSONResponse({"told": True}, 202)
 
-    def static(request: Request) -> Response:
-        return FileResponse(_STATIC / Path(request.url.path).name)
-
     routes = [
         Route("/", page),
-        Route("/state", state),
+        Route("/state", changing),
         Route("/healthz", healthz),
-        Route("/metrics", figures),
+        Route("/metrics", prometheus),
         Route("/acknowledge", acknowledge, methods=["POST"]),
-        Route("/page.css", static),
-        Route("/page.js", static),
+        Route("/page.css", _static("page.css")),
+        Route("/page.js", _static("page.js")),
     ]
-    return Starlette(routes=routes, middleware=[Middleware(Guard, token=token, open_to_look=open_to_look)])
+    return Guard(Starlette(routes=routes), token=token, open_to_look=open_to_look)
+
+
+def _static(name: str) -> _Endpoint:
+    content, kind = (_STATIC / name).read_bytes(), _TYPES[Path(name).suffix]
+
+    async def static(_: Request) -> Response:
+        return Response(content, media_type=kind)
+
+    return static

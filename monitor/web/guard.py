@@ -1,9 +1,10 @@
 """Who may see and do what: loopback may look; acting, and looking from elsewhere, takes the token."""
 
 import base64
-import binascii
 import os
 import secrets
+import sys
+import time
 from pathlib import Path
 
 from starlette.datastructures import MutableHeaders
@@ -11,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+_REPORT_SECONDS = 60.0
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -47,6 +49,7 @@ class Guard:
 
     def __init__(self, app: ASGIApp, *, token: str, open_to_look: bool) -> None:
         self._app, self._token, self._open = app, token, open_to_look
+        self._report_due = 0.0  # [s, monotonic]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or hand it on."""
@@ -54,17 +57,36 @@ class Guard:
             await self._app(scope, receive, send)
             return
 
+        begun = False
+
         async def send_guarded(message: Message) -> None:
+            nonlocal begun
             if message["type"] == "http.response.start":
                 MutableHeaders(scope=message).update(_HEADERS)
+                begun = True
             await send(message)
 
-        refusal = self._refusal(Request(scope))
-        await (refusal or self._app)(scope, receive, send_guarded)
+        try:
+            await (self._refusal(Request(scope)) or self._app)(scope, receive, send_guarded)
+        except Exception as error:  # noqa: BLE001 - the edge of the server: no visitor fills the journal
+            self._report(error)
+            if not begun:
+                await PlainTextResponse("internal error\n", 500)(scope, receive, send_guarded)
+
+    def _report(self, error: Exception) -> None:
+        """Write an unforeseen error as one line to standard error, once a minute at most."""
+        if time.monotonic() >= self._report_due:
+            self._report_due = time.monotonic() + _REPORT_SECONDS
+            text = "".join(c if c.isprintable() else " " for c in str(error))[:200]
+            print(f"status page: {type(error).__name__}: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
     def _refusal(self, request: Request) -> PlainTextResponse | None:
         looks = request.method in ("GET", "HEAD")
-        if self._open and request.url.hostname not in ("127.0.0.1", "localhost", "::1"):
+        try:
+            host = request.url.hostname
+        except ValueError:
+            return PlainTextResponse("this is the name of no machine\n", 400)
+        if self._open and host not in ("127.0.0.1", "localhost", "::1"):
             return PlainTextResponse("this is not the name of this machine\n", 421)  # a page elsewhere gave us its name
         if not (looks and self._open) and not secrets.compare_digest(_given(request).encode(), self._token.encode()):
             ask = {"WWW-Authenticate": 'Basic realm="modalwatch: any name, the token as password"'}
@@ -91,6 +113,6 @@ def _basic(request: Request) -> tuple[str, str]:
     kind, _, rest = request.headers.get("authorization", "").partition(" ")
     try:
         user, _, password = base64.b64decode(rest, validate=True).decode().partition(":")
-    except (binascii.Error, UnicodeDecodeError):
+    except ValueError:  # no base64, or no UTF-8 in it
         return "", ""
     return (user, password) if kind.lower() == "basic" else ("", "")

@@ -30,9 +30,9 @@ _SAID = {
 }
 
 
-def page_html(source: Source) -> str:
-    """Return the frame, with the present state already in it."""
-    return _ENVIRONMENT.get_template("page.html").render(name=source.name, content=Markup(state_html(source)))
+def page_html(name: str, state: str) -> str:
+    """Return the frame of a site, with the present state, as of `state_html`, already in it."""
+    return _ENVIRONMENT.get_template("page.html").render(name=name, content=Markup(state))
 
 
 def state_html(source: Source) -> str:

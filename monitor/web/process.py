@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from monitor.errors import StartError
 from monitor.processes import LastWords, deaf_to_stop_signals, report_end
 from monitor.web.app import make_app
 from monitor.web.guard import read_token
+from monitor.web.protocol import BoundedProtocol
 from monitor.web.source import Source
 
 
@@ -66,9 +68,18 @@ def web_process(source: Source, host: str, port: int, token_file: str | None) ->
 
 def _serve(source: Source, listener: socket.socket, token: str, open_to_look: bool, parent: int) -> None:
     os.nice(10)  # whoever looks waits for those who measure
+    sys.setswitchinterval(0.001)  # s: answers wait for the thread that computes the next one
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     app = make_app(source, token=token, open_to_look=open_to_look)
-    config = uvicorn.Config(app, log_level="error", access_log=False, server_header=False, lifespan="off")
+    config = uvicorn.Config(
+        app,
+        http=BoundedProtocol,
+        ws="none",
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        lifespan="off",
+    )
     uvicorn.Server(config).run(sockets=[listener])
 
 
