@@ -19,6 +19,7 @@ _BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 
 _PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
 _SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
 _CHUNK = 1 << 13
+_PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
 
@@ -158,6 +159,18 @@ class _Device:
         stretch = self._stretches[-1]
         return stretch.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
 
+    def next_time(self, time: int) -> int | None:
+        """Return the time of the first scan that is not before `time`, None if there is none."""
+        return next(
+            (
+                max(time, stretch.time_at(block.first_index))
+                for stretch in self._stretches
+                for block in stretch.blocks
+                if stretch.time_at(block.end_index) > time
+            ),
+            None,
+        )
+
     def forget(self, time: int) -> None:
         """Drop blocks that end well before `time`."""
         for stretch in self._stretches:
@@ -267,9 +280,21 @@ class Assembler:
         unused = _unused(there) if self._by_record else n * (not there.any())
         if not unused:
             yield self._recording(start, signals)
-        self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)
+        if there.any():
+            self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)
+        else:
+            self._next = start + self._step * self._empty_steps(start)
         for device in self._devices.values():
             device.forget(self._next)
+
+    def _empty_steps(self, start: int) -> int:
+        """Return the number of steps from an empty window to one near the next scan: a pause may last for years."""
+        times = [time for device in self._devices.values() if (time := device.next_time(start)) is not None]
+        return max(
+            1,
+            (min(times, default=start) - self._window_ns - round(_PAUSE_SCANS / self._rate * 1e9) - start)
+            // self._step,
+        )
 
     @property
     def _window_ns(self) -> int:

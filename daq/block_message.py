@@ -6,6 +6,11 @@ from daq.accel_block_pb2 import AccelBlock
 from daq.protocol.rice import Packed, PackedColumn, pack, unpack, unpack_columns
 from daq.recording import Block, Flag, IntArray
 
+_MAX_AXES = 10_000
+_MAX_INDEX = 1 << 53
+_MAX_TIME = 1 << 62  # ns: in the year 2116
+_MAX_SCANS = 1 << 26
+_MAX_SECONDS = 1e6  # of a block
 _CODE = 64  # times the order of the differences
 
 
@@ -46,6 +51,7 @@ def decode_block(device: str, data: bytes) -> Block:
         If its counts are not as many as it says.
     """
     message = AccelBlock.FromString(data)
+    _check(message)
     old = message.pair_time != 0
     return Block(
         device=device,
@@ -59,6 +65,24 @@ def decode_block(device: str, data: bytes) -> Block:
         flags=Flag(message.flags),
         clock=message.clock,
     )
+
+
+def _check(message: AccelBlock) -> None:
+    """Refuse figures that no device has: what is computed of them would be no number, no time, or too large."""
+    bounds: tuple[tuple[str, float, float, float], ...] = (
+        ("rate", message.rate, 1e-6, 1e9),
+        ("scale", message.scale, float(np.finfo(float).tiny), 1e12),
+        ("n_axes", message.n_axes, 0, _MAX_AXES),
+        ("first_index", message.first_index, -_MAX_INDEX, _MAX_INDEX),
+        ("pair_index", message.pair_index, -_MAX_INDEX, _MAX_INDEX),
+        ("pair_offset", message.pair_offset, -_MAX_INDEX, _MAX_INDEX),
+        ("pair_time", message.pair_time, -_MAX_TIME, _MAX_TIME),
+        ("time", message.time, -_MAX_TIME, _MAX_TIME),
+        ("n_scans / rate", message.n_scans, 0, min(_MAX_SCANS, message.rate * _MAX_SECONDS + 2)),
+    )
+    for name, value, least, greatest in bounds:
+        if not least <= value <= greatest:  # NaN too
+            raise ValueError(f"{name}: expected {least:g} to {greatest:g}, found {value:g}")
 
 
 def _counts(message: AccelBlock) -> IntArray:

@@ -3,16 +3,18 @@
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import IO, cast
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message
-from mcap.stream_reader import breakup_chunk
 from zstandard import ZstdError
 
 from daq.errors import LogError
+from daq.log_chunk import WholeReads, chunk_records
 
 _OPCODE_AND_LENGTH = 9  # bytes
 
@@ -40,9 +42,10 @@ class FileIndex:
         """
         try:
             with self.path.open("rb") as file:
-                file.seek(chunk.chunk_start_offset + _OPCODE_AND_LENGTH)
-                read = Chunk.read(ReadDataStream(file))
-            return [record for record in breakup_chunk(read, validate_crc=True) if isinstance(record, Message)]
+                whole = WholeReads(file)
+                whole.seek(chunk.chunk_start_offset + _OPCODE_AND_LENGTH)
+                read = Chunk.read(ReadDataStream(cast(IO[bytes], whole)))
+            return [record for record in chunk_records(read) if isinstance(record, Message)]
         except OSError as error:
             raise LogError(self.path, f"cannot be read: {error.strerror}") from error
         except (McapError, ZstdError, struct.error, ValueError) as error:
@@ -66,10 +69,12 @@ def file_index(path: Path) -> FileIndex | None:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
     with file:
         try:
-            summary = make_reader(file).get_summary()
+            summary = make_reader(cast(IO[bytes], WholeReads(file))).get_summary()
         except (OSError, McapError, struct.error, ValueError):  # OSError: shorter than a footer
             return None  # whoever reads the records one by one reports the damage
     if summary is None or not summary.chunk_indexes:
         return None
     chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+    if any(one.chunk_start_offset + one.chunk_length > other.chunk_start_offset for one, other in pairwise(chunks)):
+        return None  # chunks do not overlap: such an index would have one read many times
     return FileIndex(path, tuple(summary.channels.values()), tuple(chunks))

@@ -18,7 +18,7 @@ from typing import IO, Any, Literal, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, DataEnd, Header, Message, Metadata
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap_protobuf.schema import build_file_descriptor_set
 from zstandard import ZstdError
@@ -30,7 +30,8 @@ from daq.chunk_index import LeanWriter
 from daq.errors import ItemError, LogError
 from daq.file_index import file_index
 from daq.filelock import lock
-from daq.parts import PART, AnyLog, LogExcerpt, Part, files_of
+from daq.log_chunk import WholeReads, chunk_records
+from daq.parts import END, PART, AnyLog, LogExcerpt, Part, files_of
 from daq.recording import Block
 from daq.ros_messages import ENCODING as VIEW_ENCODING
 from daq.ros_messages import schema as view_schema
@@ -45,6 +46,7 @@ SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of th
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
 }
 T = TypeVar("T")
+_KINDS: dict[str, type[int] | type[float]] = {"missing": int, "exact": int, "index": int, "celsius": float}
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -334,9 +336,16 @@ def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]
 def _item(topic: str, message: Message) -> Item:
     if _is_signal(topic):
         return decode_block(topic.removeprefix(ACCEL), message.data)
+    if message.log_time > END:
+        raise ValueError(f"expected a time before the year 2262, found {message.log_time} ns")
     payload = parse_json(message.data)
     if not isinstance(payload, dict):
         raise ValueError(f"expected a JSON object, found {payload!r:.40}")
+    for name, kind in _KINDS.items():
+        if not isinstance(payload.get(name, kind()), kind | int):
+            raise ValueError(f"{name}: expected {kind.__name__}, found {payload[name]!r:.40}")
+    if not isinstance(payload.get("device", ""), str):
+        raise ValueError(f"device: expected a name, found {payload['device']!r:.40}")
     return Event(topic=topic, time=message.log_time, payload=payload)
 
 
@@ -345,7 +354,12 @@ def read_attachments(log: AnyLog) -> dict[str, str]:
     found: dict[str, str] = {}
     for record in _records(files_of(log)[0]):
         if isinstance(record, Attachment):
-            found[record.name] = record.data.decode()
+            try:
+                found[record.name] = record.data.decode()
+            except UnicodeDecodeError as error:
+                raise LogError(
+                    files_of(log)[0], f"attachment {record.name}: expected text in UTF-8: {error}"
+                ) from error
         elif isinstance(record, Message):
             break  # attachments come before the first message
     return found
@@ -362,22 +376,6 @@ def read_part(path: Path) -> Part | None:
         if isinstance(record, Attachment | Channel | Message):
             break  # it would come before these
     return None
-
-
-class WholeReads:
-    """A file that ends where less is left than asked for: the stock reader takes half a record for a whole one."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-
-    def read(self, n: int) -> bytes:
-        """Return `n` bytes."""
-        if n > _BUFFER and n > os.fstat(self._file.fileno()).st_size:
-            raise McapError(f"a length of {n} bytes is more than the file has")  # nor would memory hold it
-        data = self._file.read(n)
-        if len(data) < n:
-            raise EndOfFile
-        return data
 
 
 def _records(path: Path) -> Iterator[object]:
@@ -399,10 +397,11 @@ def _damaged(path: Path, file: IO[bytes], error: Exception) -> LogError:
 
 def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
     """Yield records until the file's end, planned or not."""
-    records = StreamReader(cast(IO[bytes], WholeReads(file)), validate_crcs=True).records
+    records = StreamReader(cast(IO[bytes], WholeReads(file)), emit_chunks=True, validate_crcs=True).records
     while True:
         try:
             record = next(records)
+            opened = chunk_records(record) if isinstance(record, Chunk) else (record,)
         except (StopIteration, EndOfFile):
             return
         except CRCValidationError as error:
@@ -412,5 +411,5 @@ def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
         except (McapError, ZstdError, struct.error, ValueError) as error:
             raise _damaged(path, file, error) from error
         if isinstance(record, Header) and record.profile != PROFILE:
-            raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r}")
-        yield record
+            raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r:.80}")
+        yield from opened

@@ -17,6 +17,7 @@ from io import BytesIO
 from typing import IO
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -35,6 +36,7 @@ from mcap.records import (
 from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 
 from daq.log import MAGIC
+from daq.log_chunk import check_chunk_size
 from daq.log_index import IndexedChunks
 
 _FRAME = struct.Struct("<BQ")  # of a record: opcode, length
@@ -73,7 +75,7 @@ class PlainLog:
                 while self._take(data):
                     pass
                 self._define_all(self._indexed.look())
-            except (ZstdError, struct.error, ValueError) as error:
+            except (McapError, ZstdError, struct.error, ValueError) as error:
                 raise NotPlainError(str(error)) from error
 
     @property
@@ -128,6 +130,7 @@ class PlainLog:
         first, last, size, checksum, named = _CHUNK.unpack_from(data, start + _FRAME.size)
         at = start + _FRAME.size + _CHUNK.size + named + 8
         compressed = data[at:end]
+        check_chunk_size(size)
         if data[at - 8 - named : at - 8] != b"zstd" or frame_content_size(compressed) != size:
             raise NotPlainError(f"chunk at byte {start}")
         raw = self._zstd.decompress(compressed)

@@ -18,6 +18,7 @@ HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an import
     "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
     "writes one"
 )
+_MAX_VALUES = 1 << 28  # of a window: 2 GB
 _LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
 _ABSENT_SECONDS = 2.0  # of silence where an excerpt begins, after which a device counts as lost
 _PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
@@ -118,6 +119,9 @@ def _cut(
     devices = {c.device for c in known.channels}
     missing = devices - rates.keys()
     all_rates = rates | dict.fromkeys(missing, min(rates.values()))
+    values = seconds * min(rates.values()) * (1 + max(channel.axis for channel in known.channels)) * len(devices)
+    if values > _MAX_VALUES:
+        raise LogError(str(log), f"a window of {seconds:g} s has {values:.3g} samples, expected up to {_MAX_VALUES:g}")
     assembler = Assembler(
         known.channels,
         all_rates,
@@ -129,12 +133,15 @@ def _cut(
     )
     for device in missing | absent_devices(log, devices):
         yield from assembler.push_event(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
-    for item in read_log(log):
-        if isinstance(item, Event):
-            yield from assembler.push_event(item)
-        elif item.device in rates:
-            yield from assembler.push(item)
-    yield from assembler.finish()
+    try:
+        for item in read_log(log):
+            if isinstance(item, Event):
+                yield from assembler.push_event(item)
+            elif item.device in rates:
+                yield from assembler.push(item)
+        yield from assembler.finish()
+    except (ArithmeticError, ValueError) as error:
+        raise LogError(str(log), f"holds scans and times that do not fit together: {error}") from error
 
 
 def _whole(pieces: Iterable[Recording], n: int) -> Iterator[Recording]:

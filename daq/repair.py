@@ -11,13 +11,14 @@ from typing import IO, cast
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from daq.errors import LogError
 from daq.filelock import lock
-from daq.log import MAGIC, PROFILE, SCHEMAS, WholeReads
+from daq.log import MAGIC, PROFILE, SCHEMAS
+from daq.log_chunk import WholeReads, chunk_records
 from daq.log_end import NotPlainError, PlainLog
 
 _LAST_OPCODE = 0x0F  # of the format's records
@@ -266,7 +267,7 @@ def _step_over(file: IO[bytes], start: int) -> bool:
 def _opened(chunk: Chunk, survey: _Survey) -> list[object]:
     """Return the records of a chunk; none if it is damaged."""
     try:
-        return list(breakup_chunk(chunk, validate_crc=True))
+        return [*chunk_records(chunk)]
     except _DAMAGE:
         survey.lost_chunks += 1
         return []

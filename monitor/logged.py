@@ -199,8 +199,8 @@ class _Reading:
     def _event(self, event: Event, quality: DeviceQuality) -> None:
         if event.topic == "/event/gap":
             quality.gaps += 1
-            quality.missing += int(event.payload["missing"])
-            quality.exact &= bool(event.payload["exact"])
+            quality.missing += int(event.payload.get("missing", 0))
+            quality.exact &= bool(event.payload.get("exact", False))
         elif event.topic == "/event/device_lost":
             quality.lost += 1
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from daq import LogError, has_end, repair_log
+from daq import LogError, has_end, one_line, repair_log
 
 
 def mend_logs(folder: Path) -> Iterator[str]:
@@ -18,3 +18,5 @@ def mend_logs(folder: Path) -> Iterator[str]:
                 yield f"{path}: mended, {state.n_messages} messages kept"
         except LogError as error:
             yield str(error)
+        except Exception as error:  # noqa: BLE001 - a file that somebody left there must not stop a start
+            yield one_line(f"{path}: cannot be mended: {type(error).__name__}: {error}")

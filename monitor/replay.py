@@ -178,7 +178,7 @@ def _skipped(log: AnyLog) -> frozenset[int]:
     with suppress(LogError):
         for event in read_events(log):
             if event.topic == TOPIC_WINDOW and event.payload.get("skipped"):
-                found.add(int(event.payload["index"]))
+                found.add(int(event.payload.get("index", -1)))
     return frozenset(found)
 
 

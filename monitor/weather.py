@@ -36,7 +36,7 @@ class Weather:
     def take(self, event: Event) -> None:
         """Take what stands in the log."""
         if event.topic == TOPIC_TEMPERATURE:
-            self._readings.append((event.time, float(event.payload["celsius"])))
+            self._readings.append((event.time, float(event.payload.get("celsius", "nan"))))
 
     def of(self, recording: Recording) -> float:
         """Return the temperature of a window [degC], NaN where nothing tells it; windows in their order.

@@ -24,7 +24,7 @@ from fuzz_readers import READERS, case
 
 CODES = frozenset({0, 1, 2, 3})  # 70 is an error of the program's own
 SECONDS = 10.0  # of processor time
-_WALL_SECONDS = 30.0  # on a busy machine
+_WALL_SECONDS = 60.0  # on a busy machine
 MEGABYTES = 1000.0  # resident
 _ADDRESS_SPACE = 3 << 30  # bytes beyond what the parent has: a bound for this machine's sake
 LONGEST = 2000  # characters of a line of an error

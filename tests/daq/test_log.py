@@ -70,7 +70,7 @@ def test_every_block_comes_back(counts: IntArray, first: int, pair: int, tempera
 @given(counts_)
 def test_a_block_of_plain_differences_comes_back(counts: IntArray) -> None:
     difference = np.diff(counts.T.view(np.uint32), axis=1, prepend=np.uint32(0)).view(np.int32)  # as in old logs
-    message = AccelBlock(rate=500.0, n_axes=counts.shape[1], difference=difference.ravel().tolist())
+    message = AccelBlock(rate=500.0, scale=1e-3, n_axes=counts.shape[1], difference=difference.ravel().tolist())
     np.testing.assert_array_equal(decode_block("beam", message.SerializeToString()).counts, counts)
 
 

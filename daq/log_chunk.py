@@ -1,0 +1,89 @@
+"""Chunks of a log opened with bounded memory: sizes stated in a file are checked before they are believed."""
+
+import os
+from dataclasses import replace
+from typing import IO
+
+import lz4.frame
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Chunk, McapRecord
+from mcap.stream_reader import breakup_chunk
+from zstandard import ZstdDecompressor, ZstdError, frame_content_size
+
+_READ_AHEAD = 1 << 20
+MAX_CHUNK = 32 << 20  #: bytes of an uncompressed chunk: the writers begin a new one after 1 MB
+
+
+class WholeReads:
+    """A file whose reads return all bytes asked for or fail, and never more than the file has.
+
+    The stock reader takes a half record for a whole one, and asks for memory as a damaged length says.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def read(self, n: int) -> bytes:
+        """Return `n` bytes."""
+        if n > _READ_AHEAD and n > os.fstat(self._file.fileno()).st_size:
+            raise McapError(f"a length of {n} bytes is more than the file has")
+        data = self._file.read(n)
+        if len(data) < n:
+            raise EndOfFile
+        return data
+
+    def seek(self, at: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place in the file; return it."""
+        if abs(at) > os.fstat(self._file.fileno()).st_size:
+            raise McapError(f"a place of {at} bytes is outside the file")
+        return self._file.seek(at, whence)
+
+    def tell(self) -> int:
+        """Return the place in the file."""
+        return self._file.tell()
+
+    def seekable(self) -> bool:
+        """Return whether `seek` works."""
+        return self._file.seekable()
+
+
+def chunk_records(chunk: Chunk) -> list[McapRecord]:
+    """Return the records of a chunk, its checksum verified.
+
+    Raises
+    ------
+    McapError, ZstdError, struct.error, ValueError
+        If it is damaged, or larger than `MAX_CHUNK`.
+    """
+    plain = replace(chunk, data=_uncompressed(chunk), compression="")
+    try:
+        return breakup_chunk(plain, validate_crc=True)
+    except (EndOfFile, OverflowError) as error:  # the chunk's end must not be taken for the file's
+        raise McapError("a record is longer than its chunk") from error
+
+
+def check_chunk_size(size: int) -> None:
+    """Refuse an uncompressed size that no writer of logs makes."""
+    if size > MAX_CHUNK:
+        raise McapError(f"chunk: uncompressed size: expected up to {MAX_CHUNK} bytes, found {size}")
+
+
+def _uncompressed(chunk: Chunk) -> bytes:
+    check_chunk_size(chunk.uncompressed_size)
+    if not chunk.compression:
+        return chunk.data
+    if chunk.compression == "zstd":
+        stated = frame_content_size(chunk.data)
+        if stated not in (-1, chunk.uncompressed_size):
+            raise ZstdError(f"expected {chunk.uncompressed_size} bytes, found a frame of {stated}")
+        data = ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+    elif chunk.compression == "lz4":
+        try:
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
+        except (RuntimeError, EOFError) as error:
+            raise McapError(f"chunk: {error}") from error
+    else:
+        raise McapError(f"chunk: expected compression by zstd or lz4, found {chunk.compression!r:.40}")
+    if len(data) != chunk.uncompressed_size:
+        raise McapError(f"chunk: expected {chunk.uncompressed_size} bytes, found {len(data)}")
+    return data
