@@ -5,7 +5,6 @@ References
 systemd.service(5), systemd.exec(5), systemd.resource-control(5).
 """
 
-import pwd
 import re
 import sys
 from dataclasses import dataclass
@@ -26,27 +25,35 @@ SystemCallArchitectures=native
 SystemCallFilter=@system-service
 SystemCallErrorNumber=EPERM
 UMask=0027
+MemoryMax=80%
 """
-#: what only the system's manager can grant or take; devices: serial ports, USB ones, and ptys of emulated rigs
+#: what only the system's manager can grant or take; @resources stays, as processes lower their priority
 _OF_SYSTEM = """\
+SystemCallFilter=~@privileged
 CapabilityBoundingSet=
 ProtectSystem=strict
 ProtectHome=read-only
 PrivateTmp=yes
+PrivateMounts=yes
+ProtectClock=yes
 ProtectKernelTunables=yes
 ProtectKernelModules=yes
 ProtectKernelLogs=yes
 ProtectControlGroups=yes
 ProtectHostname=yes
 ProtectProc=invisible
+ProcSubset=pid
 RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_CAN AF_NETLINK
 DevicePolicy=closed
-DeviceAllow=char-ttyUSB rw
-DeviceAllow=char-ttyACM rw
-DeviceAllow=char-ttyS rw
-DeviceAllow=char-pts rw
-SupplementaryGroups=dialout
 """
+#: beginnings of ports -> kinds of devices there; whole kinds, as a device that is plugged in again gets another number
+_KINDS = {
+    "/dev/serial/": ("char-ttyUSB", "char-ttyACM"),
+    "/dev/ttyUSB": ("char-ttyUSB",),
+    "/dev/ttyACM": ("char-ttyACM",),
+    "/dev/ttyS": ("char-ttyS",),
+    "/dev/pts/": ("char-pts",),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,21 +80,30 @@ class Unit:
             raise ArgumentError("install-service", f"{self.path}: {error.strerror}; --print shows it") from error
 
 
-def unit_of(site: Path, writable: tuple[Path, ...], *, of_user: bool) -> Unit:
+@dataclass(frozen=True, kw_only=True)
+class Access:
+    """What a unit may use beside what it may read."""
+
+    user: str  #: as whom it runs; of no use to the user's manager
+    writable: tuple[Path, ...]  #: folders, absolute
+    ports: tuple[str, ...]  #: of devices: files below /dev, or others
+
+
+def unit_of(site: Path, access: Access, *, of_user: bool) -> Unit:
     """Return the unit that runs a site.
 
     Parameters
     ----------
     site : SITE.toml, absolute
-    writable : folders that the run writes to, absolute
+    access : what the run may use
     of_user : whether it is for the user's manager instead of the system's
     """
     name = "modalwatch-" + re.sub(r"[^A-Za-z0-9]+", "-", site.parent.name + "-" + site.stem).strip("-")
     folder = Path.home() / ".config" / "systemd" / "user" if of_user else _SYSTEM
-    return Unit(path=folder / f"{name}.service", text=_text(site, writable, of_user=of_user))
+    return Unit(path=folder / f"{name}.service", text=_text(site, access, of_user=of_user))
 
 
-def _text(site: Path, writable: tuple[Path, ...], *, of_user: bool) -> str:
+def _text(site: Path, access: Access, *, of_user: bool) -> str:
     lines = [_MARK, "[Unit]", f"Description=modalwatch watches {_plain(site.parent.name)}/{_plain(site.name)}"]
     if not of_user:
         lines += ["Wants=network-online.target", "After=network-online.target time-sync.target"]
@@ -104,8 +120,8 @@ def _text(site: Path, writable: tuple[Path, ...], *, of_user: bool) -> str:
     ]
     lines += ["Environment=OPENBLAS_NUM_THREADS=1", "", "# no more than it needs", *_COMMON.splitlines()]
     if not of_user:
-        lines += [f"User={_owner(site)}", *_OF_SYSTEM.splitlines()]
-        lines += [f"ReadWritePaths={_quoted(folder)}" for folder in writable]
+        lines += [f"User={_plain(access.user)}", *_OF_SYSTEM.splitlines(), *_devices(access.ports)]
+        lines += [f"ReadWritePaths={_quoted(folder)}" for folder in access.writable]
     lines += ["", "[Install]", f"WantedBy={'default' if of_user else 'multi-user'}.target"]
     return "\n".join(lines) + "\n"
 
@@ -118,13 +134,20 @@ def _command() -> str:
     return f'{_quoted(Path(sys.executable))} -c "from monitor.cli.main import main; main()"'
 
 
-def _owner(site: Path) -> str:
-    """Return whose rights it runs with: those of the owner of the site's folder."""
-    uid = site.parent.stat().st_uid
-    try:
-        return pwd.getpwuid(uid).pw_name
-    except KeyError:
-        return str(uid)
+def _devices(ports: tuple[str, ...]) -> list[str]:
+    """Return what opens a site's ports; without ports there is no device at all.
+
+    PrivateDevices= is for sites without ports only: a port that is plugged in again would not appear.
+    """
+    files = {name for port in ports for name in (port, str(Path(port).resolve())) if name.startswith("/dev/")}
+    if not files:
+        return ["PrivateDevices=yes"]
+    kinds = {kind for name in files for kind in _kinds(name)}
+    return [*(f"DeviceAllow={_plain(kind)} rw" for kind in sorted(kinds)), "SupplementaryGroups=dialout"]
+
+
+def _kinds(file: str) -> tuple[str, ...]:
+    return next((kinds for beginning, kinds in _KINDS.items() if file.startswith(beginning)), (file,))
 
 
 def _plain(value: object) -> str:

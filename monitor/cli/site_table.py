@@ -44,11 +44,14 @@ def install_service(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
     user: Annotated[bool, typer.Option("--user", help="For your own service manager, not the system's.")] = False,
     only_print: Annotated[bool, typer.Option("--print", help="Print the unit, write nothing.")] = False,
+    run_as: Annotated[
+        str | None, typer.Option("--as", metavar="USER", help="Run as this user; the owner of the folder unless given.")
+    ] = None,
 ) -> None:
     """Write the systemd unit that runs a site: from boot, watched, with no more rights than it needs."""
     from monitor.cli.service import install_command
 
-    raise typer.Exit(install_command(site, of_user=user, only_print=only_print))
+    raise typer.Exit(install_command(site, of_user=user, only_print=only_print, run_as=run_as))
 
 
 @site_app.command()

@@ -1,6 +1,7 @@
 """What systemd is told, over a real socket, and the unit that it reads."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -94,7 +95,8 @@ def site(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("scope", ["system", "user"])
 def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
     """systemd's own check of it says nothing: every key is known, every path can be read."""
-    text = modalwatch("install-service", site, "--print", *(["--user"] if scope == "user" else [])).out
+    as_whom = ["--user"] if scope == "user" else ["--as", "daemon"]
+    text = modalwatch("install-service", site, "--print", *as_whom).out
     unit = site.parent / "modalwatch-test.service"
     unit.write_text(text)
     command = ["systemd-analyze", "verify", "--man=no", f"--{scope}", str(unit)]
@@ -104,6 +106,41 @@ def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) ->
     assert done.returncode == 0, done
     assert "Type=notify" in text
     assert ("ProtectSystem=strict" in text) == (scope == "system")
+    assert "\nMemoryMax=" in text
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
+@pytest.mark.parametrize(
+    ("port", "devices", "most"),
+    [
+        ("/dev/serial/by-id/usb-x", {"DeviceAllow=char-ttyUSB rw", "DeviceAllow=char-ttyACM rw"}, 2.0),
+        ("/dev/ttyS3", {"DeviceAllow=char-ttyS rw"}, 2.0),
+        ("/dev/odd%1", {"DeviceAllow=/dev/odd%%1 rw"}, 2.0),
+        ("elsewhere", {"PrivateDevices=yes"}, 1.7),
+    ],
+)
+def test_unit_opens_the_ports_of_the_site_and_little_else(
+    modalwatch: Commands, site: Path, port: str, devices: set[str], most: float
+) -> None:
+    site.write_text(SITE.format(port=port), encoding="utf-8")
+    text = modalwatch("install-service", site, "--print", "--as", "daemon").out
+    assert {line for line in text.splitlines() if line.startswith(("DeviceAllow", "PrivateDevices"))} == devices
+    unit = site.parent / "modalwatch-test.service"
+    unit.write_text(text)
+    command = ["systemd-analyze", "security", "--offline=true", "--no-pager", str(unit)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    found = re.search(r"Overall exposure level for .*: ([\d.]+) ", said)
+    assert found is not None, said
+    assert float(found[1]) <= most, said
+
+
+def test_folder_of_roots_takes_a_user(modalwatch: Commands, site: Path) -> None:
+    if site.parent.stat().st_uid == 0:
+        assert_refused(modalwatch("install-service", site, "--print"), "belongs to root", "--as USER")
+        assert not (site.parent / "state").exists()
+    assert_refused(modalwatch("install-service", site, "--print", "--as", "nobody-of-that-name"), "--as")
+    assert_refused(modalwatch("install-service", site, "--print", "--as", "daemon", "--user"), "--as")
+    assert "\nUser=daemon\n" in modalwatch("install-service", site, "--print", "--as", "daemon").out
 
 
 def test_unit_is_written_anew_but_never_over_anothers(
