@@ -145,10 +145,14 @@ class LogWriter:
             self._channels[topic], log_time=log_time, publish_time=log_time, data=data, sequence=self._written[topic]
         )
 
-    def flush(self) -> None:
-        """Close the chunk and bring it to the disk."""
+    def hand_over(self) -> None:
+        """Close the chunk and give it to the system, which keeps it if this process is killed."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
+
+    def flush(self) -> None:
+        """Close the chunk and bring it to the disk."""
+        self.hand_over()
         os.fdatasync(self._file.fileno())
         self._safe = self._file.tell()
 

@@ -90,6 +90,14 @@ class LogKeeper:
             except Exception as error:  # noqa: BLE001 - whatever stops this file, the next one may take it
                 self._stop(error)
 
+    def hand_over(self) -> None:
+        """Give what was taken to the system, if the disk takes anything."""
+        if not self._stopped:
+            try:
+                self._recorder.hand_over()
+            except Exception as error:  # noqa: BLE001 - likewise
+                self._stop(error)
+
     def flush(self) -> None:
         """Bring what was taken to the disk, make room where there is little, or try again where it failed."""
         if self._stopped:

@@ -10,6 +10,7 @@ from daq.log import Item
 from daq.supervision import FAILURES, SupervisedThread
 
 _LONGEST_PAUSE_SECONDS = 5.0  # before the thread is restarted: the queue holds a little more than that
+_SYNC_SECONDS = 0.15  # at most, between what is brought to the disk: more often wears out cards
 _PAUSE = 0.05  # s between looks at the queue: to be woken by every item costs more than to write it
 
 
@@ -18,6 +19,9 @@ class ItemWriter(Protocol):
 
     def write(self, item: Item) -> None:
         """Take an item."""
+
+    def hand_over(self) -> None:
+        """Give what was taken to the system: a kill of this process costs none of it."""
 
     def flush(self) -> None:
         """Bring what was taken to the disk."""
@@ -44,7 +48,8 @@ class LogThread:
     ----------
     writer : the log; closed at the end
     on_written : called in the writer's thread with every item once it is in the log, in the log's order
-    chunk_seconds : of wall time from the first item of a chunk to its flush
+    chunk_seconds : of wall time from the first item of a chunk until the system has it, and a kill costs nothing of it;
+        the disk has it 0.15 s later at most
     capacity : items the queue holds; what comes when it is full is dropped and counted
     """
 
@@ -53,13 +58,14 @@ class LogThread:
         writer: ItemWriter,
         on_written: Callable[[Item], None],
         *,
-        chunk_seconds: float = 0.25,
+        chunk_seconds: float = 0.05,
         capacity: int = 20_000,
     ) -> None:
         self._writer, self._on_written, self._chunk_seconds = writer, on_written, chunk_seconds
         self._queue: queue.Queue[Item | _Switch] = queue.Queue(capacity)
         self._waits: float | None = None  # since when an item waits for a flush [s, monotonic]
         self._flushed = time.monotonic()
+        self._sync_due = 0.0  # when the disk is to have what the system has [s, monotonic]
         self._thread = SupervisedThread("log", self._run, longest_pause=_LONGEST_PAUSE_SECONDS, daemon=False)
         self.dropped = 0  #: items that found the queue full
         self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
@@ -127,7 +133,11 @@ class LogThread:
             self._waits = None
             if not self._queue.empty():
                 self._waits = time.monotonic()
-            self._guarded(self._writer.flush)
+            if time.monotonic() < self._sync_due:
+                self._guarded(self._writer.hand_over)
+            else:
+                self._guarded(self._writer.flush)
+                self._sync_due = time.monotonic() + min(3 * self._chunk_seconds, _SYNC_SECONDS)
             self._flushed = time.monotonic()
             if self.failure is None:
                 self.turned = self._flushed

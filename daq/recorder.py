@@ -86,6 +86,10 @@ class LogRecorder:
         for message in messages:
             self._writer.show(message)
 
+    def hand_over(self) -> None:
+        """Close the chunk and give it to the system."""
+        self._writer.hand_over()
+
     def flush(self) -> None:
         """Close the chunk and bring it to the disk; if the file is full now, what comes next begins a new one."""
         self._writer.flush()

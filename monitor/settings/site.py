@@ -22,7 +22,7 @@ class RecorderSettings(Section):
 
     folder: str = "log"
     """where logs go"""
-    chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.25
+    chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.05
     """of wall time that what came may wait to be written: a kill loses at most that and the last 0.2 s of blocks"""
     rotate_mb: Positive = 512.0
     """size of a log file at which the next one is begun [MB = 10^6 bytes]"""

@@ -1,4 +1,4 @@
-"""What a kill -9 costs: half a second and a chunk at most."""
+"""What a kill -9 costs of what the log was given: 0.3 s at most, with blocks of 0.2 s half a second."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ from daq import Block, read_attachments, read_log
 
 pytestmark = pytest.mark.live
 
-CHUNK_SECONDS = 0.25  # of LogThread unless told otherwise
+MOST_SECONDS = 0.3  # of what was put, six chunks
 WRITER = """
 import sys, time
 from pathlib import Path
@@ -28,7 +28,7 @@ TESTS = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("seconds", [0.3, 0.95, 1.7])
-def test_kill_costs_half_a_second_and_a_chunk_at_most(tmp_path: Path, seconds: float) -> None:
+def test_kill_costs_a_chunk_and_what_the_machine_takes(tmp_path: Path, seconds: float) -> None:
     path = tmp_path / "log.mcap"
     put: list[float] = []  # when each block was known to be put
     with subprocess.Popen(
@@ -43,7 +43,7 @@ def test_kill_costs_half_a_second_and_a_chunk_at_most(tmp_path: Path, seconds: f
         process.kill()
         killed = time.monotonic()
     blocks = [item for item in read_log(path) if isinstance(item, Block)]
-    safe = sum(when < killed - 0.5 - CHUNK_SECONDS for when in put)
+    safe = sum(when < killed - MOST_SECONDS for when in put)
     assert safe > 0 or seconds < 0.9
     assert len(blocks) >= safe
     for k, block in enumerate(blocks):

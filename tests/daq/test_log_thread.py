@@ -85,6 +85,9 @@ class _Counted:
     def write(self, item: Item) -> None:
         self.written += 1
 
+    def hand_over(self) -> None:
+        """Give nothing to the disk."""
+
     def flush(self) -> None:
         self.flushed = self.written
 
