@@ -1,5 +1,6 @@
 """Arrays of numpy's .npz and Matlab's .mat files."""
 
+import math
 import struct
 import tokenize
 import zipfile
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from daq.archive_size import check_unpacked
 from daq.errors import DataError
 from daq.matfile import read_mat
 from daq.origin import Origin, parse_origin
@@ -21,6 +23,7 @@ _DAMAGED = (
     *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
     *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError),
 )
+_MAX_CHANNELS = 10_000
 ORIGIN = "origin"  #: array of one text
 _DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
 
@@ -37,12 +40,19 @@ class Arrays:
     origin: Origin | None = None  #: of an exported file
 
 
-def read_arrays(path: Path, time: str | None = None) -> Arrays:
+def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:
     """Read signals from arrays.
 
     Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
     array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time`
     (``t`` or ``time``, perhaps with its unit, unless given).
+
+    Parameters
+    ----------
+    path : of the file
+    time : name of the array of times
+    transposed : whether each row of ``data`` is a channel; asked for where there are more channels than samples and
+        neither names nor times tell
 
     Raises
     ------
@@ -64,6 +74,11 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
     values = _numbers(path, "data", data)
     if values.ndim != 2:
         raise DataError(path, f"data: expected (n_samples, n_channels), found {values.shape}")
+    values = values.T if transposed else values
+    if transposed is None:
+        _ask_orientation(path, values.shape, names, t)
+    if values.shape[1] > _MAX_CHANNELS:
+        raise DataError(path, f"data: expected up to {_MAX_CHANNELS} channels, found {values.shape[1]}")
     return Arrays(
         names=_channel_names(path, names, values.shape[1]),
         values=values,
@@ -72,6 +87,19 @@ def read_arrays(path: Path, time: str | None = None) -> Arrays:
         t_name=t_name,
         origin=origin,
     )
+
+
+def _ask_orientation(path: Path, shape: tuple[int, int], names: object, t: object) -> None:
+    """Refuse an array with more channels than samples, unless names or times tell that it is meant so."""
+    n_samples, n_channels = shape
+    named = names is not None and np.size(np.asarray(names)) == n_channels
+    timed = t is not None and np.size(np.asarray(t)) == n_samples
+    if n_samples < n_channels and not named and not timed:
+        raise DataError(
+            path,
+            f"data: found {shape}, which is {n_channels} channels of {n_samples} samples: say --transpose if each row "
+            "is a channel, --no-transpose if each column is one",
+        )
 
 
 def _origin(path: Path, arrays: dict[str, Any]) -> Origin | None:
@@ -85,13 +113,32 @@ def _origin(path: Path, arrays: dict[str, Any]) -> Origin | None:
 def _load(path: Path) -> dict[str, Any]:
     try:
         if path.suffix.lower() == ".npz":
+            _check_archive(path)
             with path.open("rb") as opened, np.load(opened) as file:
                 return dict(file)
         return read_mat(path)
+    except DataError:
+        raise
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
     except _DAMAGED as error:
         raise DataError(path, f"holds no arrays: {error}") from error
+
+
+def _check_archive(path: Path) -> None:
+    """Refuse an archive whose arrays are larger than what is in it, or far larger than the file."""
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        check_unpacked(path, "arrays", sum(member.file_size for member in members))
+        for member in (member for member in members if member.filename.endswith(".npy")):
+            with archive.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, dtype = read(file)
+                held = member.file_size - file.tell()
+            stated = math.prod(shape) * dtype.itemsize
+            if stated > held:
+                raise DataError(path, f"{member.filename}: {shape} of {dtype} are {stated} bytes, found {held}")
 
 
 def _first(arrays: dict[str, Any], names: tuple[str, ...]) -> Any:  # noqa: ANN401 - whatever the file holds

@@ -14,6 +14,7 @@ import can
 import numpy as np
 from can.io.blf import BLFParseError
 
+from daq.blf_reader import BoundedBlfReader
 from daq.can_address import DbcSensor
 from daq.can_bus import frames_of
 from daq.channelmap import CHANNELS, ChannelMap
@@ -28,7 +29,7 @@ from daq.recording import Block, Channel, IndexArray
 
 _READERS: dict[str, tuple[Callable[..., Iterable[can.Message]], str]] = {
     ".asc": (can.ASCReader, "r"),
-    ".blf": (can.BLFReader, "rb"),
+    ".blf": (BoundedBlfReader, "rb"),
     ".log": (can.CanutilsLogReader, "r"),
     ".trc": (can.TRCReader, "r"),
 }
@@ -36,6 +37,7 @@ CAN_LOGS = tuple(_READERS)  #: names of files of CAN traffic end so
 _PIECE_SECONDS, _PIECE_FRAMES = 0.1, 4096  # that are decoded at a time
 _BLOCK_SECONDS = 0.25
 _BACK_SECONDS = 1.0  # that time stamps may go back: of two buses in one file, not of a clock
+_MAX_SECONDS = 4.6e9  # of a time stamp since 1970
 _RATE_TOLERANCE = 0.05
 _DAMAGED = (
     ValueError,
@@ -153,7 +155,9 @@ class _Stream:
         found = self.found()
         steps = found.scans + found.missing - 1
         if abs(steps - rate * found.seconds) > max(2.0, _RATE_TOLERANCE * steps):
-            raise DataError(path, f"{device}: expected {rate:g} scans a second, found {steps / found.seconds:.4g}")
+            raise DataError(
+                path, f"{device}: expected {rate:g} scans a second, found {steps / max(found.seconds, 1e-9):.4g}"
+            )
 
     def _counted(self, block: Block) -> Iterator[Item]:
         missing = block.first_index - self._end
@@ -201,6 +205,9 @@ def _messages(path: Path) -> Iterator[can.Message]:
             for number, message in enumerate(make(file), 1):
                 if message.timestamp < last - _BACK_SECONDS:
                     why = f"frame {number}: its clock runs backwards, from {last:.6f} s to {message.timestamp:.6f} s"
+                    raise DataError(path, why)
+                if not 0 <= message.timestamp < _MAX_SECONDS or len(message.data) > (64 if message.is_fd else 8):
+                    why = f"frame {number}: {len(message.data)} bytes at {message.timestamp:g} s are none of CAN"
                     raise DataError(path, why)
                 last = max(last, message.timestamp)
                 if not (message.is_error_frame or message.is_fd):

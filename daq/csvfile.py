@@ -16,6 +16,7 @@ from daq.origin import Origin, parse_origin
 from daq.recording import FloatArray, IndexArray
 
 ORIGIN = "# modalwatch "  #: begins the comment that states the origin of an exported table
+_MAX_COLUMNS = 10_000
 _LINES = 20_000  # of a piece
 _DELIMITERS = ("\t", ";", ",")
 _LATIN = {0xDC00 + byte: byte for byte in range(0xA0, 0x100)}  # bytes that are no UTF-8, as they are read
@@ -150,6 +151,8 @@ def _layout(path: Path, line: Line | None, wanted: Collection[str] | None) -> _L
     number, text = line
     delimiter = next((d for d in _DELIMITERS if d in text), ",")
     header = tuple(name.strip() for name in _cells(path, line, delimiter))
+    if len(header) > _MAX_COLUMNS:
+        raise DataError(path, f"line {number}: expected up to {_MAX_COLUMNS} columns, found {len(header)}")
     if any(_is_number(name) for name in header):
         raise DataError(path, f"line {number}: expected the columns' names, found numbers: {text:.60}")
     for name in header if wanted is None else wanted:

@@ -21,6 +21,9 @@ from daq.timecolumn import TIME_UNITS, date_column, date_remark, in_seconds, no_
 from daq.universalfile import read_universal
 
 UNIVERSAL = {".uff", ".unv"}  #: endings of universal files
+_MAX_VALUE = 1e20  # m/s2
+_MAX_TIME = 4.6e18  # ns since 1970
+_MIN_RATE, _MAX_RATE = 1e-6, 1e6  # Hz
 _DEVICE = "import"
 
 
@@ -36,6 +39,7 @@ class DataOptions:
     columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; see `signals_of`
     velocities: Collection[str] = ()  #: channels that hold velocities [m/s, after `factor`]
     temperature: str | None = None  #: column of temperatures; what `temperatures_of` finds unless given
+    transposed: bool | None = None  #: whether rows of an array are channels; see `read_arrays`
 
     def __post_init__(self) -> None:
         """Refuse what no file can be read by."""
@@ -118,13 +122,17 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
     factor = factors(path, found.signals, options.velocities) if by_hand is None else by_hand
     channels = _channels(found)
     data = found.values * factor
+    _check_magnitude(path, found.signals, data)
     temperature = mean_temperature(path, found.warm, found.warmth, found.rate)
     stated = found.origin.start if found.origin else None
+    start = next((start for start in (options.start, found.began, stated) if start is not None), 0)
+    if not 0 <= start <= _MAX_TIME - len(data) / found.rate * 1e9:
+        raise DataError(path, f"time: expected dates from 1970 to 2115, found {start * 1e-9:.6g} s after 1970")
     recording = Recording(
         channels=channels,
         data=data,
         rate=found.rate,
-        start=next((start for start in (options.start, found.began, stated) if start is not None), 0),
+        start=start,
         temperature=known_mean(temperature),
         gaps=find_gaps(channels, data),
     )
@@ -141,6 +149,14 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
         remarks=tuple(remark for remark in said if remark),
         dated=found.began is not None or stated is not None,
     )
+
+
+def _check_magnitude(path: Path, signals: Sequence[Signal], data: FloatArray) -> None:
+    """Refuse values that are no accelerations in any unit, whose squares would be no numbers."""
+    largest = np.fmax.reduce(np.abs(data), axis=0, initial=0.0)
+    for signal, value in zip(signals, largest.tolist(), strict=True):
+        if value > _MAX_VALUE:
+            raise DataError(path, f"column {signal.column!r}: expected up to {_MAX_VALUE:g} m/s2, found {value:g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +223,7 @@ def _table(path: Path, options: DataOptions) -> _Columns:
 
 def _arrays(path: Path, options: DataOptions) -> _Columns:
     universal = path.suffix.lower() in UNIVERSAL  # whose units stand elsewhere
-    arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time)
+    arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time, options.transposed)
     if universal:
         signals, warm = signals_of(path, arrays.names, options.columns, united=False), tuple[str, ...]()
     else:
@@ -235,8 +251,8 @@ def _known(path: Path, given: float | None, found: float | None, otherwise: str)
     rate = given if given is not None else found
     if rate is None:
         raise DataError(path, otherwise)
-    if not rate > 0:
-        raise DataError(path, f"rate: expected a positive number of Hz, found {rate}")
+    if not _MIN_RATE <= rate <= _MAX_RATE:
+        raise DataError(path, f"rate: expected a positive number of Hz, {_MIN_RATE:g} to {_MAX_RATE:g}, found {rate:g}")
     return rate
 
 

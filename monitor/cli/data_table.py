@@ -47,6 +47,10 @@ def import_(
         str | None,
         typer.Option(metavar="NAME", help="Column of temperatures; those whose unit says so unless given."),
     ] = None,
+    transpose: Annotated[
+        bool | None,
+        typer.Option("--transpose/--no-transpose", help="Each row of an array is a channel; asked for if in doubt."),
+    ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
     new_site: Annotated[
@@ -71,6 +75,7 @@ def import_(
         columns=tuple(column or ()),
         velocities=tuple(velocity or ()),
         temperature=temperature,
+        transposed=transpose,
         structure=structure,
         site=site,
         new_site=new_site,

@@ -47,6 +47,7 @@ class ImportOptions:
     columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
     velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
     temperature: str | None = None  #: column of temperatures; all that say so unless given
+    transposed: bool | None = None  #: whether rows of an array are channels
     structure: Path | None = None
     site: Path | None = None
     new_site: Path | None = None  #: to be written, with these channels
@@ -138,6 +139,7 @@ def _read(data: Sequence[Path], options: ImportOptions) -> tuple[Measured, ...]:
         columns=columns_of(options.columns),
         velocities=options.velocities,
         temperature=options.temperature,
+        transposed=options.transposed,
     )
     try:
         return read_in_order(data, asked)
