@@ -1,6 +1,6 @@
 """Fit of all alternatives of a cause at once, and the evidence for each (Laplace)."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
@@ -22,6 +22,7 @@ _FEW = 150  # alternatives that go on after the first step, of more: those that 
 _HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
+_AT_ONCE = 256  # rows times parameters whose residuals are computed together: their arrays stay in the cache
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -248,7 +249,7 @@ def _adopt(point: Point, tried: Point, rows: IndexArray, chosen: BoolArray) -> N
     pairs = [(point, tried), (point.effect, tried.effect), (point.changed, tried.changed)]
     for into, source in pairs:
         for name, values in vars(into).items():
-            if isinstance(values, np.ndarray):
+            if isinstance(values, np.ndarray) and len(values) == len(point.theta):  # else no alternative changes it
                 values[rows] = getattr(source, name)[chosen]
 
 
@@ -279,21 +280,48 @@ def slopes(
 ) -> FloatArray:
     """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
     changed, old = point.changed.rows(rows), point.effect.rows(rows)
+    theta, before = point.theta[rows], point.residual[rows]
     value, vector = picked(changed)
     mass, flexibility, tangent = old.whole_mass, old.whole_flexibility, Tangent(changed, old)
-    columns = []
     steps = _STEP * hypotheses.prior_std
-    gives = hypotheses.gives(point.theta[rows]) if isinstance(hypotheses, Giving) else {}
-    for k in range(len(steps)) if parameters is None else parameters:
-        h, theta = steps[k], point.theta[rows]
-        theta[:, k] += h
-        if k in gives:
-            effect, (compliance, amount) = old, gives[k]
-            d_value, d_vector = tangent.by_compliance(compliance)
-            d_value, d_vector = h * amount[:, None] * d_value, h * amount[:, None, None] * d_vector
+    gives = hypotheses.gives(theta) if isinstance(hypotheses, Giving) else {}
+    columns = list(range(len(steps)) if parameters is None else parameters)
+    slope = np.zeros((len(columns), *before.shape))
+    for group in _groups(columns, gives, len(rows)):
+        k = np.array([columns[g] for g in group])
+        moved = np.tile(theta, (len(k), 1, 1))
+        moved[np.arange(len(k)), :, k] += steps[k, None]
+        stacked, every = moved.reshape(-1, len(steps)), np.tile(np.arange(len(rows)), len(k))
+        if k[0] in gives:
+            effect, amount = old.rows(every), steps[k, None] * [gives[each][1] for each in k]
+            d_value, d_vector = map(np.array, zip(*(tangent.by_compliance(gives[each][0]) for each in k), strict=True))
+            d_value, d_vector = amount[..., None] * d_value, amount[..., None, None] * d_vector
         else:
-            effect = hypotheses.effect(theta, rows)
-            d_value, d_vector = tangent.by(effect.whole_mass - mass, effect.whole_flexibility - flexibility)
-        moved = _residual(comparison, hypotheses, theta, value + d_value, vector + d_vector, effect)
-        columns.append((moved - point.residual[rows]) / h)
-    return np.stack(columns, axis=2) if columns else np.zeros((*point.residual[rows].shape, 0))
+            effect = hypotheses.effect(stacked, rows[every])
+            d_value, d_vector = tangent.by(
+                _by_parameter(effect.whole_mass, len(k), len(rows)) - mass,
+                _by_parameter(effect.whole_flexibility, len(k), len(rows)) - flexibility,
+            )
+        found = _residual(
+            comparison,
+            hypotheses,
+            stacked,
+            np.broadcast_to(value + d_value, (len(k), *value.shape)).reshape(-1, *value.shape[1:]),
+            np.broadcast_to(vector + d_vector, (len(k), *vector.shape)).reshape(-1, *vector.shape[1:]),
+            effect,
+        )
+        slope[group] = (found.reshape(len(k), *before.shape) - before) / steps[k, None, None]
+    return np.ascontiguousarray(np.moveaxis(slope, 0, 2))
+
+
+def _by_parameter(matrix: FloatArray, n_parameters: int, n_rows: int) -> FloatArray:
+    """Return matrices (n_parameters n_rows, n, n) by parameter and row, a single one (1, n, n) as that of all."""
+    shape = (n_parameters, n_rows) if len(matrix) > 1 else (1, 1)
+    return matrix.reshape(*shape, *matrix.shape[1:])
+
+
+def _groups(columns: list[int], gives: Collection[int], n_rows: int) -> list[list[int]]:
+    """Return positions in `columns` whose derivatives are computed together, those of `gives` apart."""
+    size = max(_AT_ONCE // max(n_rows, 1), 1)
+    kinds = [[i for i, k in enumerate(columns) if (k in gives) is given] for given in (False, True)]
+    return [kind[start : start + size] for kind in kinds for start in range(0, len(kind), size)]

@@ -20,12 +20,16 @@ from updater.residual import Prediction
 
 _SPLIT = 0.05  # of a compared mode, that is what hangs on the structure: then either of two modes may be meant
 _NEAR = 0.5  # of ln f: how far what hangs on a structure may yet answer from where it is begun
+_OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
 _LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Effect:
-    """What each of some alternatives does."""
+    """What each of some alternatives does.
+
+    A part that no alternative changes has a length of 1 along the first axis in the place of n_alternatives.
+    """
 
     mass: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal mass
     #: (n_alternatives, n_modes + n_stress, same) compliance added in modes [s2], states of self-stress [-], and across
@@ -65,7 +69,11 @@ class Effect:
 
     def rows(self, rows: IndexArray) -> "Effect":
         """Return some alternatives."""
-        return Effect(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        chosen = {}
+        for f in fields(self):
+            values = getattr(self, f.name)
+            chosen[f.name] = values if len(values) == 1 and f.name not in _OWN else values[rows]
+        return Effect(**chosen)
 
     def then(self, other: "Effect") -> "Effect":
         """Return both together; what the other says of the channels acts on what this one makes of them."""
@@ -99,19 +107,20 @@ def _bordered(matrix: FloatArray, border: FloatArray, corner: FloatArray) -> Flo
     """Return matrices (p, n, n) bordered by (p, n, k) on both sides, with a diagonal (p, k) in the corner."""
     if not corner.shape[1]:
         return matrix
+    matrix = np.broadcast_to(matrix, (len(corner), *matrix.shape[1:]))
     lower = np.concatenate([border.transpose(0, 2, 1), corner[:, :, None] * np.eye(corner.shape[1])], axis=2)
     return np.concatenate([np.concatenate([matrix, border], axis=2), lower], axis=1)
 
 
 def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
-    """Return the effect of nothing, to be filled."""
+    """Return the effect of nothing, whose parts are to be replaced."""
     n_channels, n_modes = comparison.at_channels.shape
     return Effect(
-        mass=np.zeros((n_alternatives, n_modes, n_modes)),
-        compliance=np.zeros((n_alternatives, *2 * (n_modes + comparison.n_stress,))),
-        chain=np.tile(np.eye(n_channels, 3 * n_channels), (n_alternatives, 1, 1)),
-        lag=np.zeros((n_alternatives, n_channels)),
-        log_damping=np.zeros((n_alternatives, n_modes)),
+        mass=np.zeros((1, n_modes, n_modes)),
+        compliance=np.zeros((1, *2 * (n_modes + comparison.n_stress,))),
+        chain=np.eye(n_channels, 3 * n_channels)[None],
+        lag=np.zeros((1, n_channels)),
+        log_damping=np.zeros((1, n_modes)),
         coupling=np.zeros((n_alternatives, n_modes, 0)),
         own=np.zeros((n_alternatives, 0)),
         own_log_damping=np.zeros((n_alternatives, 0)),
@@ -144,7 +153,9 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
     if effect.own.shape[1]:
         pick = _with_own(comparison, pick, share, value)
     scale = np.sqrt(value)[:, None, :]
-    return Changed(value, vector / scale, weighed * scale, pick)
+    found = Changed(value, vector / scale, weighed * scale, pick)
+    n = len(effect.own)
+    return found if len(value) == n else found.rows(np.zeros(n, np.intp))  # none changes the structure: all are alike
 
 
 def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:
@@ -276,11 +287,12 @@ def _undone(chain: FloatArray) -> FloatArray | None:
     Each channel is taken for the one it says most of, where that is a channel of its own for each.
     """
     n = chain.shape[1]
-    if (chain.reshape(-1, n * n)[:, :: n + 1] > 0).all():
+    plain = (chain.reshape(-1, n * n)[:, :: n + 1] > 0).all(1, keepdims=True)
+    if plain.all():
         return None
     said = np.argmax(np.abs(chain), axis=2)
     other = np.sort(said, axis=1) == np.arange(n)
-    said = np.where(other.all(1, keepdims=True), said, np.arange(n))
+    said = np.where(other.all(1, keepdims=True) & ~plain, said, np.arange(n))
     sign = np.where(np.take_along_axis(chain, said[:, :, None], 2)[:, :, 0] < 0, -1.0, 1.0)
     return np.asarray(np.eye(n)[said].transpose(0, 2, 1) * sign[:, None, :])
 
@@ -296,11 +308,15 @@ def _heard(
     frequency : (p, n) [Hz]
     late : (p, n_channels) [s]
     """
-    if late.any():
-        turned = (real + 1j * imaginary) * np.exp(-2j * np.pi * frequency[:, :, None] * late[:, None, :])
+    late, imaginary = np.broadcast_to(late, real[:, 0].shape), np.broadcast_to(imaginary, real.shape)
+    rows = late.any(1)
+    if rows.any():
+        real, imaginary = real.copy(), imaginary.copy()
+        delay = np.exp(-2j * np.pi * frequency[rows, :, None] * late[rows, None, :])
+        turned = (real[rows] + 1j * imaginary[rows]) * delay
         turned = turned * np.exp(-0.5j * np.angle((turned**2).sum(-1, keepdims=True)))
-        sign = np.where((turned.real * real).sum(-1, keepdims=True) < 0, -1.0, 1.0)
-        real, imaginary = sign * turned.real, sign * turned.imag
+        sign = np.where((turned.real * real[rows]).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+        real[rows], imaginary[rows] = sign * turned.real, sign * turned.imag
     return real, imaginary / np.maximum(np.linalg.norm(real, axis=-1, keepdims=True), _LEAST)
 
 

@@ -15,29 +15,31 @@ _Slope = tuple[FloatArray, FloatArray]
 
 
 class Tangent:
-    """Derivatives of the modes picked, d value (n_alternatives, n + n_own), d vector (n_alternatives, n_all, same)."""
+    """Derivatives of the modes picked, d value (..., n_alternatives, n + n_own), d vector (..., n_all, n + n_own)."""
 
     def __init__(self, changed: Changed, effect: Effect) -> None:
         """Derive at alternatives that an effect changed so."""
         self._changed, self._effect = changed, effect
-        self._pick = changed.pick[:, None, :]
+        n_alternatives, n = changed.pick.shape
+        self._at = np.arange(n_alternatives)[:, None], changed.pick, np.arange(n)  # row and column of each mode picked
+        pick = changed.pick[:, None, :]
         self._vector, self._weighed = (
-            np.take_along_axis(each, self._pick, axis=2) for each in (changed.vector, changed.weighed)
+            np.take_along_axis(each, pick, axis=2) for each in (changed.vector, changed.weighed)
         )
         gap = np.take_along_axis(changed.value, changed.pick, axis=1)[:, None, :] - changed.value[:, :, None]
-        np.put_along_axis(gap, self._pick, np.inf, axis=1)
+        gap[self._at] = np.inf
         self._gap = np.where(gap == 0, np.inf, gap)
 
     def by(self, mass: FloatArray, flexibility: FloatArray) -> _Slope:
-        """Return the derivatives by something of which dM and dF (n_alternatives, n_all, n_all) are."""
+        """Return the derivatives by something of which dM and dF (..., n_alternatives or 1, n_all, n_all) are."""
         changed = self._changed
-        by_mass = np.zeros(self._vector.shape)  # (p, k, i)
+        numerator = by_mass = np.zeros(self._vector.shape)  # (..., p, k, i)
         if mass.any():
             by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ self._vector)
-        numerator = changed.value[:, :, None] * by_mass
+            numerator = changed.value[:, :, None] * by_mass
         if flexibility.any():
-            numerator += changed.weighed.transpose(0, 2, 1) @ (flexibility @ self._weighed)
-        return self._of(numerator, by_mass)
+            numerator = numerator + changed.weighed.transpose(0, 2, 1) @ (flexibility @ self._weighed)
+        return self._of(numerator, np.broadcast_to(by_mass, numerator.shape))
 
     def by_compliance(self, compliance: FloatArray) -> _Slope:
         """Return the derivatives by so much of a compliance (n_modes + n_stress, same) everywhere [s2, -]."""
@@ -58,7 +60,7 @@ class Tangent:
         return both[0], both[1]
 
     def _of(self, numerator: FloatArray, by_mass: FloatArray) -> _Slope:
-        d_value = np.take_along_axis(numerator, self._pick, axis=1)[:, 0]
+        picked = (..., *self._at)
         component = numerator / self._gap
-        np.put_along_axis(component, self._pick, -0.5 * np.take_along_axis(by_mass, self._pick, axis=1), axis=1)
-        return d_value, self._changed.vector @ component
+        component[picked] = -0.5 * by_mass[picked]
+        return numerator[picked], self._changed.vector @ component

@@ -4,7 +4,7 @@ Friction in a loose bolt, a damper, what lies on the structure, the wind. The be
 extended structure is the same structure.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,9 +43,9 @@ class DampingChange(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return changes of log damping."""
-        none = no_effect(len(rows), self.comparison)
-        none.log_damping[:, self.comparison.paired] = theta * self.chosen[rows]
-        return none
+        log_damping = np.zeros((len(rows), len(self.comparison.frequency)))
+        log_damping[:, self.comparison.paired] = theta * self.chosen[rows]
+        return replace(no_effect(len(rows), self.comparison), log_damping=log_damping)
 
     def where(self, fit: "Fit[Cause]") -> None:
         """Return none: modes are everywhere."""

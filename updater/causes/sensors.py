@@ -32,8 +32,9 @@ class SensorGain(Chain):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the channels' gains."""
         none = no_effect(len(rows), self.comparison)
-        none.chain[np.arange(len(rows)), rows, rows] = np.exp(theta[:, 0])
-        return none
+        chain = np.repeat(none.chain, len(rows), axis=0)
+        chain[np.arange(len(rows)), rows, rows] = np.exp(theta[:, 0])
+        return replace(none, chain=chain)
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the gain over what it was."""
@@ -54,9 +55,10 @@ class SensorPolarity(Chain):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the channels' signs."""
-        none = no_effect(len(theta), self.comparison)
-        none.chain[np.arange(len(rows)), rows, rows] = -1.0
-        return none
+        none = no_effect(len(rows), self.comparison)
+        chain = np.repeat(none.chain, len(rows), axis=0)
+        chain[np.arange(len(rows)), rows, rows] = -1.0
+        return replace(none, chain=chain)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Turn the sensor's sign."""
@@ -78,10 +80,9 @@ class SensorSwap(Chain):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return permutations, with their delays."""
         n = self.order.shape[1]
-        none = no_effect(len(rows), self.comparison)
-        moved = self.order[rows] != np.arange(n)
-        none.lag[moved] = theta.ravel()
-        return replace(none, chain=np.eye(n, 3 * n)[self.order[rows]])
+        lag = np.zeros((len(rows), n))
+        lag[self.order[rows] != np.arange(n)] = theta.ravel()
+        return replace(no_effect(len(rows), self.comparison), chain=np.eye(n, 3 * n)[self.order[rows]], lag=lag)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Exchange the channels that carry the two sensors."""
