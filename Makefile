@@ -8,12 +8,13 @@ demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
 # What computes shares the processors, the long files first; what runs in real time comes after it, for it waits more than it
-# computes. Modules are compiled once, whatever the environment says: these tests start some hundred processes.
+# computes: only files with such tests are imported then. Modules are compiled once, whatever the environment says: these
+# tests start some hundred processes.
 test: export OPENBLAS_NUM_THREADS = 1
 test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/.done
 	$(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m live --numprocesses auto --dist loadgroup
+	$(BIN)/python -m pytest -m live --numprocesses auto --dist loadgroup $$(grep -rlE 'mark\.live\b' tests --include='test_*.py')
 
 # More draws of what the tests cover: other seeds, other structures, pairs of causes.
 thorough: export OPENBLAS_NUM_THREADS = 1

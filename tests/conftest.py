@@ -1,5 +1,7 @@
 """What tests of the command line share, and which files are begun first."""
 
+from pathlib import Path
+
 import pytest
 from cli_helpers import Commands
 
@@ -26,3 +28,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Commands:
     return Commands(monkeypatch, capsys)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave pictures empty, each of which takes a tenth of a second: for tests of what else is written."""
+    monkeypatch.setattr("monitor.report.picture.data_uri", lambda _: "data:,")
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())

@@ -70,6 +70,8 @@ def test_its_modes_are_those_of_the_rig(folder: Path, modalwatch: Commands) -> N
         assert np.abs(true - frequency).min() < 4 * std
 
 
+@pytest.mark.thorough
+@pytest.mark.usefixtures("undrawn")
 def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
     random = np.random.default_rng(SEED)
     x, side = random.uniform(-0.35, 0.35), random.uniform(-0.02, 0.02)
@@ -101,6 +103,7 @@ def test_a_swapped_pair(diagnosed: Diagnose) -> None:
     assert set(found["causes"][0]["where"]["channels"]) == {"col_037_x", "col_111_x"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_nothing(diagnosed: Diagnose) -> None:
     code, found = diagnosed("nothing", Rig(seed=SEED).record(4, SECONDS, rate=RATE), drawn=True)
     assert (code, found["verdict"], found["causes"]) == (0, "nothing_to_explain", [])

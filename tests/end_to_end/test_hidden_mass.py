@@ -40,6 +40,7 @@ def through_a_table(log: Path) -> Path:
     return imported
 
 
+@pytest.mark.thorough
 def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band.
 

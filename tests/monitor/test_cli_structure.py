@@ -118,6 +118,7 @@ def test_a_member_that_no_mode_moves_is_drawn_blind(modalwatch: Commands, tmp_pa
     assert path.with_suffix(".png").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, tmp_path: Path) -> None:
     path, written = tmp_path / "bar.toml", tmp_path / "bar.json"
     path.write_text(cantilever((0.3, "y"), (0.6, "y"), (1.0, "y"), (0.6, "z"), (1.0, "z")))
@@ -137,6 +138,7 @@ def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, 
     assert "2 min before and after" in done.out
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_sensor_that_shows_what_is_unseen_is_named(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "bar.toml"
     path.write_text(cantilever((0.6, "z"), (1.0, "z")))
@@ -182,6 +184,7 @@ def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> N
         assert_refused(modalwatch("structure", *arguments), *says)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) -> None:
     bar, site = tmp_path / "bar.toml", tmp_path / "site.toml"
     bar.write_text(cantilever((0.5, "y"), (1.0, "y"), (1.0, "z"), (1.0, "y")))
@@ -238,6 +241,7 @@ def test_figures_in_other_units_are_noted(old: str, new: str, says: str) -> None
     assert note.startswith(says)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_structure_says_what_looks_like_another_unit(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "bar.toml"
     path.write_text(cantilever((1.0, "y"), (0.5, "z")).replace("210e9", "210e3"), encoding="utf-8")

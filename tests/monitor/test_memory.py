@@ -74,7 +74,7 @@ def test_values_of_another_kind_are_named(place: str, value: object, said: str) 
         decode(Held, held | {place: value})
 
 
-@pytest.mark.parametrize("stops", [(3, BASELINE - 1), (BASELINE, BASELINE + 3, BASELINE + 4)])
+@pytest.mark.parametrize("stops", [(3, BASELINE - 1, BASELINE, BASELINE + 3, BASELINE + 4)])
 def test_restarts_change_nothing_of_what_is_said(stops: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """The same windows with restarts between them: while a baseline is learnt; before, in and after a hold."""
     played = Played(5, monkeypatch)

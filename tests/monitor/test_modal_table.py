@@ -103,6 +103,7 @@ def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Comma
         assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in said
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
     tmp_path: Path, modalwatch: Commands
 ) -> None:

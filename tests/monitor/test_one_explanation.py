@@ -11,9 +11,7 @@ from monitor.diagnosing import explain
 from monitor.explaining import explain_windows
 
 
-@pytest.mark.parametrize(
-    ("cell", "seed"), few_of([("added_mass", 71), ("sliding", 73), ("attached_oscillator", 72)], 2)
-)
+@pytest.mark.parametrize(("cell", "seed"), few_of([("sliding", 73), ("added_mass", 71), ("attached_oscillator", 72)]))
 def test_the_same_windows_have_the_same_explanation(cell: str, seed: int) -> None:
     """A body, a mode that the baseline has not, and windows that are not of one state."""
     print(f"{cell}, seed {seed}")

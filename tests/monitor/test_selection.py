@@ -1,6 +1,7 @@
 """`diagnose` with causes, channels, modes and parameters left out or limited."""
 
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,33 @@ from cli_helpers import Commands, assert_refused
 from updater_helpers import measure, t_frame, true_model
 
 from oma import ModalEstimate
-from updater import Body, load_structure, t_structure_toml
+from updater import Body, Structure, load_structure, t_structure_toml
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 BODY = Body(at=(0.2, 0, 1.48), mass=0.3)
 CHANNELS = t_frame().channels
+MASS_ONLY = ("--only", "added_mass")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a diagnosis wrote and printed."""
+
+    diagnosis: dict[str, Any]
+    said: str
+    extended: Structure | None
+
+
+@dataclass(frozen=True)
+class Tables:
+    """A structure file, tables of its modes before and after a change, and what has been diagnosed of them."""
+
+    structure: Path
+    before: Path
+    after: Path
+    out: Path
+    known: dict[tuple[object, ...], Found] = field(default_factory=dict)  #: by the options
 
 
 def _table(path: Path, estimate: ModalEstimate) -> Path:
@@ -24,41 +48,54 @@ def _table(path: Path, estimate: ModalEstimate) -> Path:
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A structure file, and tables of a frame's modes without and with a body of 300 g."""
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Tables:
+    """A frame without and with a body of 300 g."""
     folder = tmp_path_factory.mktemp("tables")
     file = folder / "frame.toml"
     file.write_text(t_structure_toml(), encoding="utf-8")
     bare, loaded = (true_model(np.random.default_rng(411), body) for body in (None, BODY))
-    return {
-        "structure": file,
-        "before": _table(folder / "before.csv", measure(bare, np.random.default_rng((412, 1)), np.ones(12))),
-        "after": _table(folder / "after.csv", measure(loaded, np.random.default_rng((412, 2)), np.ones(12))),
-        "out": folder / "out",
-    }
+    return Tables(
+        structure=file,
+        before=_table(folder / "before.csv", measure(bare, np.random.default_rng((412, 1)), np.ones(12))),
+        after=_table(folder / "after.csv", measure(loaded, np.random.default_rng((412, 2)), np.ones(12))),
+        out=folder / "out",
+    )
 
 
-def _diagnosed(modalwatch: Commands, measured: dict[str, Path], *options: object) -> tuple[dict[str, Any], str]:
-    command = ("diagnose", measured["structure"], measured["after"], "--reference", measured["before"])
-    done = modalwatch(*command, "--out", measured["out"], *options)
-    assert done.code in {0, 1}, done
-    found: dict[str, Any] = json.loads((measured["out"] / "diagnosis.json").read_text(encoding="utf-8"))
-    return found, done.out
+def _diagnosed(modalwatch: Commands, measured: Tables, *options: object) -> Found:
+    if options not in measured.known:
+        command = ("diagnose", measured.structure, measured.after, "--reference", measured.before)
+        done = modalwatch(*command, "--out", measured.out, *options)
+        assert done.code in {0, 1}, done
+        diagnosis = json.loads((measured.out / "diagnosis.json").read_text(encoding="utf-8"))
+        extended = load_structure(measured.out / "structure_extended.toml") if diagnosis["extended_model"] else None
+        measured.known[options] = Found(diagnosis, done.out, extended)
+    return measured.known[options]
 
 
-def test_only_the_chosen_causes_are_considered(modalwatch: Commands, measured: dict[str, Path]) -> None:
-    found, _ = _diagnosed(modalwatch, measured, "--only", "added_mass", "--only", "sensor_gain")
+def _steel(found: Found) -> float:
+    """Return Young's modulus in the extended model [Pa]."""
+    assert found.extended is not None
+    return found.extended.material["steel"].youngs_modulus
+
+
+def test_only_the_chosen_causes_are_considered(modalwatch: Commands, measured: Tables) -> None:
+    found = _diagnosed(modalwatch, measured, *MASS_ONLY, "--only", "sensor_gain").diagnosis
     assert [cause["cause"] for cause in found["causes"]] == ["added_mass"]
     assert {cause["cause"] for cause in found["rejected"]} == {"sensor_gain"}
-    found, _ = _diagnosed(modalwatch, measured, "--without", "added_mass")
-    assert "added_mass" not in {cause["cause"] for cause in (*found["causes"], *found["rejected"])}
+    left_out = ("added_mass", "distributed_mass", "attached_oscillator", "local_stiffness")
+    options = [word for name in left_out for word in ("--without", name)]
+    found = _diagnosed(modalwatch, measured, *options).diagnosis
+    considered = {cause["cause"] for cause in (*found["causes"], *found["rejected"])}
+    assert considered
+    assert considered.isdisjoint(left_out)
 
 
-def test_a_mode_and_a_channel_are_left_out_of_both_states(modalwatch: Commands, measured: dict[str, Path]) -> None:
-    few = ("--only", "added_mass")
-    whole, _ = _diagnosed(modalwatch, measured, *few)
+def test_a_mode_and_a_channel_are_left_out_of_both_states(modalwatch: Commands, measured: Tables) -> None:
+    whole = _diagnosed(modalwatch, measured, *MASS_ONLY).diagnosis
     left_out = whole["modes"][2]["frequency"]["measured"]
-    found, _ = _diagnosed(modalwatch, measured, *few, "--without-mode", left_out, "--without-channel", "beam_left_z")
+    without = ("--without-mode", left_out, "--without-channel", "beam_left_z")
+    found = _diagnosed(modalwatch, measured, *MASS_ONLY, *without).diagnosis
     frequencies = [mode["frequency"]["measured"] for mode in found["modes"] if mode["frequency"]["measured"]]
     assert len(frequencies) == len(whole["modes"]) - 1
     assert min(abs(f / left_out - 1) for f in frequencies) > 0.02
@@ -67,19 +104,16 @@ def test_a_mode_and_a_channel_are_left_out_of_both_states(modalwatch: Commands, 
 
 
 def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
-    modalwatch: Commands, measured: dict[str, Path]
+    modalwatch: Commands, measured: Tables
 ) -> None:
-    few = ("--only", "added_mass")
-    _, said = _diagnosed(modalwatch, measured, *few)
-    free = load_structure(measured["out"] / "structure_extended.toml").material["steel"].youngs_modulus
+    whole = _diagnosed(modalwatch, measured, *MASS_ONLY)
+    free = _steel(whole)
     assert free != 210e9
-    assert "model parameters fitted to the reference logs" in said
-    _diagnosed(modalwatch, measured, *few, "--fix", "column.E")
-    assert load_structure(measured["out"] / "structure_extended.toml").material["steel"].youngs_modulus == 210e9
+    assert "model parameters fitted to the reference logs" in whole.said
+    assert _steel(_diagnosed(modalwatch, measured, *MASS_ONLY, "--fix", "column.E")) == 210e9
     between = 210e9 + (free - 210e9) / 2
     limits = f"{min(between, 209e9)}:{max(between, 211e9)}" if free > 210e9 else f"{between}:{220e9}"
-    _diagnosed(modalwatch, measured, *few, "--bound", f"steel.E={limits}")
-    bounded = load_structure(measured["out"] / "structure_extended.toml").material["steel"].youngs_modulus
+    bounded = _steel(_diagnosed(modalwatch, measured, *MASS_ONLY, "--bound", f"steel.E={limits}"))
     assert min(free, 210e9) < bounded < max(free, 210e9) or bounded == pytest.approx(between, rel=1e-3)
 
 
@@ -95,6 +129,6 @@ def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
     ],
 )
 def test_a_choice_that_cannot_be_met_is_refused_in_one_line(
-    modalwatch: Commands, measured: dict[str, Path], options: tuple[str, str], said: str
+    modalwatch: Commands, measured: Tables, options: tuple[str, str], said: str
 ) -> None:
-    assert_refused(modalwatch("diagnose", measured["structure"], measured["after"], *options), said)
+    assert_refused(modalwatch("diagnose", measured.structure, measured.after, *options), said)

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from oma_helpers import chain, frame, simulate
+from thorough_helpers import few_of
 
 from daq import FloatArray, Recording
 from oma import PLSCF, IdentificationError, ModalEstimate, identify, mac_matrix, uncertainty_law
@@ -38,7 +39,7 @@ def test_all_modes_of_a_chain_are_found_and_none_false(seed: int) -> None:
     assert np.all(np.abs(found.frequency - truth.frequency) < 5 * found.frequency_std)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few_of(range(3)))
 def test_all_modes_of_a_frame_with_two_close_ones_are_found(seed: int) -> None:
     found = identify(simulate(frame(), 60.0, 1000.0, seed), PLSCF())
     assert found.n_modes == 8, found.frequency

@@ -71,11 +71,13 @@ def explained(learnt: tuple[Reference, Model], model: Model, seed: int, n_modes:
 
 @pytest.mark.parametrize(
     ("seed", "at", "axis", "mass", "frequency"),
-    [
-        (863, (-0.27, 0.0, 1.48), 2, 0.25, 30.0),
-        (864, (0.31, 0.0, 1.48), 1, 0.1, 110.0),
-        (865, (0.0, 0.0, 1.25), 0, 0.05, 10.9),  # beside the first mode, which it splits
-    ],
+    few_of(
+        [
+            (865, (0.0, 0.0, 1.25), 0, 0.05, 10.9),  # beside the first mode, which it splits
+            (863, (-0.27, 0.0, 1.48), 2, 0.25, 30.0),
+            (864, (0.31, 0.0, 1.48), 1, 0.1, 110.0),
+        ]
+    ),
 )
 def test_what_hangs_on_is_placed_weighed_and_tuned(
     learnt: tuple[Reference, Model], seed: int, at: tuple[float, float, float], axis: int, mass: float, frequency: float
@@ -99,7 +101,7 @@ def test_what_hangs_on_is_placed_weighed_and_tuned(
     np.testing.assert_allclose(extended, true, rtol=5e-3)
 
 
-@pytest.mark.parametrize(("seed", "frequency"), few_of([(866, 75.0), (867, 98.0)]))
+@pytest.mark.parametrize(("seed", "frequency"), few_of([(866, 75.0), (867, 98.0)], 0))
 def test_one_whose_own_mode_nobody_saw_is_found_beside_the_mode_that_it_moves(
     learnt: tuple[Reference, Model], seed: int, frequency: float
 ) -> None:
@@ -174,6 +176,7 @@ def test_a_mode_seen_twice_is_nobodys(learnt: tuple[Reference, Model], seed: int
     assert diagnosis.verdict == "nothing_to_explain"
 
 
+@pytest.mark.thorough
 def test_the_extended_model_leaves_nothing_to_explain(learnt: tuple[Reference, Model]) -> None:
     """Fresh modes of the same frame, against the structure file with the oscillator written in, taken at its word."""
     model = hung(learnt[1], (-0.27, 0.0, 1.48), 2, 0.25, 30.0)

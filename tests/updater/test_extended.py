@@ -24,7 +24,7 @@ def asked(structure: Structure, windows: TrackedModes) -> Explained:
     return diagnose(reference, matched(reference.baseline, reference.mean_of(windows)))
 
 
-@pytest.mark.parametrize("seed", few_of([2, 4]))
+@pytest.mark.parametrize("seed", few_of([2, 4], 0))
 def test_the_extended_model_has_nothing_left_to_explain(seed: int) -> None:
     """A frame whose foot, joint, modulus and density are not the file's, and six fresh windows of it."""
     random = np.random.default_rng((seed, 9))

@@ -1,9 +1,12 @@
 """The place that the one-step update claims, on the examiner's frames; the peak of its increments for comparison."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from flag_helpers import Specimen, specimen, specimen_of
 from sealed_cases import draw
+from thorough_helpers import few_of
 
 from daq import FloatArray
 from updater import MassUpdater
@@ -16,19 +19,19 @@ def away(location: IncrementLocation, place: FloatArray) -> float:
     return float(np.linalg.norm(location.position - place))
 
 
-@pytest.fixture(scope="module")
-def frames() -> dict[str, list[Specimen]]:
-    return {frame: [specimen(frame, seed) for seed in (1, 2)] for frame in ("T-frame", "portal")}
+@cache
+def frames(frame: str) -> list[Specimen]:
+    return [specimen(frame, seed) for seed in (1, 2)]
 
 
-@pytest.mark.parametrize(("frame", "fewest"), [("T-frame", 6), ("portal", 4)])
-def test_claimed_places_hold_the_body(frames: dict[str, list[Specimen]], frame: str, fewest: int) -> None:
+@pytest.mark.parametrize(("frame", "fewest"), few_of([("T-frame", 6), ("portal", 4)]))
+def test_claimed_places_hold_the_body(frame: str, fewest: int) -> None:
     """Places claimed within 0.1 m; the region of 95 % holds the body but in a few of all flagged events.
 
     The peak of normalised increments is more than 0.1 m off in a third of the events on the T-frame.
     """
     off, held, claimed = [], [], 0
-    for one in frames[frame]:
+    for one in frames(frame):
         updater = MassUpdater(one.reference)
         for place, event in one.bodies(5, lightest=0.02):
             found = updater.update(event).location
@@ -48,8 +51,8 @@ def test_claimed_places_hold_the_body(frames: dict[str, list[Specimen]], frame: 
     assert sum(held) >= len(held) - 2
 
 
-def test_flags_begin_at_the_place(frames: dict[str, list[Specimen]]) -> None:
-    one = frames["T-frame"][0]
+def test_flags_begin_at_the_place() -> None:
+    one = frames("T-frame")[0]
     nodes = one.reference.calibration.model.nodes
     for _, event in one.bodies(2, lightest=0.02):
         found = MassUpdater(one.reference).update(event)
@@ -58,7 +61,7 @@ def test_flags_begin_at_the_place(frames: dict[str, list[Specimen]]) -> None:
             assert (np.diff(distance) >= -1e-12).all()
 
 
-@pytest.mark.parametrize("cell", ["support_stiffness", "local_stiffness", "sensor_gain"])
+@pytest.mark.parametrize("cell", few_of(["support_stiffness", "local_stiffness", "sensor_gain"]))
 def test_what_is_no_mass_gets_no_place(cell: str) -> None:
     """Increments of a loosened foot, a softened stretch or a wrong gain are not those of one mass."""
     flagged = 0
@@ -71,8 +74,8 @@ def test_what_is_no_mass_gets_no_place(cell: str) -> None:
     assert flagged
 
 
-def test_undisturbed_events_claim_nothing(frames: dict[str, list[Specimen]]) -> None:
-    one = frames["T-frame"][0]
+def test_undisturbed_events_claim_nothing() -> None:
+    one = frames("T-frame")[0]
     update = MassUpdater(one.reference).update(one.event(one.state))
     assert update.flagged == ()
     assert update.location is None

@@ -21,7 +21,6 @@ from updater import (
 )
 
 TRACK = np.arange(8)
-N_TRUTHS = 10
 
 
 def compared(seed: int, body: Body | None, *, n_after: int = 5) -> tuple[Reference, ModalMean]:
@@ -52,11 +51,11 @@ def place(change: MassChange) -> np.ndarray:
     return t_frame().member_named(change.member).point(change.distance)
 
 
-@pytest.fixture(scope="module")
-def many() -> list[tuple[Body, MassChange]]:
-    """Three bodies on each of ten truths; eight windows before, five after."""
+@pytest.fixture(scope="module", params=few_of([4, 10]))
+def many(request: pytest.FixtureRequest) -> list[tuple[Body, MassChange]]:
+    """Three bodies on each of some truths; eight windows before, five after."""
     found = []
-    for seed in range(N_TRUTHS):
+    for seed in range(request.param):
         random = np.random.default_rng(seed)
         gain = 1 + 0.005 * random.standard_normal(12)
         bare = true_model(np.random.default_rng((seed, 1)))
@@ -87,7 +86,7 @@ def test_bodies_on_many_truths_are_found(many: list[tuple[Body, MassChange]]) ->
 
 
 def test_credible_regions_and_intervals_hold_what_they_say(many: list[tuple[Body, MassChange]]) -> None:
-    """At 95 % stated, 30 bodies: the first percentile of the binomial is 25; a model's own error may cost two more."""
+    """At 95 % stated: the first percentile of the binomial, 25 of 30; a model's own error may cost two more."""
     least = binom.ppf(0.01, len(many), 0.95) - 2
     held = [
         any(

@@ -123,6 +123,7 @@ def test_a_file_is_told_and_mended(seed: int) -> None:
     assert said.verdict == "nothing_to_explain"
 
 
+@pytest.mark.thorough
 def test_a_body_is_found_beside_it() -> None:
     """414 g on a frame whose file is 1.5 % off in frequency without it; a body alone would be an oscillator."""
     case = draw("built frame: added_mass", 1)

@@ -6,6 +6,7 @@ from fe_helpers import t_frame
 from sealed_designs import BRIDGE, DESIGNS, PORTAL
 from sealed_path import observation, structure_of
 from sealed_signals import estimated
+from thorough_helpers import few_of
 
 from updater import Reference, learn_reference, parse_structure
 from updater.knobs import apply_knobs, flexibility_unit, knobs_of, meetings, with_springs
@@ -28,7 +29,7 @@ def _springs(structure: Structure) -> list[str]:
     return [knob.name for knob in knobs_of(structure) if knob.kind in {"support", "joint"}]
 
 
-@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("name", few_of(["portal", *sorted({*DESIGNS} - {"portal"})]))
 def test_springs_of_half_to_twice_what_the_file_says_are_calibrated(name: str) -> None:
     """To within 0.3 %: what a beam model is allowed and half as much, before per cents off in the upper modes."""
     assert _off(_learnt(name, 40)) < 3e-3

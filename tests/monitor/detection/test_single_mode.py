@@ -47,24 +47,24 @@ def over(found: list[Judged]) -> FloatArray:
     return np.concatenate([judged.over for judged in found], axis=-1).astype(float)
 
 
-@pytest.mark.parametrize("seed", few_of([1, 2]))
-def test_bursts_of_one_wrong_pole_raise_no_alarm(seed: int) -> None:
-    """290 bursts at 30 sites in 30 days; 1.5 false alarms per year would be 3.7: Poisson bound at 1e-3."""
+@pytest.mark.parametrize(("seed", "days"), few_of([(1, 10), (1, 30), (2, 30)]))
+def test_bursts_of_one_wrong_pole_raise_no_alarm(seed: int, days: int) -> None:
+    """Ten bursts a day at 30 sites; 1.5 false alarms per year would be 3.7 in 30 days: Poisson bound at 1e-3."""
     random = np.random.default_rng(seed)
-    n = 30 * DAY
+    n = days * DAY
     found, watched = watched_days(noise(random, 30, n) + bursts(random, 30, n), learnt(random, 30))
     passed = over(found)
     alarms = int(((passed[:, 1:-1] * passed[:, 2:]) * (1 - passed[:, :-2])).sum())
     print(f"seed {seed}: {alarms} alarms from {watched.runs.n_ended.sum():.0f} bursts")
-    assert watched.runs.n_ended.sum() > 150
-    assert alarms <= poisson.ppf(1 - 1e-3, 1.5 * 30 * 30 / 365)
+    assert watched.runs.n_ended.sum() > 5 * days
+    assert alarms <= poisson.ppf(1 - 1e-3, 1.5 * 30 * days / 365)
 
 
 @pytest.mark.parametrize("seed", few_of([1, 2]))
 @pytest.mark.parametrize("busy", few_of([True, False]))
 def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, *, busy: bool) -> None:
     """0.5 % of one mode, ten deviations, on sites without wrong poles and on sites with bursts of them."""
-    random, n_sites, n = np.random.default_rng(seed), 30, 20 * DAY
+    random, n_sites, n = np.random.default_rng(seed), 30, 10 * DAY
     wrong = bursts(random, n_sites, n) if busy else 0.0
     _, watched = watched_days(noise(random, n_sites, n) + wrong, learnt(random, n_sites))
     changed = noise(random, n_sites, DAY)

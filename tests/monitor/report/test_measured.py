@@ -33,6 +33,7 @@ def page_of(found: DiscrepancyResult, folder: Path) -> Page:
     return Page(folder / "page.html")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
     page = page_of(shown(), tmp_path)
     for words in (
@@ -49,6 +50,7 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
         assert any(text.startswith(start) for text in page.pictures), start
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp_path: Path) -> None:
     found, why = shown(), "* takes no part in the answer: the reference lacks this mode"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
@@ -65,6 +67,7 @@ def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp
     assert page.words.count("* 10.800") == page.words.count(why) == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("log_odds", "readings"), [(40.0, ["mass"]), (-40.0, ["stiffness"]), (1.0, ["mass", "stiffness"])]
 )

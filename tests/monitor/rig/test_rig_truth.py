@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rig_helpers import ORIGIN, nominal, t_frame
 from scipy.optimize import minimize
+from thorough_helpers import few_of
 
 from daq import EPSON_SCALE, FloatArray
 from monitor.rig import Scenario, World, draw_t_frame, make_sources, true_structure
@@ -74,7 +75,7 @@ def alone(data: FloatArray, model: Model, modes: Modes, k: int, scenario: Scenar
     return np.asarray(data[:, columns()] @ np.linalg.pinv(read[columns()] @ modes.shape[:, :10])[k])
 
 
-@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.parametrize("seed", few_of([11, 12]))
 def test_the_devices_feel_the_true_models_modes(seed: int) -> None:
     scenario = draw_t_frame("t_structure", seed, duration=0, between=None)
     model, seconds = true_model(scenario), 120.0
