@@ -3,7 +3,8 @@
 Usage: python replay_data/make.py [SEED]
 
 A demo with slow devices and short windows, so that the log stays small: four emulated M-A352 and two M-A552 on a CAN
-bus, 500 scans a second on real ptys, logged by the daemon. Nothing in it is edited.
+bus, 500 scans per second on real ptys, logged by the daemon. Signals and events are as recorded; the results are those
+of the present analysis, written by `modalwatch replay LOG -o NEW`.
 """
 
 import json

@@ -11,6 +11,7 @@ leave a misfit, and a weak or symmetric change leaves several positions.
 """
 
 from dataclasses import dataclass, fields, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 import numpy.typing as npt
@@ -23,17 +24,16 @@ from updater.increments import Increments
 from updater.particles import Particles
 from updater.posterior import credible
 from updater.reference import Reference
-from updater.size import fineness, size
+from updater.size import extent, fineness, size
 from updater.statistics import ModalMean
 
 _SPACING = 0.01  # m between positions on a structure of 1.5 m
 _MAX_POSITIONS = 2000
 _MAX_ROWS = 2000  # increments that are compared; of more every n-th, between which they are smooth
 _FITS = 0.05  # of chi-square: with a worse fit the larger error is tried
-_MODEL_ERRORS = (
-    0.02,
-    0.06,
-)  # of a mode's typical displacement: error of the reference's modes at the position of the mass
+#: error of the reference's modes at the position of the mass, over a mode's typical displacement
+_MODEL_ERROR, _LARGE_ERROR = 0.03, 0.08
+_OUTSIDE_ERROR = 0.2  # with which the region is drawn of what does not fit one mass
 _OFFSET_STD = 0.02  # m on a structure of 1.5 m: offset of the body's centre from the member's axis
 _GYRATION = 0.02  # m on such a structure: its radius of gyration
 _MIN_SINGULAR = 1e-6  # of the largest: combinations of increments that noise hardly moves
@@ -46,6 +46,7 @@ _MIN_GAP = 1e-3  # of squared frequencies
 _STEP = 1e-6  # of modal mass, by which slopes are taken
 _LEAST_MASS = 1e-9  # of the structure's mass
 _ITERATIONS = 5
+_CONVERGED = 0.1  # standard deviations of the mass
 _DRAWS = 200
 _SEED = 1  # a log replayed gives the same place
 
@@ -78,6 +79,7 @@ class _Candidates:
     translation: FloatArray  #: (n, 3, n_modes) [1/sqrt(kg)]
     rotation: FloatArray  #: (n, 3, n_modes)
     length: FloatArray  #: (n,) length that each position stands for [m]
+    offset: FloatArray  #: (n, 3, 3) standard deviations of the offset of a body's centre in three directions [m]
 
     def only(self, kept: IndexArray | npt.NDArray[np.bool_]) -> "_Candidates":
         """Return some positions."""
@@ -95,8 +97,8 @@ class IncrementLocator:
 
     def __init__(self, reference: Reference, at: Particles) -> None:
         self._reference, self._at = reference, at
-        self._scale = size(reference.calibration.structure)
-        self._places = _candidates(reference, at, self._scale)
+        self._extent = extent(reference.calibration.structure)
+        self._places = _candidates(reference, at, size(reference.calibration.structure))
 
     def locate(
         self, event: ModalMean, tracks: IndexArray, found: Increments, changes: list[ExpandedChange], variance: float
@@ -112,10 +114,12 @@ class IncrementLocator:
         variance : of the noise over the propagated one, as the baseline's windows show
         """
         response = _Response(self._reference, self._at, event, tracks, found, changes, variance)
-        for error in _MODEL_ERRORS:
-            answer = self._fit(response, error)
-            if answer.p_value >= _FITS:
-                break
+        answer = self._fit(response, _MODEL_ERROR)
+        if answer.p_value < _FITS:
+            answer = self._fit(response, _LARGE_ERROR)
+        if answer.p_value < _FITS:  # the probability of the fit stays: only the region is wider
+            wide = self._fit(response, _OUTSIDE_ERROR)
+            answer = self._judged(replace(wide, p_value=answer.p_value))
         return answer
 
     def _fit(self, response: "_Response", error: float) -> IncrementLocation:
@@ -123,28 +127,35 @@ class IncrementLocator:
         rank = len(response.measured)
         known = self._reference.scatter.degrees_of_freedom  # of the variance: Student's t instead of a Gaussian
         kept, mass = self._screened(response)
+        near = np.ones(len(kept), bool)
+        exponent = -0.5 * (known + rank)
         for _ in range(_ITERATIONS):
+            kept, mass = kept[near], mass[near]
             places = self._places.only(kept)
-            exact = response.exact(self._gram(places, mass))
-            predicted = exact / mass[:, None]  # per kg
+            predicted = response.exact(self._gram(places, mass)) / mass[:, None]  # per kg
             spread = self._spread(places, response, mass, error)
             covariance = response.noise + spread @ spread.transpose(0, 2, 1)
             both = np.stack([predicted, np.broadcast_to(response.measured, predicted.shape)], axis=2)
             weighed = np.linalg.solve(covariance, both)
             (information, common), (_, square) = np.einsum("prk,prl->klp", both, weighed)
             chi_square = square - 2 * mass * common + mass**2 * information
-            log_density = -0.5 * ((known + rank) * np.log1p(chi_square / known) + np.linalg.slogdet(covariance)[1])
             # prior of the mass: uniform in its logarithm
-            log_density += np.log(1 / np.maximum(np.abs(mass) * np.sqrt(information), 1.0))
-            near = log_density > log_density.max() - _NEAR
-            kept, log_density, chi_square = kept[near], log_density[near], chi_square[near]
-            fitted, mass = mass[near], self._bounded((common / information)[near])
-        density = np.zeros(len(self._places.point))
-        density[kept] = np.exp(log_density - log_density.max())
+            log_prior = -np.log(np.maximum(np.abs(mass) * np.sqrt(information), 1.0))
+            log_prior -= 0.5 * np.linalg.slogdet(covariance)[1]
+            log_density = log_prior + exponent * np.log1p(chi_square / known)
+            fitted, mass = mass, self._bounded(common / information)
+            moving = np.abs(mass - fitted) * np.sqrt(information) > _CONVERGED
+            if not moving.any():
+                break
+            near = moving | (log_density > log_density.max() - _NEAR)  # at a mass yet to be fitted none is ruled out
         best = int(np.argmax(log_density))
         statistic = float(chi_square[best]) / max(rank - 2, 1)
         p_value = float(f_distribution.sf(statistic, max(rank - 2, 1), known))
-        return self._answer(density, float(fitted[best]), p_value)
+        # a fit that leaves more than its errors is as much less sure of the position (Birge 1932)
+        log_density = log_prior + exponent * np.log1p(chi_square / (known * max(statistic, 1.0)))
+        density = np.zeros(len(self._places.point))
+        density[kept] = np.exp(log_density - log_density.max())
+        return self._answer(density, float(fitted[np.argmax(log_density)]), p_value)
 
     def _screened(self, response: "_Response") -> tuple[IndexArray, FloatArray]:
         """Return the positions that explain at least half as much as the best one to first order, and their masses."""
@@ -167,7 +178,7 @@ class IncrementLocator:
 
     def _gram(self, p: _Candidates, mass: FloatArray) -> FloatArray:
         """Return the change of modal mass (n, n_modes, n_modes) of a body of usual inertia."""
-        inertia = (self._scale * _GYRATION) ** 2 * _gram(p.rotation, p.rotation)
+        inertia = self._extent**2 * (_GYRATION**2 + _OFFSET_STD**2) * _gram(p.rotation, p.rotation)
         return mass[:, None, None] * (_gram(p.translation, p.translation) + inertia)
 
     def _spread(self, p: _Candidates, response: "_Response", mass: FloatArray, error: float) -> FloatArray:
@@ -176,12 +187,20 @@ class IncrementLocator:
         by_mass = response.by_mass.reshape(len(response.measured), *2 * (p.translation.shape[2],))
         by_mode = 2 * np.einsum("rik,pai->prak", by_mass, p.translation) * (error * self._typical)
         turn = p.rotation.transpose(0, 2, 1)[:, :, None, :]
-        beside = np.cross(turn, np.eye(3)[None, None]).transpose(2, 0, 3, 1)  # (3, n, 3, n_modes) per metre
-        by_offset = [2 * self._scale * _OFFSET_STD * _gram(p.translation, b) for b in beside]
-        by_inertia = (self._scale * _GYRATION) ** 2 * _gram(p.rotation, p.rotation)
-        by_body = np.stack([response.by_mass @ _flat(g).T for g in (*by_offset, by_inertia)], axis=-1)
+        beside = np.cross(turn, p.offset[:, None]).transpose(2, 0, 3, 1)  # (3, n, 3, n_modes)
+        by_offset = [2 * _gram(p.translation, b) for b in beside]
+        by_body = np.stack([response.by_mass @ _flat(g).T for g in (*by_offset, *self._inertia_spread(p))], axis=-1)
         columns = np.concatenate([by_mode.reshape(*by_mode.shape[:2], -1), by_body.transpose(1, 0, 2)], axis=2)
         return np.asarray(mass[:, None, None] * columns)
+
+    def _inertia_spread(self, p: _Candidates) -> list[FloatArray]:
+        """Return one standard deviation of each moment and product of inertia, as modal mass (n, n_modes, n_modes).
+
+        Products of inertia are second order in the offset. They couple close modes of a symmetric section.
+        """
+        moment, product = self._extent**2 * (_GYRATION**2 + _OFFSET_STD**2), (self._extent * _OFFSET_STD) ** 2
+        pairs = combinations_with_replacement(range(3), 2)
+        return [(moment if a == b else 2 * product) * _gram(p.rotation[:, [a]], p.rotation[:, [b]]) for a, b in pairs]
 
     @property
     def _typical(self) -> FloatArray:
@@ -203,10 +222,16 @@ class IncrementLocator:
             region=tuple((member.name, member.point(a), member.point(b)) for member, a, b in region),
             mass=mass,
             p_value=p_value,
-            fits=p_value > _MIN_P,
+            fits=False,
             is_located=False,
         )
-        return replace(found, is_located=found.fits and found.radius <= fineness(structure) * _MAX_DISTANCE)
+        return self._judged(found)
+
+    def _judged(self, found: IncrementLocation) -> IncrementLocation:
+        """Return a location with whether one mass fits and its region is short."""
+        fits = found.p_value > _MIN_P
+        short = found.radius <= fineness(self._reference.calibration.structure) * _MAX_DISTANCE
+        return replace(found, fits=fits, is_located=fits and short)
 
 
 class _Response:
@@ -317,6 +342,10 @@ def _candidates(reference: Reference, at: Particles, scale: float) -> _Candidate
     member = np.repeat(np.arange(len(members)), [len(g) for g in grids])
     moves = np.linalg.norm(here[:, :3], axis=(1, 2))
     free = moves > _MIN_MOTION * moves.max()
+    along = np.array([np.subtract(m.end, m.start) / m.length for m in members])
+    onto = along[:, :, None] * along[:, None, :]
+    # along the member the offset is one of the position; across it bodies are as large as the whole structure suggests
+    offset = _OFFSET_STD * (extent(reference.calibration.structure) * (np.eye(3) - onto) + scale * onto)
     return _Candidates(
         member=member,
         distance=np.concatenate(grids),
@@ -324,6 +353,7 @@ def _candidates(reference: Reference, at: Particles, scale: float) -> _Candidate
         translation=here[:, :3],
         rotation=here[:, 3:],
         length=np.concatenate([np.gradient(g) for g in grids]),
+        offset=offset[member],
     ).only(free)
 
 

@@ -1,5 +1,7 @@
 """How large a structure is: lengths that are usual on one of 1.5 m are not on a bridge or on a bracket of 5 cm."""
 
+import numpy as np
+
 from updater.structure import Structure
 
 _USUAL = 1.48  # m, the longest member of the frame that lengths were chosen on
@@ -8,6 +10,12 @@ _USUAL = 1.48  # m, the longest member of the frame that lengths were chosen on
 def size(structure: Structure) -> float:
     """Return the longest member over that of the usual frame: what a body's offset or a neighbourhood scales by."""
     return max(member.length for member in structure.member) / _USUAL
+
+
+def extent(structure: Structure) -> float:
+    """Return the largest dimension along an axis over that of the usual frame, however lines are cut into members."""
+    ends = np.array([end for member in structure.member for end in (member.start, member.end)])
+    return float(np.ptp(ends, axis=0).max()) / _USUAL
 
 
 def fineness(structure: Structure) -> float:
