@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from daq import FloatArray
 
-MEMORY = np.array([1.0, 6.0, 36.0]) * 3600  #: time constants with which a structure may follow the air [s]
+_INERTIA = np.array([1.0, 2.5, 6.0, 15.0, 36.0]) * 3600  # s, with which a structure may follow the air ...
+_REGRESSED = slice(None, None, 2)  # ... and those of these in the law
+_N_MEMORIES = len(_INERTIA[_REGRESSED])
 _FREEZING = np.array([-5.0, -2.5, 0.0, 2.0])  # degC, at which the slope may change much ...
 _FREEZING_LATE = np.array([-5.0, 0.0])  # ... and those of them in the longer memories
 KNOTS = np.union1d(np.arange(-20.0, 36.0, 5.0), _FREEZING)  #: temperatures at which the slope may change [degC]
@@ -24,9 +26,9 @@ _SLOPE, _OWN_SLOPE = 1e-3, 3e-4  # 1/K, of all modes together and of each: steel
 # bridges on bearings, arches and whatever is held at both ends up to -2e-3, each mode another
 _KINK, _OWN_KINK = 5e-5, 2e-5  # 1/K, changes of slope at a knot ...
 _ICE, _OWN_ICE = 6e-3, 3e-3  # 1/K, ... and where it freezes: the Z24 bridge's modes had up to -1e-2, each another
-_N_LATE = (len(MEMORY) - 1) * len(_FREEZING_LATE)
-N_TERMS = 2 + len(MEMORY) + len(KNOTS) + _N_LATE
-_OF_FROST = np.concatenate([np.zeros(1 + len(MEMORY)), np.isin(KNOTS, _FREEZING), np.ones(_N_LATE)])
+_N_LATE = (_N_MEMORIES - 1) * len(_FREEZING_LATE)
+N_TERMS = 2 + _N_MEMORIES + len(KNOTS) + _N_LATE
+_OF_FROST = np.concatenate([np.zeros(1 + _N_MEMORIES), np.isin(KNOTS, _FREEZING), np.ones(_N_LATE)])
 THERMOMETER_STD = 1.0  #: of the devices' temperature as the structure's, before any is measured [K]
 _RATE, _SWING = 1 / 3600, 4.0  # K/s, K: rms rate and distance from the mean of days, before any is measured ...
 _CLIMATE_WORTH = 86400.0  # s of readings that this is worth
@@ -39,8 +41,8 @@ class Climate:
 
     air: FloatArray  #: (...,) last reading [degC], NaN if there was none
     silent: FloatArray  #: (...,) time since that reading [s]
-    lagged: FloatArray  #: (..., 3) temperatures of structures of three inertias at that reading [degC]
-    lagged_std: FloatArray  #: (..., 3) their standard deviations due to gaps between readings [K]
+    lagged: FloatArray  #: (..., 5) temperatures of structures of five inertias at that reading [degC]
+    lagged_std: FloatArray  #: (..., 5) their standard deviations due to gaps between readings [K]
     observed: FloatArray  #: (...,) time that the two means below are taken over [s]
     squared_rate: FloatArray  #: (...,) mean squared rate of change over an hour [K2/s2]
     squared_swing: FloatArray  #: (...,) mean squared distance from the temperature of the last days [K2]
@@ -69,8 +71,8 @@ class Temperatures:
 
     air: FloatArray  #: reading, or the last one before [degC]; NaN if there was none
     air_std: FloatArray  #: of the last reading as the present temperature [K]; zero where there is a reading
-    lagged: FloatArray  #: (..., 3) temperatures of structures of three inertias [degC]
-    lagged_std: FloatArray  #: (..., 3) [K]
+    lagged: FloatArray  #: (..., 5) temperatures of structures of five inertias [degC]
+    lagged_std: FloatArray  #: (..., 5) [K]
 
     @property
     def carried(self) -> npt.NDArray[np.bool_]:
@@ -86,8 +88,8 @@ def first_climate(temperature: FloatArray) -> Climate:
     return Climate(
         air=first[..., 0],
         silent=lead,
-        lagged=np.repeat(first, len(MEMORY), axis=-1),
-        lagged_std=np.zeros((*lead.shape, len(MEMORY))),
+        lagged=np.repeat(first, len(_INERTIA), axis=-1),
+        lagged_std=np.zeros((*lead.shape, len(_INERTIA))),
         observed=lead + _CLIMATE_WORTH,
         squared_rate=lead + _RATE**2,
         squared_swing=lead + _SWING**2,
@@ -120,12 +122,12 @@ def _next(climate: Climate, reading: FloatArray, seconds: float) -> Climate:
     known, ever = np.isfinite(reading), np.isfinite(climate.air)
     air = np.where(ever, climate.air, reading)[..., None]
     lagged = np.where(np.isfinite(climate.lagged), climate.lagged, air)
-    share, ramp = -np.expm1(-passed / MEMORY), _ramp(passed)
+    share, ramp = -np.expm1(-passed / _INERTIA), _ramp(passed)
     there = lagged + share * (air - lagged) + ramp * (reading[..., None] - air)
     unsure = np.hypot((1 - share) * climate.lagged_std, share * climate.chord_std(passed[..., 0])[..., None])
     step = np.minimum(passed[..., 0], 3600.0)  # longer gaps show no rate of an hour
     observed = climate.observed + step
-    rate, swing = (reading - there[..., 0]) / MEMORY[0], reading - there[..., -1]
+    rate, swing = (reading - there[..., 0]) / _INERTIA[0], reading - there[..., -1]
     weight = step / observed
 
     def taken(new: FloatArray, old: FloatArray) -> FloatArray:
@@ -145,14 +147,14 @@ def _next(climate: Climate, reading: FloatArray, seconds: float) -> Climate:
 def _now(climate: Climate) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the present temperatures and their deviations: those of the last reading, carried on."""
     passed, lost = climate.silent[..., None], (climate.silent > 0) & np.isfinite(climate.air)
-    share, std = -np.expm1(-passed / MEMORY), np.where(lost, climate.change_std(climate.silent), 0.0)
+    share, std = -np.expm1(-passed / _INERTIA), np.where(lost, climate.change_std(climate.silent), 0.0)
     lagged = climate.lagged + share * (climate.air[..., None] - climate.lagged)
     return climate.air, std, lagged, np.hypot((1 - share) * climate.lagged_std, _ramp(passed) * std[..., None])
 
 
 def _ramp(passed: FloatArray) -> FloatArray:
-    """Return how far structures of the three inertias have followed an air that rose evenly by one, from zero on."""
-    ratio = passed / MEMORY
+    """Return how far structures of the five inertias have followed an air that rose evenly by one, from zero on."""
+    ratio = passed / _INERTIA
     return np.asarray(1 + np.expm1(-ratio) / np.maximum(ratio, 1e-9))
 
 
@@ -184,7 +186,7 @@ def _frost(air: FloatArray, lagged: FloatArray) -> FloatArray:
     between those of a structure as cold as the coldest and as warm as the warmest of them.
     """
     here = np.minimum(np.concatenate([air[..., None], lagged], axis=-1), _FREEZING[-1])
-    ends = (np.repeat(end[..., None], len(MEMORY), axis=-1) for end in (here.min(-1), here.max(-1)))
+    ends = (np.repeat(end[..., None], len(_INERTIA), axis=-1) for end in (here.min(-1), here.max(-1)))
     coldest, warmest = (_varying(end[..., 0], end) for end in ends)
     return np.asarray((coldest - warmest) / np.sqrt(12))
 
@@ -196,6 +198,7 @@ def _hinges(temperature: FloatArray) -> FloatArray:
 
 def _varying(air: FloatArray, lagged: FloatArray) -> FloatArray:
     """Return the regressors beside the constant (..., N_TERMS - 1)."""
+    lagged = lagged[..., _REGRESSED]
     hinges = _hinges(lagged[..., 0])
     colder = np.minimum(lagged[..., None] - _FREEZING_LATE, 0.0)  # (..., memory, knot)
     late = (colder[..., 1:, :] - colder[..., :1, :]).reshape(*air.shape, -1)

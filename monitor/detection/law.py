@@ -31,9 +31,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 CHUNK = 24  #: windows learnt from at once; what their mean moves by is slow
 FEARED_STD = 3e-4  #: of what an environment not yet seen may do to all log frequencies alike, and to each
-_FEARED_WORTH = 4.0  # degrees of freedom that its variance is worth
+_FEARED_WORTH = 2.0  # degrees of freedom that its variance is worth
 _FITTED = 4.0  # degrees of freedom that the law of temperature takes from residuals
 _YEAR_WORTH = 15.6e6  # s that an unmeasured temperature's seasons are worth: half a year
+_WEIGHTINGS = 3  # of windows where it freezes, by what the law misses of freezing
 _FEARED_SECONDS = 6 * 3600.0  # in which that comes
 _THERMOMETER = np.array([0.15, 0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.5])  # K, that the thermometer's deviation may be ...
 _THERMOMETER_PRIOR = -0.5 * (np.log(_THERMOMETER / THERMOMETER_STD) / 0.7) ** 2  # ... and the logarithm of how likely
@@ -43,7 +44,7 @@ _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
 _EVEN_WORTH = 24.0  # ... and that modes scatter by the same times these
 _MOST_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
-_SLOW_SECONDS = 86400.0  # that a slow movement lasts
+_CORRELATED_SECONDS = np.array([86400.0, 2 * _FEARED_SECONDS])  # that slow and feared movements are alike
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
 _TAILS = np.array([3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have ...
 _TAILS_PRIOR = np.array([-12.0, -11.0, -10.0, -9.0, -8.0, -7.0, -5.0, -3.0, 0.0])  # ... and the logarithm of how likely
@@ -65,6 +66,7 @@ class Sums:
     weight_of_means: FloatArray  #: (...,) the same of means
     tail: FloatArray  #: (..., n_tails) log likelihood of each tail
     thermometer: FloatArray  #: (..., n) log likelihood of each deviation of the thermometer
+    moving: FloatArray  #: (..., 2, 2) variance of slow and of feared movements by which `information` is weighted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -133,6 +135,15 @@ class Law:
         one = np.ones_like(self.thermometer)
         std = np.stack([self.thermometer, one, one, THERMOMETER_STD * one], axis=-1)
         return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * std[..., None, :, None])
+
+    def freezing(self, terms: FloatArray) -> FloatArray:
+        """Return the variance (..., n_windows, 2) of what regressors miss of freezing: common direction, across it."""
+        moved = self.by_temperature(terms)[..., 2:, :]
+        along = (moved @ self.common[..., None, :, None])[..., 0]
+        across = np.maximum((moved**2).sum(-1) - along**2, 0.0) / max(self.scale.shape[-1] - 1, 1)
+        value = terms[..., None, :, 3, :]
+        unknown = np.moveaxis((value @ self.unknown * value).sum(-1), -2, -1)
+        return np.asarray(unknown + np.stack([(along**2).sum(-1), across.sum(-1)], axis=-1))
 
     def come(self, age: FloatArray | None) -> FloatArray:
         """Return the share of the variance of what is feared that may have come by then (..., n_windows).
@@ -230,19 +241,31 @@ def learn(
     """
     variance = np.ones(whitened.shape[:-1]) if variance is None else variance
     kept = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
-    seen = np.isfinite(kept)
-    share = seen.mean(-1)
-    filled = _filled(law, terms, kept)
-    weights = share[..., None, :] / _noise(law, age, variance)
-    along = law.common[..., None, :] * (filled @ law.common[..., :, None])
-    weighted = weights[..., 0, :, None] * along + weights[..., 1, :, None] * (filled - along)
-    value = terms[..., 0, :]
-    new_information = np.swapaxes(value[..., None, :, :] * weights[..., None], -1, -2) @ value[..., None, :, :]
-    moment = np.swapaxes(value, -1, -2) @ weighted
-    solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
+    solved = _regressed(_reweighted(law, age), terms, kept, age, variance)
     residual = solved.residual(terms, kept)
     scattered = _thermometer(_scattered(solved, residual, lag, variance), terms, residual, variance)
     return _tail(scattered, terms, scattered.residual(terms, whitened), age, variance)
+
+
+def _regressed(law: Law, terms: FloatArray, kept: FloatArray, age: float, variance: FloatArray) -> Law:
+    """Return the law with the coefficients after more windows.
+
+    What the regressors miss of freezing is in proportion to the coefficients, so that windows in which frost does
+    nothing determine these well. Weights and coefficients are thus found in turn.
+    """
+    share, value = np.isfinite(kept).mean(-1), terms[..., 0, :]
+    filled = _filled(law, terms, kept)
+    along = law.common[..., None, :] * (filled @ law.common[..., :, None])
+    solved = replace(law, unknown=np.zeros_like(law.unknown))
+    for _ in range(_WEIGHTINGS):
+        weights = share[..., None, :] / _noise(solved, terms, age, variance)
+        weighted = weights[..., 0, :, None] * along + weights[..., 1, :, None] * (filled - along)
+        new_information = np.swapaxes(value[..., None, :, :] * weights[..., None], -1, -2) @ value[..., None, :, :]
+        moment = np.swapaxes(value, -1, -2) @ weighted
+        solved = _solve(law, law.sums.information + new_information, law.sums.moment + moment)
+        if not terms[..., 3:, :].any():
+            break
+    return solved
 
 
 def _half_squares(residual: FloatArray, lag: int, variance: FloatArray) -> FloatArray:
@@ -286,6 +309,7 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         weight_of_means=np.zeros(lead),
         tail=np.broadcast_to(_TAILS_PRIOR, (*lead, len(_TAILS))),
         thermometer=np.broadcast_to(_THERMOMETER_PRIOR, (*lead, len(_THERMOMETER))),
+        moving=np.zeros((*lead, 2, 2)),
     )
     return Law(
         centre=centre,
@@ -326,19 +350,50 @@ def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
     return np.where(seen, whitened, terms[..., 0, :] @ law.coefficient + together[..., None] * along)
 
 
-def _noise(law: Law, age: float, variance: FloatArray) -> FloatArray:
-    """Return the variance (..., 2, n_windows) with which one window tells of the common and of the own part.
+def _noise(law: Law, terms: FloatArray, age: float, variance: FloatArray) -> FloatArray:
+    """Return the variance (..., 2, n_windows) of the common and of the own part of one window, for the regression.
 
-    A slow movement stays for many windows, so that together they tell no more of it than one.
+    A movement stays for many windows, so that together they determine it no better than one does. So does what the
+    law's regressors miss of freezing.
     """
-    p = law.scale.shape[-1]
-    slow = law.slow - np.expm1(-age / _FEARED_SECONDS) * law.feared
+    come = np.array([1.0, -np.expm1(-age / _FEARED_SECONDS)])
+    alike = _alike(law, age)
+    moving = (_moving(law) * (come * alike)[..., None]).sum(-2)
+    freezing = np.moveaxis(law.freezing(terms), -1, -2) * alike[..., 1, None, None]
+    return np.asarray((law.fast[..., None] * variance)[..., None, :] + moving[..., None] + freezing)
+
+
+def _moving(law: Law) -> FloatArray:
+    """Return the variance (..., 2, 2) of slow and of feared movements, along the common direction and across it."""
+    return np.stack([_parts(law, law.slow), _parts(law, law.feared)], axis=-2)
+
+
+def _alike(law: Law, age: float) -> FloatArray:
+    """Return the windows (..., 2) within the correlation times of slow and of feared movements, or seen so far."""
     lasted = np.mean(law.sums.n_product, axis=(-2, -1)) * law.step + age
-    alike = np.minimum(_SLOW_SECONDS, lasted)[..., None] / law.step
-    along = np.einsum("...i,...ij,...j->...", law.common, slow, law.common)
-    across = (np.trace(slow, axis1=-2, axis2=-1) - along) / max(p - 1, 1)
-    lasts = alike * np.stack([along, np.maximum(across, 0.0)], axis=-1)
-    return np.asarray((law.fast[..., None] * variance)[..., None, :] + lasts[..., None])
+    return np.asarray(np.minimum(_CORRELATED_SECONDS, lasted[..., None]) / law.step)
+
+
+def _parts(law: Law, covariance: FloatArray) -> FloatArray:
+    """Return the variance (..., 2) along the common direction and, in the mean, across it."""
+    along = np.einsum("...i,...ij,...j->...", law.common, covariance, law.common)
+    across = (np.trace(covariance, axis1=-2, axis2=-1) - along) / max(covariance.shape[-1] - 1, 1)
+    return np.stack([along, np.maximum(across, 0.0)], axis=-1)
+
+
+def _reweighted(law: Law, age: float) -> Law:
+    """Return the law, its windows so far weighted by the present variance of movements.
+
+    That was feared to be larger when the first windows were learnt from.
+    """
+    moving, alike = _moving(law), _alike(law, age)[..., None]
+    before, now = (law.fast[..., None] + (alike * m).sum(-2) for m in (law.sums.moving, moving))
+    ratio = np.where(law.sums.moving.any(-2), before / now, 1.0)
+    prior = np.stack([np.eye(N_TERMS) / std[..., None, :] ** 2 for std in prior_std(law.scale)], axis=-3)
+    information = prior + ratio[..., None, None] * (law.sums.information - prior)
+    along = law.common[..., None, :] * (law.sums.moment @ law.common[..., :, None])
+    moment = ratio[..., 0, None, None] * along + ratio[..., 1, None, None] * (law.sums.moment - along)
+    return replace(law, sums=replace(law.sums, information=information, moment=moment, moving=moving))
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -431,11 +486,11 @@ def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArra
     watched = n * law.step
     share = _unseen(watched)
     unmeasured = np.where(law.measured, 0.0, _YEAR_WORTH / (_YEAR_WORTH + watched))
-    feared = _alike(law, share, FEARED_STD, FEARED_STD) + _alike(law, unmeasured, COMMON_STD, COMMON_STD / 3)
+    feared = _uniform(law, share, FEARED_STD, FEARED_STD) + _uniform(law, unmeasured, COMMON_STD, COMMON_STD / 3)
     return (1 - share)[..., None, None] * (hours + windows), feared
 
 
-def _alike(law: Law, share: FloatArray, common_std: float, own_std: float) -> FloatArray:
+def _uniform(law: Law, share: FloatArray, common_std: float, own_std: float) -> FloatArray:
     """Return the covariance of a relative change of all frequencies alike, and of each beside, times a share."""
     inverse = 1 / law.scale
     own = own_std**2 * inverse[..., None] ** 2 * np.eye(inverse.shape[-1])

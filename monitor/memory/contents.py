@@ -19,7 +19,7 @@ from monitor.window import Window
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 8  # of what is written here, or of how modes are identified: another one is not read
+VERSION = 9  # of what is written here, or of how modes are identified: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
