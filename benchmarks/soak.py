@@ -22,7 +22,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -65,9 +65,23 @@ class Hook(http.server.BaseHTTPRequestHandler):
     """Takes notices."""
 
     texts: list[str]
+    hostile: str
 
     def do_POST(self) -> None:
-        """Keep what is told."""
+        """Keep what is told, or answer by what harms."""
+        if self.hostile == "retry":
+            self.send_response(503)
+            self.send_header("Retry-After", "Wed, 21 Oct 99999999999 07:28:00 GMT")
+            self.end_headers()
+            return
+        if self.hostile == "trickle":
+            self.send_response(200)
+            with suppress(OSError):
+                for _ in range(600):
+                    self.send_header("X-More", "x")
+                    self.flush_headers()
+                    time.sleep(0.5)
+            return
         said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         self.texts += [notice["text"] for notice in said["notices"]]
         self.send_response(200)
@@ -127,10 +141,10 @@ class Soak:
         self._rig.stdin.write(line + "\n")
         self._rig.stdin.flush()
 
-    def webhook(self, *, up: bool) -> None:
-        """Have notices taken, or refused."""
+    def webhook(self, *, up: bool, hostile: str = "") -> None:
+        """Have notices taken, refused, or answered by what harms: "retry" or "trickle"."""
         if up:
-            handler = type("Kept", (Hook,), {"texts": self.told})
+            handler = type("Kept", (Hook,), {"texts": self.told, "hostile": hostile})
             self._hook = http.server.ThreadingHTTPServer(("127.0.0.1", self._hook_port), handler)
             threading.Thread(target=self._hook.serve_forever, daemon=True).start()
         elif self._hook:
@@ -143,7 +157,7 @@ class Soak:
         lines += ["[analysis]", f"window_seconds = {_WINDOW}", f"baseline_windows = {_BASELINE}"]
         lines += ["[web]", f"port = {self.web_port}", "[viewer]", f"port = {self.viewer_port}"]
         lines += [f"memory_mb = {_VIEWER_MB}", "[[notify]]"]
-        lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "per_hour = 1000"]
+        lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "per_hour = 1000", "timeout_seconds = 3"]
         for name, (_, axes) in places(self._n).items():
             mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
             lines += ["[[device]]", f'name = "{name}"', 'driver = "epson-uart"', f'port = "{self.folder / name}"']
@@ -171,10 +185,13 @@ class Soak:
         self.lives.append(Life())
         self._started = time.monotonic()
 
-    def reload(self) -> None:
-        """Have files rotate at another size: a new log, and not a gap."""
-        self._rotate += 1
+    def reload(self, more: str = "") -> None:
+        """Have files rotate at another size: a new log, and not a gap; or add text to the file."""
+        self._rotate += not more
         self.write_site()
+        if more:
+            path = self.folder / "site.toml"
+            path.write_text(f"{more}\n{path.read_text(encoding='utf-8')}", encoding="utf-8")
         self._process.send_signal(signal.SIGHUP)
 
     def look(self) -> None:

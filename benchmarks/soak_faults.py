@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -36,12 +37,16 @@ class Soak(Protocol):
         """Start the monitor, and wait until it has started."""
         ...
 
-    def webhook(self, *, up: bool) -> None:
-        """Have notices taken, or refused."""
+    def webhook(self, *, up: bool, hostile: str = "") -> None:
+        """Have notices taken, refused, or answered by what harms: "retry" or "trickle"."""
         ...
 
-    def reload(self) -> None:
-        """Change a setting and have it read."""
+    def reload(self, more: str = "") -> None:
+        """Change a setting, or add text to the file, and have it read."""
+        ...
+
+    def write_site(self) -> None:
+        """Write the settings."""
         ...
 
     def child(self, nice: int, port: int | None = None) -> psutil.Process:
@@ -94,7 +99,6 @@ def _kill(soak: Soak) -> None:
     soak.monitor.wait(10)
 
 
-_LOCK = Locked()
 LOST, BACK = "device_lost", "device_back"
 
 
@@ -108,6 +112,54 @@ def _plugged(what: str, device: str, at: float, seconds: float, how: str = "plug
         device=device,
         named=(LOST, BACK),
     )
+
+
+def _hostile(kind: str, at: float, device: str) -> tuple[Fault, Fault]:
+    """Return a fault of the webhook, and a device that is unplugged amid it, so that there is something to tell."""
+
+    def begin(soak: Soak) -> None:
+        soak.webhook(up=False)
+        soak.webhook(up=True, hostile=kind)
+
+    def end(soak: Soak) -> None:
+        soak.webhook(up=False)
+        soak.webhook(up=True)
+
+    named = "notice_failed", "notice_back"
+    fault = Fault(what=f"webhook: {kind}", at=at, seconds=12, begin=begin, end=end, named=named)
+    return fault, _plugged(f"unplugged, webhook: {kind}", device, at + 1, 3)
+
+
+def _history(soak: Soak) -> Path:
+    return soak.folder / "state" / "history.sqlite"
+
+
+def _damage_history(soak: Soak) -> None:
+    """Overwrite a page of an index: SQLite calls the file malformed, and all rows can still be read."""
+    with closing(sqlite3.connect(_history(soak), timeout=10.0)) as base:
+        base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        page = base.execute("SELECT rootpage FROM sqlite_master WHERE name = 'modes_by_time'").fetchone()[0]
+        size = base.execute("PRAGMA page_size").fetchone()[0]
+    with _history(soak).open("r+b") as raw:
+        raw.seek((page - 1) * size)
+        raw.write(b"\xa5" * size)
+
+
+def _delete_history(soak: Soak) -> None:
+    for path in _history(soak).parent.glob("history.sqlite*"):
+        path.unlink()
+
+
+def _newest_log(soak: Soak) -> Path:
+    return max((soak.folder / "log").glob("*.mcap"), key=lambda path: path.stat().st_mtime)
+
+
+def _move_log(soak: Soak) -> None:
+    path = _newest_log(soak)
+    path.rename(path.with_name(f"moved_{path.name}"))
+
+
+_LOCK = Locked()
 
 
 FAULTS = (
@@ -132,6 +184,41 @@ FAULTS = (
         begin=_LOCK.begin,
         end=_LOCK.end,
         named=("history_down", "history_back"),
+    ),
+    Fault(
+        what="log deleted",
+        at=212,
+        seconds=1,
+        begin=lambda soak: _newest_log(soak).unlink(),
+        device=ANY,
+        named=("log_file_lost",),
+        before=24.0,  # since the disk was full: what memory kept then is in the file, too
+        after=1.5,
+    ),
+    Fault(what="log moved", at=218, seconds=1, begin=_move_log, named=("log_file_lost",)),
+    Fault(
+        what="history damaged",
+        at=256,
+        seconds=1,
+        begin=_damage_history,
+        named=("history_down", "history_renewed", "history_restored", "history_back"),
+    ),
+    Fault(
+        what="history deleted",
+        at=306,
+        seconds=1,
+        begin=_delete_history,
+        named=("history_down", "history_renewed", "history_back"),
+    ),
+    *_hostile("retry", 340, "col_037"),
+    *_hostile("trickle", 358, "col_074"),
+    Fault(
+        what="settings nested too deep",
+        at=425,
+        seconds=1,
+        begin=lambda soak: soak.reload("x = " + "[" * 20_000 + "]" * 20_000),
+        end=lambda soak: soak.write_site(),
+        named=("reload_refused",),
     ),
     Fault(
         what="webhook down",
