@@ -103,6 +103,7 @@ def test_a_swapped_pair(diagnosed: Diagnose) -> None:
     assert set(found["causes"][0]["where"]["channels"]) == {"col_037_x", "col_111_x"}
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("undrawn")
 def test_nothing(diagnosed: Diagnose) -> None:
     code, found = diagnosed("nothing", Rig(seed=SEED).record(4, SECONDS, rate=RATE), drawn=True)

@@ -114,10 +114,9 @@ def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
             [measure(model, random, np.ones(len(structure.channels))) for _ in range(3)], [track] * 3
         )
         reference = nominal_reference(structure, windows)
-        weighing = Weighing(reference, compare(reference, matched(reference.baseline, reference.mean_of(windows))))
-        two = Compositions(weighing).settled(
-            tuple(begun(weighing.causes[n]) for n in ("model_parameters", "added_mass"))
-        )
+        data = compare(reference, matched(reference.baseline, reference.mean_of(windows)))
+        weighing = Weighing(reference, data, allowed=(names := ("model_parameters", "added_mass")))
+        two = Compositions(weighing).settled(tuple(begun(weighing.causes[n]) for n in names))
         assert two is not None
         parameters = two.parts[two.names.index("model_parameters")]
         found = significant_only(weighing, [two])
