@@ -71,7 +71,7 @@ def _assert_told(watched: Watched) -> None:
     assert moved == {"changed": "device beam_right"}
     assert rated == {"changed": "device beam_right, log and analysis"}
     [refused] = watched.events("reload_refused")
-    assert "site.toml: device.1.rate: expected greater than 0" in refused.payload["why"]
+    assert "site.toml: device.1.rate: expected greater than or equal to 0.001" in refused.payload["why"]
     assert [event.payload["device"] for event in watched.events("gap")] == ["beam_right"]
     assert [event.payload["left_out_s"] for event in watched.events("analysis_behind")] == [6000.1]
     assert [event.payload["again_in_s"] for event in watched.events("analysis_died")] == [1.0]
