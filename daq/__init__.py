@@ -1,5 +1,6 @@
 """Bytes in, recordings out: drivers, emulators, the MCAP log, and blocks of many devices on one grid."""
 
+from daq.archive_size import check_archive
 from daq.assembly import Assembler
 from daq.bounded_text import one_line, parse_json, parse_toml, printable
 from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
@@ -127,6 +128,7 @@ __all__ = [
     "as_logs",
     "can_adapters",
     "can_interfaces",
+    "check_archive",
     "differentiated",
     "driver_names",
     "error_text",

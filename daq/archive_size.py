@@ -1,8 +1,12 @@
 """Sizes of compressed files before they are unpacked: a megabyte of zeros fits into a kilobyte."""
 
+import math
+import zipfile
 import zlib
 from pathlib import Path
 from typing import IO
+
+import numpy as np
 
 from daq.errors import DataError
 
@@ -44,3 +48,27 @@ def inflated_size(file: IO[bytes], n: int, most: int) -> int:
             size += len(stream.decompress(piece, _PIECE))
             piece = stream.unconsumed_tail
     return size
+
+
+def check_archive(path: Path) -> None:
+    """Refuse an npz file whose arrays are larger than what is in it, or far larger than the file.
+
+    Raises
+    ------
+    DataError
+        Naming the file and the array.
+    ValueError, OSError, zipfile.BadZipFile
+        If it is no archive of arrays, or damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        check_unpacked(path, "arrays", sum(member.file_size for member in members))
+        for member in (member for member in members if member.filename.endswith(".npy")):
+            with archive.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, dtype = read(file)
+                held = member.file_size - file.tell()
+            stated = math.prod(shape) * dtype.itemsize
+            if stated > held:
+                raise DataError(path, f"{member.filename}: {shape} of {dtype} are {stated} bytes, found {held}")

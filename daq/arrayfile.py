@@ -1,6 +1,5 @@
 """Arrays of numpy's .npz and Matlab's .mat files."""
 
-import math
 import struct
 import tokenize
 import zipfile
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from daq.archive_size import check_unpacked
+from daq.archive_size import check_archive
 from daq.errors import DataError
 from daq.matfile import read_mat
 from daq.origin import Origin, parse_origin
@@ -113,7 +112,7 @@ def _origin(path: Path, arrays: dict[str, Any]) -> Origin | None:
 def _load(path: Path) -> dict[str, Any]:
     try:
         if path.suffix.lower() == ".npz":
-            _check_archive(path)
+            check_archive(path)
             with path.open("rb") as opened, np.load(opened) as file:
                 return dict(file)
         return read_mat(path)
@@ -123,22 +122,6 @@ def _load(path: Path) -> dict[str, Any]:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
     except _DAMAGED as error:
         raise DataError(path, f"holds no arrays: {error}") from error
-
-
-def _check_archive(path: Path) -> None:
-    """Refuse an archive whose arrays are larger than what is in it, or far larger than the file."""
-    with zipfile.ZipFile(path) as archive:
-        members = archive.infolist()
-        check_unpacked(path, "arrays", sum(member.file_size for member in members))
-        for member in (member for member in members if member.filename.endswith(".npy")):
-            with archive.open(member) as file:
-                version = np.lib.format.read_magic(file)
-                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-                shape, _, dtype = read(file)
-                held = member.file_size - file.tell()
-            stated = math.prod(shape) * dtype.itemsize
-            if stated > held:
-                raise DataError(path, f"{member.filename}: {shape} of {dtype} are {stated} bytes, found {held}")
 
 
 def _first(arrays: dict[str, Any], names: tuple[str, ...]) -> Any:  # noqa: ANN401 - whatever the file holds

@@ -316,6 +316,28 @@ def crafted_npz(data: bytes, random: Random) -> bytes:
     return file.getvalue() if random.random() < 0.9 else mutated_bytes(file.getvalue(), random)
 
 
+def mutated_archive(data: bytes, random: Random) -> bytes:
+    """Return an archive with one array replaced, resized or with extreme values."""
+    with np.load(io.BytesIO(data)) as found:
+        arrays = dict(found)
+    name = random.choice(sorted(arrays))
+    array = arrays[name]
+    changes: tuple[Callable[[], object], ...] = (
+        lambda: array[:-1],
+        lambda: array * random.choice((-1, 0, 1e30, 1e-30)),
+        lambda: np.full_like(array, random.choice((-1, 0, 2**30))),
+        lambda: array.ravel()[: random.randrange(array.size)],
+        lambda: np.array(["x"]),
+        lambda: np.zeros((3, 3, 3)),
+        lambda: np.where(np.arange(array.size).reshape(array.shape) == 1, 2**31 - 1, array),
+    )
+    with np.errstate(all="ignore"):
+        arrays[name] = np.asarray(random.choice(changes)())
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
 def _npy(array: object) -> bytes:
     if array is BOMB:
         return _npy_head("<f8", (150 << 20,)) + bytes(1200 << 20)

@@ -16,12 +16,14 @@ from fuzz_mutations import (
     Mutation,
     crafted_mcap,
     crafted_npz,
+    mutated_archive,
     mutated_blf,
     mutated_bytes,
     mutated_json,
     mutated_mcap,
     mutated_text,
 )
+from scipy.io import mmwrite
 
 from daq import Channel, Event, LogWriter, Recording, export_recording, write_recording
 from monitor.cli.exits import explain
@@ -33,7 +35,7 @@ from monitor.modal_table import read_table
 from monitor.rig import World, load_scenario
 from monitor.rig.process import load_rig_structure
 from monitor.settings import parse_settings
-from updater import parse_structure
+from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = "structure settings_shown check importing importing_can logs identifying watch view service"
 for _module in _MODULES.split():
@@ -245,6 +247,19 @@ def _site(path: Path, random: Random) -> int:
     return command("check", path)
 
 
+def _matrices(path: Path, _: Random) -> int:
+    """Read a structure whose matrices are in the file."""
+    own = b'material = "steel"\nsection = "bar"\nelements = 6'
+    member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
+    sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]
+    names = [f"external.matrices = {str(path)!r}\n"]
+    if path.suffix == ".mtx":
+        names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass", "dofs")]
+    structure = path.with_name("external.toml")
+    structure.write_bytes("".join(names).encode() + member + sensors)
+    return command("structure", structure)
+
+
 def _scenario(path: Path, _: Random) -> int:
     def read(path: Path) -> None:
         scenario = load_scenario(path)
@@ -280,7 +295,7 @@ def _dbc(path: Path, random: Random) -> int:
 
 
 def _log(path: Path, random: Random) -> int:
-    kind = random.randrange(8)
+    kind = random.choice((0, 0, 1, 1, 2, 3, 3, 4, 4, 5, 6, 7))  # a replay starts a process
     folder = path.parent
     if kind == 0:
         return command("log", "info", path, "--json", folder / "info.json")
@@ -356,6 +371,18 @@ def _array_seeds() -> tuple[Seed, ...]:
     return (
         Seed(content=b"", mutate=crafted_npz),
         *(Seed(content=_exported(s), mutate=mutated_bytes, suffix=s) for s in (".npz", ".mat")),
+    )
+
+
+def _matrix_seeds() -> tuple[Seed, ...]:
+    path = _scratch() / "matrices.npz"
+    model = build_model(parse_structure(_FRAME.decode()), shear_flexible=True, mass="consistent")
+    save_matrices(path, Matrices(stiffness=model.stiffness, mass=model.mass, nodes=model.nodes, dofs=model.dofs))
+    mmwrite(_scratch() / "k.mtx", model.stiffness, symmetry="symmetric")
+    return (
+        Seed(content=path.read_bytes(), mutate=mutated_archive),
+        Seed(content=path.read_bytes(), mutate=mutated_bytes),
+        Seed(content=(_scratch() / "k.mtx").read_bytes(), mutate=mutated_text, suffix=".mtx"),
     )
 
 
@@ -442,6 +469,7 @@ READERS = {
     "structure": Reader(
         suffix=".toml", seeds=lambda: _texts(_FRAME, _PORTAL + _OSCILLATOR), read=_structure, beside={}
     ),
+    "matrices": Reader(suffix=".npz", seeds=_matrix_seeds, read=_matrices, beside={"frame.toml": _FRAME}),
     "site": Reader(suffix=".toml", seeds=lambda: _texts(_SITE), read=_site, beside=_TOML),
     "scenario": Reader(suffix=".toml", seeds=lambda: _texts(_SCENARIO), read=_scenario, beside=_TOML),
     "modal-table": Reader(

@@ -13,8 +13,11 @@ from typing import Any
 import pytest
 
 _TESTS = Path(__file__).parents[1]
-_CASES = 4
-READERS = ("structure", "site", "scenario")
+_CASES = 3
+READERS = (
+    *("structure", "matrices", "site", "scenario", "modal-table", "csv", "arrays", "universal"),
+    *("can-log", "dbc", "log", "state"),
+)
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ What the rows mean stands in a DOF table: node, its place and the axis (x y z rx
 """
 
 import csv
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,13 +13,19 @@ from zipfile import BadZipFile
 
 import numpy as np
 from scipy import sparse
-from scipy.io import mmread, mmwrite
+from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
-from daq import FloatArray, IntArray
+from daq import DataError, FloatArray, IndexArray, IntArray, check_archive
 from updater.errors import StructureError
 from updater.structure import AXES
 
+_MAX_ROWS = 10_000_000
+_BLANK, _NEWLINE = ord(" "), ord("\n")
+_DAMAGED = (
+    *(OSError, ValueError, KeyError, TypeError, IndexError, EOFError, ArithmeticError, MemoryError),
+    *(BadZipFile, zlib.error, DataError),
+)
 _SYMMETRIC = 1e-8  # of the largest entry: what digits cut off in a text file may leave
 _ROUNDING = 1e-8  # of a DOF's own mass: what digits cut off leave of an eigenvalue that is zero
 _DENSE = 300  # DOFs up to which all eigenvalues are solved for
@@ -119,29 +126,73 @@ _PARTS = ("data", "indices", "indptr")
 def _matrix(path: Path, name: str) -> sparse.csc_array:
     try:
         if path.suffix == ".npz":
+            check_archive(path)
             with np.load(path) as file:
                 data, indices, indptr = (file[f"{name}_{part}"] for part in _PARTS)
+            _check_indices(data, indices, indptr)
             matrix = sparse.csc_array((data.astype(float), indices, indptr), shape=(len(indptr) - 1,) * 2)
         else:
+            _check_stated(path)
             matrix = sparse.csc_array(mmread(path, spmatrix=False), dtype=float)
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except _DAMAGED as error:
         raise StructureError(path, f"{name}: no matrix can be read: {error}".splitlines()[0]) from error
     return matrix
+
+
+def _check_indices(data: FloatArray, indices: IndexArray, indptr: IndexArray) -> None:
+    """Refuse columns and rows outside a matrix: scipy would follow them in memory."""
+    n = len(indptr) - 1
+    if not data.ndim == indices.ndim == indptr.ndim == 1 or not 0 < n <= _MAX_ROWS:
+        raise ValueError(f"expected one-dimensional arrays of up to {_MAX_ROWS} rows, found {indptr.shape}")
+    if indptr[0] != 0 or (np.diff(indptr) < 0).any() or not indptr[-1] == len(indices) == len(data):
+        raise ValueError(f"indptr: expected ascending places up to {len(data)}, found {indptr.min()} to {indptr.max()}")
+    if len(indices) and not 0 <= indices.min() <= indices.max() < n:
+        raise ValueError(f"indices: expected rows 0 to {n - 1}, found {indices.min()} to {indices.max()}")
+
+
+def _check_stated(path: Path) -> None:
+    """Refuse a Matrix Market file whose lines are not as its head states: scipy's reader crashes on some of them."""
+    rows, columns, entries, form, field, _ = mminfo(path)
+    size = path.stat().st_size
+    if max(rows, columns) > _MAX_ROWS or entries > size:
+        raise ValueError(f"{rows} x {columns} with {entries} entries in {size} bytes, expected up to {_MAX_ROWS} rows")
+    n_values = {"pattern": 0, "complex": 2}.get(field, 1) + 2 * (form == "coordinate")
+    with path.open("rb") as file:
+        while (line := file.readline()).startswith(b"%") or not line.strip():
+            if not line:
+                raise ValueError("expected numbers of rows, columns and entries")
+        body = np.frombuffer(b"\n" + file.read() + b"\n", np.uint8)
+    blank, ends = body <= _BLANK, np.flatnonzero(body == _NEWLINE)
+    begins = np.flatnonzero(blank[:-1] & ~blank[1:])
+    per_line = np.diff(np.searchsorted(begins, ends))
+    wrong = np.flatnonzero((per_line > 0) & (per_line != n_values))
+    if len(wrong):
+        raise ValueError(f"expected {n_values} numbers per line, found {per_line[wrong[0]]}")
 
 
 def _table(path: Path) -> tuple[FloatArray, IntArray]:
     """Return nodes (n_nodes, 3) and the rows of their DOFs (n_nodes, 6)."""
     if path.suffix == ".npz":
         try:
+            check_archive(path)
             with np.load(path) as file:
-                return np.asarray(file["nodes"], float), np.asarray(file["dofs"], np.int32)
-        except (OSError, ValueError, KeyError, BadZipFile) as error:
+                return _checked_table(np.asarray(file["nodes"], float), np.asarray(file["dofs"], np.int32))
+        except _DAMAGED as error:
             raise StructureError(path, f"no DOF table can be read: {error}") from error
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             return _numbered(path, csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise StructureError(path, f"no DOF table can be read: {error}") from error
+
+
+def _checked_table(nodes: FloatArray, dofs: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return nodes (n_nodes, 3) and rows (n_nodes, 6), once each row from 0 on is there once."""
+    if nodes.shape != (len(nodes), 3) or not np.isfinite(nodes).all():
+        raise ValueError(f"nodes: expected finite numbers (n_nodes, 3), found {nodes.shape}")
+    if dofs.shape != (len(nodes), 6) or not np.array_equal(np.sort(dofs[dofs >= 0]), np.arange((dofs >= 0).sum())):
+        raise ValueError(f"dofs: expected ({len(nodes)}, 6) with each row once, found {dofs.shape}")
+    return nodes, dofs
 
 
 def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, IntArray]:
