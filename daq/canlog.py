@@ -37,6 +37,7 @@ CAN_LOGS = tuple(_READERS)  #: names of files of CAN traffic end so
 _PIECE_SECONDS, _PIECE_FRAMES = 0.1, 4096  # that are decoded at a time
 _BLOCK_SECONDS = 0.25
 _BACK_SECONDS = 1.0  # that time stamps may go back: of two buses in one file, not of a clock
+_MAX_BYTES = {False: 8, True: 64}  # of a frame of CAN, of CAN FD
 _MAX_SECONDS = 4.6e9  # of a time stamp since 1970
 _RATE_TOLERANCE = 0.05
 _DAMAGED = (
@@ -206,8 +207,9 @@ def _messages(path: Path) -> Iterator[can.Message]:
                 if message.timestamp < last - _BACK_SECONDS:
                     why = f"frame {number}: its clock runs backwards, from {last:.6f} s to {message.timestamp:.6f} s"
                     raise DataError(path, why)
-                if not 0 <= message.timestamp < _MAX_SECONDS or len(message.data) > (64 if message.is_fd else 8):
-                    why = f"frame {number}: {len(message.data)} bytes at {message.timestamp:g} s are none of CAN"
+                size = max(len(message.data), message.dlc)
+                if not 0 <= message.timestamp < _MAX_SECONDS or size > _MAX_BYTES[message.is_fd]:
+                    why = f"frame {number}: {size} bytes at {message.timestamp:g} s are none of CAN"
                     raise DataError(path, why)
                 last = max(last, message.timestamp)
                 if not (message.is_error_frame or message.is_fd):

@@ -6,6 +6,7 @@ repeats one, `--keep DIR` keeps its files.
 """
 
 import argparse
+import hashlib
 import json
 import os
 import re
@@ -47,7 +48,7 @@ def run_case(reader: str, number: int, keep: Path | None = None) -> Outcome:
     """Run a case in a forked process; the case's folder is kept if asked for."""
     folder = Path(tempfile.mkdtemp(prefix="fuzz-case-", dir=keep))
     path, random = case(reader, number, folder)
-    before = path.read_bytes()
+    before = _digest(path)
     out, err = folder.with_suffix(".out"), folder.with_suffix(".err")
     sys.stdout.flush()
     child = os.fork()
@@ -67,7 +68,7 @@ def run_case(reader: str, number: int, keep: Path | None = None) -> Outcome:
         faults.append(f"{seconds:.1f} s of processor time")
     if megabytes > MEGABYTES:
         faults.append(f"{megabytes:.0f} MB")
-    if not path.exists() or path.read_bytes() != before:
+    if not path.exists() or _digest(path) != before:
         faults.append("the input was changed")
     if keep is None:
         shutil.rmtree(folder, ignore_errors=True)
@@ -81,6 +82,11 @@ def run_case(reader: str, number: int, keep: Path | None = None) -> Outcome:
         megabytes=round(megabytes),
         faults=tuple(faults),
     )
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _child(reader: str, path: Path, random: object, out: Path, err: Path) -> None:

@@ -108,6 +108,7 @@ def blf(container: bytes, stated: int = 100) -> bytes:
         ("bomb.blf", blf(bytes(200 << 20)), "expected up to 16777216 bytes uncompressed"),
         ("zero.blf", blf(struct.pack("<4sHHLL", b"LOBJ", 16, 1, 0, 99) + bytes(64)), "object of 0 bytes"),
         ("long.log", b"(1767225600.0) can0 006#" + b"00" * 16 + b"\n", "16 bytes"),
+        ("remote.log", b"(1767225600.0) can0 006#R67489\n", "67489 bytes"),
         ("late.log", b"(1e300) can0 006#0000\n", "are none of CAN"),
     ],
 )
