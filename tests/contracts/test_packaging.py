@@ -1,5 +1,6 @@
 """What is installed is ours: generic names such as `daq` can be shadowed by strangers."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -42,5 +43,24 @@ def test_command_line_loads_nothing_heavy() -> None:
 
 
 def test_lock_names_no_place() -> None:
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    assert all("==" in line and "/" not in line for line in lock.split())
+    lock, tools = ((ROOT / name).read_text(encoding="utf-8") for name in ("requirements.lock", "requirements-dev.lock"))
+    assert all(re.fullmatch(r"[\w.-]+==[\w.]+", word) for word in tools.split())
+    for requirement in lock.replace("\\\n", "").splitlines():
+        assert re.fullmatch(r"[\w.-]+==[\w.]+( +--hash=sha256:[0-9a-f]{64})+", requirement), requirement
+
+
+def test_locks_hold_what_the_project_asks_for() -> None:
+    """What the program needs is in the one with hashes, and no tool of development."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    runtime, tools = (
+        {_name(line) for line in (ROOT / name).read_text(encoding="utf-8").splitlines() if "==" in line}
+        for name in ("requirements.lock", "requirements-dev.lock")
+    )
+    asked = project["project"]["dependencies"] + project["project"]["optional-dependencies"]["fleet"]
+    assert {_name(line) for line in asked} <= runtime
+    assert {_name(line) for line in project["dependency-groups"]["dev"]} <= runtime | tools
+    assert not runtime & (tools | {"pytest", "mypy", "ruff", "hypothesis"})
+
+
+def _name(requirement: str) -> str:
+    return re.split(r"[\[=<>!~ ]", requirement)[0].lower().replace("_", "-")
