@@ -90,33 +90,14 @@ def calibrated_with(reference: Reference, bodies: Sequence[Body], *, shaped: boo
     PairingError
         If fewer than three modes of the baseline have a partner in the model.
     """
-    return without_bodies(_calibrated_loaded(reference, bodies, shaped=shaped), reference.calibration.nominal)
-
-
-def reference_with(reference: Reference, bodies: Sequence[Body], *, shaped: bool) -> Reference | None:
-    """Return a reference whose structure has bodies that were there while the baseline was measured.
-
-    Parameters and errors are those of `calibrated_with`. None if a mode of the baseline has no partner then.
-    """
-    found = _calibrated_loaded(reference, bodies, shaped=shaped)
-    if not np.array_equal(found.tracks, np.arange(len(reference.baseline.n))):
-        return None
-    updated = first_stage(found.model, found.modes, found.paired, reference.baseline)
-    return replace(reference, calibration=found, frequency=updated.frequency, shape=updated.shape)
-
-
-def without_bodies(calibration: Calibration, nominal: Structure) -> Calibration:
-    """Return a calibration without the bodies that the structure's file `nominal` does not have."""
-    bare = calibration.structure.model_copy(update={"body": nominal.body})
-    return replace(calibration, structure=bare, nominal=nominal)
-
-
-def _calibrated_loaded(reference: Reference, bodies: Sequence[Body], *, shaped: bool) -> Calibration:
-    """Return the calibration of the structure with bodies to the baseline."""
-    loaded = reference.calibration.nominal.with_bodies(bodies)
+    nominal = reference.calibration.nominal
+    loaded = nominal.with_bodies(bodies)
     measured = Measured(windows=reference.windows, scatter=reference.scatter)
     found = calibrate(loaded, measured.mean)
-    return _with_shapes(loaded, found, measured) if shaped else found
+    if shaped:
+        found = _with_shapes(loaded, found, measured)
+    bare = found.structure.model_copy(update={"body": nominal.body})
+    return replace(found, structure=bare, nominal=nominal)
 
 
 def _with_shapes(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:

@@ -12,14 +12,13 @@ frequencies is no explanation, and others are sought that leave less.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
 
 from updater.agreement import agreeing, drift_beside, fixed
-from updater.baseline import calibrated_with, reference_with, without_bodies
+from updater.baseline import calibrated_with
 from updater.calibration import Calibration
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
@@ -39,11 +38,10 @@ from updater.gain import Gained
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.significance import significant_only
-from updater.size import size
 from updater.statistics import ModalMean
-from updater.structure import Body, Structure
+from updater.structure import Structure
 from updater.touching import merged
-from updater.verdict import Diagnosis, Failed, Quantity, Verdict, vector
+from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, calibration_summary, modes_of, named_causes, oddest, rejected_causes
 from updater.written_gain import WindowModes, fit_of_compared, fit_of_written, written_gain
 from updater.written_structure import rounded, simplified
@@ -61,8 +59,6 @@ _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the 
 _MOST_LEFT = 3.0  # times what noise and a good model leave of frequencies: what leaves more does not explain them
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
-_MOST_ON = 3  # masses of a body put on the reference
-_SAME_BODY = 0.1  # m on a structure of 1.5 m: a body and its removal
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
@@ -109,7 +105,6 @@ class _Case:
     weighing: Weighing
     measured: WindowModes
     heldout: WindowModes | None
-    filed: Structure | None = None  #: structure file without a body that the reference is taken to have borne
 
 
 def diagnose(
@@ -144,91 +139,6 @@ def diagnose(
     SelectionError
         If the catalogue has no cause of a name, or none of those that are left applies.
     """
-    search = partial(
-        _explain,
-        event=event,
-        heldout=heldout,
-        every=every,
-        heldout_every=heldout_every,
-        circumstances=circumstances,
-        on_cause=on_cause,
-        only=only,
-        without=without,
-    )
-    explained, case = search(reference)
-    if explained.diagnosis.verdict != "unexplained" or not circumstances.steady:
-        return explained
-    again = case.weighing.faults.attempt("a removed body that the file lacks", lambda: _removed_body(case, search))
-    return again or explained
-
-
-def _removed_body(case: _Case, search: "Callable[..., tuple[Explained, _Case]]") -> Explained | None:
-    """Return the explanation about a reference that bore a body which the file lacks; None if it was not removed.
-
-    The reference was calibrated without the body's mass, and makes up for it by stiffness: what a large body does then
-    fits nowhere. Here the best added mass that is negative is put on the structure, the reference is calibrated with
-    it, and the event is explained anew, until the mass that was removed is the mass put on.
-
-    Parameters
-    ----------
-    case : unexplained
-    search : explanation about a reference
-    """
-    reference, nominal = case.reference, case.reference.calibration.nominal
-    bodies = [
-        body
-        for candidate in case.singles
-        for part in candidate.chosen
-        if isinstance(part.cause, AddedMass) and (body := part.cause.unlisted(part.row, part.theta)) is not None
-    ]
-    if not bodies or not reference.calibration.fitted or reference.filed is not None:
-        return None
-    body, again = bodies[0], None
-    for _ in range(_MOST_ON):
-        loaded = reference_with(reference, [body], shaped=bool(case.data.shaped.any()))
-        if loaded is None:
-            break
-        found = search(loaded, filed=nominal)[0]
-        removed = _removal(found, body)
-        if removed is None:
-            break
-        again, put_on = found, body.mass
-        scale = -removed.value / put_on
-        body = body.model_copy(update={"mass": -removed.value, "inertia": vector(scale * np.array(body.inertia))})
-        if abs(body.mass - put_on) < removed.std:
-            break
-    return again
-
-
-def _removal(found: Explained, body: Body) -> Quantity | None:
-    """Return the mass that an explanation removes where a body is; None if it removes none there."""
-    near = size(found.extended) * _SAME_BODY if found.extended else 0.0
-    for cause in found.diagnosis.causes:
-        position = cause.where.position if cause.cause == "added_mass" and cause.where else None
-        if position and np.linalg.norm(np.subtract(position, body.at)) < near and cause.parameters["mass"].value < 0:
-            return cause.parameters["mass"]
-    return None
-
-
-def _explain(
-    reference: Reference,
-    *,
-    event: ModalMean,
-    heldout: ModalMean | None,
-    every: ModalMean | None,
-    heldout_every: ModalMean | None,
-    circumstances: Circumstances,
-    on_cause: Callable[[str], None],
-    only: Collection[str],
-    without: Collection[str],
-    filed: Structure | None = None,
-) -> tuple[Explained, _Case]:
-    """Return the explanation about one reference, and the case; parameters as for `diagnose`.
-
-    Parameters
-    ----------
-    filed : structure file, if the reference's structure has a body that it lacks
-    """
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
     rough = compare(reference, event, circumstances=circumstances, model_error=less)
     plain = Weighing(reference, rough, on_cause, allowed=allowed_causes(only, without))
@@ -243,11 +153,11 @@ def _explain(
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = _one_sided(plain, singles)
     unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
-    case = _Case(reference, event, search.data, singles, search, WindowModes.of(event, every), unused, filed)
+    case = _Case(reference, event, search.data, singles, search, WindowModes.of(event, every), unused)
     if not circumstances.steady:
-        return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY), case
+        return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if reference.filed is None and _nothing(search, singles):
-        return _refused("nothing_to_explain", case, search.log_nothing, _NOTHING), case
+        return _refused("nothing_to_explain", case, search.log_nothing, _NOTHING)
     alone = [c for c in singles if c.effective]
     found = _stepwise(search, ranked([*alone, *_beside_the_file(search, alone)]), rough=True)
     search, found = _one_sided_beside(search, found) if search is plain else _one_factor_beside(plain, search, found)
@@ -259,17 +169,17 @@ def _explain(
         found = found if _within_noise(good, found[0]) else _closer(case, found, good)
         found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
         if not found and reference.filed is None and case.weighing.nothing.p_value >= LEAST_P:
-            return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING), case
+            return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
     if not found or not _fits(found[0]) or not _within_noise(good, found[0]):
         odd = found[0] if found else best
         nearer = reference.filed and case.weighing.faults.attempt("the file nearer to the logs", lambda: _nearer(case))
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
-        return replace(refused, nearer=nearer or None), case
+        return replace(refused, nearer=nearer or None)
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
-        return _refused("unexplained", case, best.log_evidence, _STREWN), case
+        return _refused("unexplained", case, best.log_evidence, _STREWN)
     if sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in found[0].parts) > 1:
-        return _refused("unexplained", case, best.log_evidence, _WORN), case
-    return _explained(case, found, best.log_evidence), case
+        return _refused("unexplained", case, best.log_evidence, _WORN)
+    return _explained(case, found, best.log_evidence)
 
 
 def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
@@ -413,8 +323,8 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
     rough : whether it is enough that what is found is no misfit, however much one more would promise
     """
     several = Compositions(weighing)
-    for n_causes in range(1, _MOST):
-        as_many = [c for c in found if len(c.chosen) == n_causes]
+    for size in range(1, _MOST):
+        as_many = [c for c in found if len(c.chosen) == size]
         seeds = as_many[:_SEEDS]
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         if not seeds or found[0] is not seeds[0] or (rough and found[0].p_value >= _DOUBTFUL):
@@ -424,7 +334,7 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + _MUCH):
             break
         more = several.together(promises)
-        if n_causes == 1 and not any(c.p_value >= _WELL for c in more) and not _of_the_file(weighing):
+        if size == 1 and not any(c.p_value >= _WELL for c in more) and not _of_the_file(weighing):
             more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
@@ -485,8 +395,6 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     extended = _extended(case.reference.file.calibration, chosen, best.parts)
     with_bodies = _without_unlisted(case, extended, chosen, best.parts)
     extended, calibration = with_bodies or (extended, None)
-    if case.filed is not None:
-        extended, calibration = _without_assumed(case.reference.calibration, extended, case.filed)
     if OF_THE_FILE in best.names:
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
@@ -546,25 +454,6 @@ def _without_unlisted(
         return (other, calibration) if anew > as_calibrated else None
 
     return case.weighing.faults.attempt("removed bodies that the file lacks", nearer)
-
-
-def _without_assumed(calibration: Calibration, extended: Structure, filed: Structure) -> tuple[Structure, Calibration]:
-    """Return the structure without a body that the file lacks and without its removal, and the calibration.
-
-    Parameters
-    ----------
-    calibration : of the structure with the body
-    extended : with the removal and other causes written in
-    filed : structure file
-    """
-    assumed = calibration.structure.body[len(filed.body) :]
-    near = size(filed) * _SAME_BODY
-
-    def is_assumed(body: Body) -> bool:
-        return any(np.linalg.norm(np.subtract(body.at, one.at)) < near for one in assumed)
-
-    kept = [body for body in extended.body if body in filed.body or not is_assumed(body)]
-    return extended.model_copy(update={"body": tuple(kept)}), without_bodies(calibration, filed)
 
 
 def _extended(calibration: Calibration, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]) -> Structure:
