@@ -74,30 +74,30 @@ def learn_reference(
     )
 
 
-def calibrated_with(reference: Reference, bodies: Sequence[Body], *, shaped: bool) -> Calibration:
-    """Return the calibration of a structure that bore bodies which its file does not have, without them.
+def with_bodies_on(reference: Reference, bodies: Sequence[Body], *, shaped: bool) -> Reference | None:
+    """Return the reference of a structure that bore bodies, which its file lacks, while the baseline was measured.
 
-    Its parameters are fitted to the baseline with the bodies on. The model of the result is still that with them.
+    Its model has the bodies, and is calibrated to the baseline with them. None where other modes pair with it.
 
     Parameters
     ----------
-    reference : learnt from a baseline with the bodies on
+    reference : learnt from that baseline with a model without the bodies
     bodies : that were there
     shaped : whether shapes were measured
-
-    Raises
-    ------
-    PairingError
-        If fewer than three modes of the baseline have a partner in the model.
     """
-    nominal = reference.calibration.nominal
-    loaded = nominal.with_bodies(bodies)
+    loaded = reference.calibration.nominal.with_bodies(bodies)
     measured = Measured(windows=reference.windows, scatter=reference.scatter)
-    found = calibrate(loaded, measured.mean)
+    try:
+        found = calibrate(loaded, measured.mean)
+    except PairingError:
+        return None
     if shaped:
         found = _with_shapes(loaded, found, measured)
-    bare = found.structure.model_copy(update={"body": nominal.body})
-    return replace(found, structure=bare, nominal=nominal)
+    if not np.array_equal(found.tracks, np.arange(len(reference.paired))):
+        return None
+    updated = first_stage(found.model, found.modes, found.paired, reference.baseline)
+    calibration = replace(found, tracks=reference.calibration.tracks)
+    return replace(reference, calibration=calibration, frequency=updated.frequency, shape=updated.shape)
 
 
 def _with_shapes(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:

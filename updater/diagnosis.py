@@ -8,17 +8,22 @@ says so and names nothing. All this is first done with twice the error of a good
 less is held against it. What is found so is then judged, and taken on, with that error itself, unless the evidence says
 that the model is worse. A reference in doubt allows more error: what then leaves several times the noise of
 frequencies is no explanation, and others are sought that leave less.
+
+A body that was taken off, and that the structure file never had, was on while the baseline was measured: the model was
+calibrated to modes with it and without its mass. All is then done once more with a model that has the body, until the
+mass that is taken off is the mass that it has.
 """
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
 
 from updater.agreement import agreeing, drift_beside, fixed
-from updater.baseline import calibrated_with
+from updater.baseline import with_bodies_on
 from updater.calibration import Calibration
 from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.causes.added_mass import AddedMass
@@ -39,11 +44,11 @@ from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.significance import significant_only
 from updater.statistics import ModalMean
-from updater.structure import Structure
+from updater.structure import Body, Structure
 from updater.touching import merged
 from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, calibration_summary, modes_of, named_causes, oddest, rejected_causes
-from updater.written_gain import WindowModes, fit_of_compared, fit_of_written, written_gain
+from updater.written_gain import WindowModes, fit_of_compared, written_gain
 from updater.written_structure import rounded, simplified
 
 _SURE = 0.8  # posterior at which a cause is named
@@ -59,6 +64,7 @@ _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the 
 _MOST_LEFT = 3.0  # times what noise and a good model leave of frequencies: what leaves more does not explain them
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
+_MOST_ROUNDS, _CONVERGED = 8, 0.01  # until the mass of a removed body changes by no more than this share
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
@@ -92,6 +98,7 @@ class Explained:
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
     nearer: Nearer | None = None  #: of a file that is far off, where nothing is explained
     calibration: Calibration | None = None  #: of `extended`, if not the reference's: with removed bodies on
+    removed: tuple[Body, ...] = ()  #: bodies taken off that the structure file lacks, as they were on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +112,7 @@ class _Case:
     weighing: Weighing
     measured: WindowModes
     heldout: WindowModes | None
+    bare: Calibration | None = None  #: of the structure file, where the reference's model has bodies that it lacks
 
 
 def diagnose(
@@ -139,6 +147,38 @@ def diagnose(
     SelectionError
         If the catalogue has no cause of a name, or none of those that are left applies.
     """
+    unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
+    return _diagnosed(
+        reference,
+        WindowModes.of(event, every),
+        unused,
+        None,
+        circumstances=circumstances,
+        on_cause=on_cause,
+        only=only,
+        without=without,
+    )
+
+
+def _diagnosed(
+    reference: Reference,
+    measured: WindowModes,
+    unused: WindowModes | None,
+    bare: Calibration | None,
+    *,
+    circumstances: Circumstances,
+    on_cause: Callable[[str], None],
+    only: Collection[str],
+    without: Collection[str],
+) -> Explained:
+    """Explain an event as `diagnose` does.
+
+    Parameters
+    ----------
+    measured, unused : the event, and the modes of windows that the fit must not see
+    bare : of the structure file, where the reference's model has bodies that it lacks
+    """
+    event = measured.event
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
     rough = compare(reference, event, circumstances=circumstances, model_error=less)
     plain = Weighing(reference, rough, on_cause, allowed=allowed_causes(only, without))
@@ -152,8 +192,7 @@ def diagnose(
     if not singles:
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = _one_sided(plain, singles)
-    unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
-    case = _Case(reference, event, search.data, singles, search, WindowModes.of(event, every), unused)
+    case = _Case(reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
     if reference.filed is None and _nothing(search, singles):
@@ -166,6 +205,14 @@ def diagnose(
     good = compare(reference, event, circumstances=circumstances, model_error=MODEL_ERROR / reference.doubt)
     if found and _fits(found[0]):
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
+
+        def again(loaded: Reference) -> Explained:
+            given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
+            return _diagnosed(loaded, measured, unused, reference.calibration, on_cause=on_cause, **given)
+
+        without_bodies = _with_removed_bodies(case, found[0], again)
+        if without_bodies is not None:
+            return without_bodies
         found = found if _within_noise(good, found[0]) else _closer(case, found, good)
         found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
         if not found and reference.filed is None and case.weighing.nothing.p_value >= LEAST_P:
@@ -378,7 +425,8 @@ def _nearer(case: _Case) -> Nearer:
 
 
 def _gained(case: _Case, chosen: Sequence[Chosen], written: Structure) -> Gained:
-    return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, written)
+    before = (case.bare or case.reference.file.calibration).structure
+    return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written))
 
 
 def _explained(case: _Case, found: list[Candidate], searched: float) -> Explained:
@@ -392,9 +440,12 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     best = found[0]
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
     chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get("global_stiffness")))
-    extended = _extended(case.reference.file.calibration, chosen, best.parts)
-    with_bodies = _without_unlisted(case, extended, chosen, best.parts)
-    extended, calibration = with_bodies or (extended, None)
+    calibration, removed = case.reference.file.calibration, _removed(chosen) if case.bare else []
+    if case.bare is not None:  # written without the bodies that the file lacks, once they are taken off
+        structure = calibration.structure.model_copy(update={"body": case.bare.structure.body})
+        calibration = replace(calibration, structure=structure, nominal=case.bare.nominal)
+    others = [c for c in chosen if not any(c is one for one, _ in removed)]
+    extended = _extended(calibration, others, best.parts)
     if OF_THE_FILE in best.names:
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
@@ -416,7 +467,14 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
         failed=_failed(case),
         **settings,
     )
-    return Explained(diagnosis, extended, gained, best.parts, calibration=calibration)
+    return Explained(
+        diagnosis,
+        extended,
+        gained,
+        best.parts,
+        calibration=calibration if case.bare else None,
+        removed=tuple(body for _, body in removed),
+    )
 
 
 def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chosen, ...], Comparison]:
@@ -431,29 +489,42 @@ def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chos
     return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 
 
-def _without_unlisted(
-    case: _Case, extended: Structure, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]
-) -> tuple[Structure, Calibration] | None:
-    """Return the structure without removed bodies that its file never had, and its calibration, if it fits better so.
+def _with_removed_bodies(case: _Case, best: Candidate, diagnosed: Callable[[Reference], Explained]) -> Explained | None:
+    """Return the explanation by a model that had removed bodies, which the structure file lacks, in the baseline.
 
-    The reference was calibrated to modes with these bodies on, for which its parameters made up. Written with a
-    negative mass on it, it is neither the structure with the bodies nor without them.
+    None where no such body was removed, or where that model does not explain the event by its removal.
+
+    Parameters
+    ----------
+    best : the explanation by the model without the bodies
+    diagnosed : explains the same event with another reference
     """
-    unlisted = [(c, c.cause.unlisted(c.row, c.theta)) for c in chosen if isinstance(c.cause, AddedMass)]
-    bodies = [body for _, body in unlisted if body is not None]
-    if not bodies or case.reference.filed is not None or not case.reference.calibration.fitted:
+    if case.bare is not None or case.reference.filed is not None or not case.reference.calibration.fitted:
         return None
-    others = [c for c in chosen if not any(c is one for one, body in unlisted if body is not None)]
+    unlisted = [c.cause.unlisted(c.row, c.theta) for c in best.chosen if isinstance(c.cause, AddedMass)]
+    bodies = [body for body in unlisted if body is not None]
+    loaded, chosen = None, best.chosen
+    for _ in range(_MOST_ROUNDS if bodies else 0):
+        loaded = with_bodies_on(case.reference, bodies, shaped=bool(case.data.shaped.any()))
+        if loaded is None:
+            return None
+        data = compare(loaded, case.event, circumstances=case.data.circumstances)
+        fitted = Compositions(replace(case.weighing, reference=loaded, data=data)).settled(chosen)
+        removed = [body for _, body in _removed(fitted.chosen)] if fitted else []
+        if fitted is None or len(removed) != len(bodies):
+            return None
+        chosen, before = fitted.chosen, sorted(bodies, key=attrgetter("at"))
+        bodies = sorted(removed, key=attrgetter("at"))
+        if max(abs(a.mass / b.mass - 1) for a, b in zip(bodies, before, strict=True)) < _CONVERGED:
+            break
+    found = diagnosed(loaded) if loaded else None
+    return found if found and found.removed else None
 
-    def nearer() -> tuple[Structure, Calibration] | None:
-        calibration = calibrated_with(case.reference, bodies, shaped=bool(case.data.shaped.any()))
-        other = _extended(calibration, others, parts)
-        fits = [fit_of_written(case.reference, case.data, case.measured, one, chosen) for one in (extended, other)]
-        common = np.isfinite(fits[0].residual) & np.isfinite(fits[1].residual)
-        as_calibrated, anew = (float(one.log_likelihood[common].sum()) for one in fits)
-        return (other, calibration) if anew > as_calibrated else None
 
-    return case.weighing.faults.attempt("removed bodies that the file lacks", nearer)
+def _removed(chosen: Sequence[Chosen]) -> list[tuple[Chosen, Body]]:
+    """Return the causes that take off bodies which the model of the reference has, and these."""
+    bodies = [(c, c.cause.removed(c.row, c.theta)) for c in chosen if isinstance(c.cause, AddedMass)]
+    return [(c, body) for c, body in bodies if body is not None]
 
 
 def _extended(calibration: Calibration, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]) -> Structure:

@@ -42,7 +42,7 @@ def written_gain(
     measured: WindowModes,
     heldout: WindowModes | None,
     chosen: Sequence[Chosen],
-    written: Structure,
+    written: tuple[Structure, Structure],
 ) -> Gained:
     """Return the gain of a written structure over the same without causes.
 
@@ -51,15 +51,16 @@ def written_gain(
     reference : that the causes were sought with
     data, measured : the modes that were explained
     heldout : modes of windows that were not used, which the gain is measured on where they have all channels
-    chosen, written : causes, and the structure that they are written into
+    chosen : causes
+    written : the structure without causes, and with them written into it
     """
     unused = compare(reference, heldout.event) if heldout else None
     if heldout and unused is not None and unused.channels == data.channels:
         change, data, modes = change_gain_on(unused, chosen), unused, heldout
     else:
         change, modes = change_gain_left_out(data, chosen), measured
-    before = fit_of_written(reference, data, modes, reference.file.calibration.structure, None)
-    return gain_of(before, fit_of_written(reference, data, modes, written, chosen), change, heldout=modes is heldout)
+    before, after = (fit_of_written(reference, data, modes, s, c) for s, c in zip(written, (None, chosen), strict=True))
+    return gain_of(before, after, change, heldout=modes is heldout)
 
 
 def fit_of_written(

@@ -210,17 +210,23 @@ class AddedMass:
         return self._outside_the_file(row, fit.theta[row], mean, std) if self._is_unlisted(row, mean) else (mean, std)
 
     def unlisted(self, row: int, theta: FloatArray) -> Body | None:
-        """Return a removed body as it was if the structure file does not have it, else None."""
+        """Return a removed body as it was if the reference's model does not have it, else None."""
         mass = float(theta[0])
-        if not self._is_unlisted(row, mass):
-            return None
+        whole = self._outside_the_file(row, theta, mass, 0.0)[0] if self._is_unlisted(row, mass) else 0.0
+        return self._body(row, theta, -whole) if whole else None
+
+    def removed(self, row: int, theta: FloatArray) -> Body | None:
+        """Return a removed body as it was if the reference's model has it, else None."""
+        mass = float(theta[0])
+        return None if mass >= 0 or self._is_unlisted(row, mass) else self._body(row, theta, -mass)
+
+    def _body(self, row: int, theta: FloatArray, mass: float) -> Body:
         found = self.extend(self.reference.calibration.structure, row, theta).body[-1]
-        whole = self._outside_the_file(row, theta, mass, 0.0)[0]
-        inertia = vector(whole / mass * np.abs(found.inertia))
-        return found.model_copy(update={"mass": -whole, "inertia": inertia})
+        inertia = vector(mass / abs(found.mass) * np.abs(found.inertia))
+        return found.model_copy(update={"mass": mass, "inertia": inertia})
 
     def _is_unlisted(self, row: int, mass: float) -> bool:
-        """Return whether a body was removed that the structure file does not have, since a baseline was measured."""
+        """Return whether a body was removed that the reference's model lacks, since a baseline was measured."""
         if mass >= 0 or not self.reference.measured:
             return False
         structure = self.reference.calibration.structure
