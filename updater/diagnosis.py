@@ -43,6 +43,7 @@ from updater.gain import Gained
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.significance import significant_only
+from updater.size import size
 from updater.statistics import ModalMean
 from updater.structure import Body, Structure
 from updater.touching import merged
@@ -64,7 +65,8 @@ _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the 
 _MOST_LEFT = 3.0  # times what noise and a good model leave of frequencies: what leaves more does not explain them
 _SEEDS = 3  # best so far that one more is tried beside
 _MOST = 3  # causes at once
-_MOST_ROUNDS, _CONVERGED = 8, 0.01  # until the mass of a removed body changes by no more than this share
+_MOST_ROUNDS, _MASS_CONVERGED = 12, 0.01  # until the mass of a removed body changes by no more than this share ...
+_PLACE_CONVERGED = 2e-3  # ... and its place by no more than this share of the structure's size
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
@@ -370,8 +372,8 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
     rough : whether it is enough that what is found is no misfit, however much one more would promise
     """
     several = Compositions(weighing)
-    for size in range(1, _MOST):
-        as_many = [c for c in found if len(c.chosen) == size]
+    for number in range(1, _MOST):
+        as_many = [c for c in found if len(c.chosen) == number]
         seeds = as_many[:_SEEDS]
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         if not seeds or found[0] is not seeds[0] or (rough and found[0].p_value >= _DOUBTFUL):
@@ -381,7 +383,7 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + _MUCH):
             break
         more = several.together(promises)
-        if size == 1 and not any(c.p_value >= _WELL for c in more) and not _of_the_file(weighing):
+        if number == 1 and not any(c.p_value >= _WELL for c in more) and not _of_the_file(weighing):
             more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
@@ -515,10 +517,16 @@ def _with_removed_bodies(case: _Case, best: Candidate, diagnosed: Callable[[Refe
             return None
         chosen, before = fitted.chosen, sorted(bodies, key=attrgetter("at"))
         bodies = sorted(removed, key=attrgetter("at"))
-        if max(abs(a.mass / b.mass - 1) for a, b in zip(bodies, before, strict=True)) < _CONVERGED:
+        if all(_same(a, b, size(loaded.calibration.structure)) for a, b in zip(bodies, before, strict=True)):
             break
     found = diagnosed(loaded) if loaded else None
     return found if found and found.removed else None
+
+
+def _same(one: Body, other: Body, length: float) -> bool:
+    """Return whether two estimates of a body have come to rest."""
+    moved = float(np.linalg.norm(np.subtract(one.at, other.at)))
+    return abs(one.mass / other.mass - 1) < _MASS_CONVERGED and moved < _PLACE_CONVERGED * length
 
 
 def _removed(chosen: Sequence[Chosen]) -> list[tuple[Chosen, Body]]:
