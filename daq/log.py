@@ -183,6 +183,11 @@ class LogWriter:
         with contextlib.suppress(OSError):
             self._file.close()
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether others have shortened the file; not seen any more once there has been another write at its end."""
+        return os.fstat(self._file.fileno()).st_size < self._safe
+
     def displacement(self) -> "Displacement | None":
         """Return what others have done to the file since it was begun; None if its path still leads to it."""
         own = os.fstat(self._file.fileno())
@@ -192,7 +197,7 @@ class LogWriter:
             there = None
         if there is None or (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
             return Displacement("moved", _path_of(self._file.fileno())) if own.st_nlink else Displacement("deleted")
-        return Displacement("cut short") if own.st_size < self._safe else None
+        return Displacement("cut short") if self.cut_short else None
 
 
 def _path_of(number: int) -> str | None:

@@ -104,7 +104,7 @@ class LogKeeper:
             if time.monotonic() >= self._retry:
                 self._resume()
             return
-        if time.monotonic() >= self._look:
+        if time.monotonic() >= self._look or self._recorder.cut_short:
             self._look = time.monotonic() + _LOOK_SECONDS
             displaced = self._recorder.displacement()
             if displaced:

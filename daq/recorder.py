@@ -133,6 +133,11 @@ class LogRecorder:
         """Length of the open file up to the last flush [bytes]."""
         return self._writer.size
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether others have shortened the open file since its last flush."""
+        return self._writer.cut_short
+
     def displacement(self) -> Displacement | None:
         """Return what others have done to the open file; None if its path still leads to it."""
         return self._writer.displacement()

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 _LARGEST = 1e30  # of any figure: products of them stay numbers
 _SMALLEST = 1e-30  # of a positive one: their quotients too
@@ -16,9 +16,16 @@ def _no_truth_value(given: object) -> object:
     return given
 
 
+def _not_tiny(value: float) -> float:
+    """Refuse numbers whose quotients are not finite."""
+    if value < _SMALLEST:
+        raise ValueError(f"expected at least {_SMALLEST:g}")
+    return value
+
+
 _Float = Annotated[float, BeforeValidator(_no_truth_value)]
 Count = Annotated[int, BeforeValidator(_no_truth_value)]
-Positive = Annotated[_Float, Field(ge=_SMALLEST, lt=_LARGEST)]
+Positive = Annotated[_Float, Field(gt=0, lt=_LARGEST), AfterValidator(_not_tiny)]
 NotNegative = Annotated[_Float, Field(ge=0, lt=_LARGEST)]
 Number = Annotated[_Float, Field(gt=-_LARGEST, lt=_LARGEST)]
 Coordinate = Annotated[_Float, Field(ge=-_FARTHEST, le=_FARTHEST)]

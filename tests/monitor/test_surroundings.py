@@ -54,7 +54,7 @@ def test_ports_in_use_are_named(tmp_path: Path) -> None:
     ("target", "well", "says"),
     [
         ('command = ["true"]', True, "command "),
-        ('command = ["no-such-program"]', False, "expected a program, found 'no-such-program'"),
+        ('command = ["no-such-program"]', False, "expected a program as its first word, found none of that name"),
         ('webhook = "http://127.0.0.1:{port}/hook"', True, "http://127.0.0.1:{port} answers"),
         ('webhook = "http://127.0.0.1:1/hook"', False, "http://127.0.0.1:1: "),
         ('mqtt = "mqtt://127.0.0.1:{port}/t"', True, "mqtt://127.0.0.1:{port} answers"),
