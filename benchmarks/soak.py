@@ -68,7 +68,7 @@ class Hook(http.server.BaseHTTPRequestHandler):
     hostile: str
 
     def do_POST(self) -> None:
-        """Keep what is told, or answer by what harms."""
+        """Keep what is received, or answer by a hostile reply."""
         if self.hostile == "retry":
             self.send_response(503)
             self.send_header("Retry-After", "Wed, 21 Oct 99999999999 07:28:00 GMT")

@@ -185,7 +185,7 @@ class LogWriter:
 
     @property
     def cut_short(self) -> bool:
-        """Whether others have shortened the file; not seen any more once there has been another write at its end."""
+        """True if others have shortened the file; not seen any more after another write at its end."""
         return os.fstat(self._file.fileno()).st_size < self._safe
 
     def displacement(self) -> "Displacement | None":

@@ -135,7 +135,7 @@ class LogRecorder:
 
     @property
     def cut_short(self) -> bool:
-        """Whether others have shortened the open file since its last flush."""
+        """True if others have shortened the open file since its last flush."""
         return self._writer.cut_short
 
     def displacement(self) -> Displacement | None:

@@ -30,7 +30,7 @@ class Overload:
 
     @property
     def problem(self) -> str | None:
-        """How many of the last windows were left out; None if none was."""
+        """Number of the last windows that were left out; None if none was."""
         n = sum(self._last)
         if not n:
             return None

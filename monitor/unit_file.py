@@ -82,7 +82,7 @@ class Unit:
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """What a unit may use beside what it may read."""
+    """Resources that a unit may use besides the files that it may read."""
 
     user: str  #: as whom it runs; of no use to the user's manager
     writable: tuple[Path, ...]  #: folders, absolute

@@ -210,7 +210,7 @@ class Seed:
 
 @dataclass(frozen=True, kw_only=True)
 class Reader:
-    """What reads a kind of file."""
+    """Reader of one kind of file."""
 
     suffix: str
     seeds: Callable[[], tuple[Seed, ...]]
@@ -489,7 +489,7 @@ READERS = {
 
 
 def case(reader: str, number: int, folder: Path) -> tuple[Path, Random]:
-    """Write the file of a numbered case, and what belongs beside it, into an empty folder."""
+    """Write the file of a numbered case, and the files that belong to it, into an empty folder."""
     kind, random = READERS[reader], Random(f"{reader} {number}")
     seed = random.choice(kind.seeds())
     path = folder / f"case{seed.suffix or kind.suffix}"

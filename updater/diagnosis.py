@@ -16,6 +16,7 @@ mass that is taken off is the mass that it has.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -212,7 +213,9 @@ def _diagnosed(
             given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
             return _diagnosed(loaded, measured, unused, reference.calibration, on_cause=on_cause, **given)
 
-        without_bodies = _with_removed_bodies(case, found[0], again)
+        without_bodies = case.weighing.faults.attempt(
+            "removed bodies that the file lacks", partial(_with_removed_bodies, case, found[0], again)
+        )
         if without_bodies is not None:
             return without_bodies
         found = found if _within_noise(good, found[0]) else _closer(case, found, good)

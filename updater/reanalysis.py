@@ -26,7 +26,7 @@ _LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infin
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Effect:
-    """What each of some alternatives does.
+    """Effect of each of some alternatives.
 
     A part that no alternative changes has a length of 1 along the first axis in the place of n_alternatives.
     """

@@ -64,7 +64,7 @@ class Takeover:
 
     @property
     def pending(self) -> bool:
-        """Whether there are rows to take over."""
+        """True if there are rows to take over."""
         return self._source is not None or bool(self._left())
 
     def _left(self) -> list[Path]:

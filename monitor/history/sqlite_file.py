@@ -42,7 +42,7 @@ class SqliteFile:
 
     @property
     def due(self) -> bool:
-        """Whether the whole file is to be looked at again."""
+        """True if the whole file is to be checked again."""
         return time.monotonic() >= self._due
 
     def damage(self) -> str | None:

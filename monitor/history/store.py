@@ -78,7 +78,7 @@ class HistoryStore:
 
     @property
     def displaced(self) -> bool:
-        """Whether the path of a SQLite file no longer leads to the one that is open."""
+        """True if the path of a SQLite file no longer leads to the one that is open."""
         return self._file is not None and self._file.displacement() is not None
 
     def check(self, *, whole: bool = False) -> bool:

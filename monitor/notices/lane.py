@@ -35,7 +35,7 @@ class Quota:
 
     @property
     def used(self) -> bool:
-        """Whether no more may go out now."""
+        """True if no more may go out now."""
         sent, since = list(self._sent), time.monotonic() - _HOUR
         return sum(time > since for time in sent) >= self._per_hour
 
@@ -92,7 +92,7 @@ class Lane:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing waits."""
+        """True if nothing waits."""
         return not (self._spool.waiting or self._in_memory)
 
     def _run(self) -> None:

@@ -50,7 +50,7 @@ def test_lock_names_no_place() -> None:
 
 
 def test_locks_hold_what_the_project_asks_for() -> None:
-    """What the program needs is in the one with hashes, and no tool of development."""
+    """The file with hashes holds the requirements of the program, and no tool of development."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     runtime, tools = (
         {_name(line) for line in (ROOT / name).read_text(encoding="utf-8").splitlines() if "==" in line}

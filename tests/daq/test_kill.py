@@ -1,4 +1,4 @@
-"""What a kill -9 costs of what the log was given: 0.3 s at most, with blocks of 0.2 s half a second."""
+"""Loss of a log by kill -9: 0.3 s at most, with blocks of 0.2 s half a second."""
 
 import subprocess
 import sys

@@ -118,7 +118,7 @@ def _tried(action: Callable[[], None]) -> bool:
 
 
 def test_alarm_waits_for_no_trouble_and_no_other_target(tmp_path: Path) -> None:
-    """A server that holds what it was told first, and takes what comes beside it; another target that hangs."""
+    """A server that holds the first request and answers the others; another target that hangs."""
     listener = socket.create_server(("127.0.0.1", 0))
     kinds: list[str] = []
 

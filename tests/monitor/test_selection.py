@@ -22,7 +22,7 @@ MASS_ONLY = ("--only", "added_mass")
 
 @dataclass(frozen=True)
 class Found:
-    """What a diagnosis wrote and printed."""
+    """Output of a diagnosis, written and printed."""
 
     diagnosis: dict[str, Any]
     said: str
