@@ -445,7 +445,8 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     best = found[0]
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
     chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get("global_stiffness")))
-    calibration, removed = case.reference.file.calibration, _removed(chosen) if case.bare else []
+    calibration = case.reference.file.calibration
+    removed = [] if case.bare is None else [r for r in _removed(chosen) if _lacked(case.bare, calibration, r[1])]
     if case.bare is not None:  # written without the bodies that the file lacks, once they are taken off
         structure = calibration.structure.model_copy(update={"body": case.bare.structure.body})
         calibration = replace(calibration, structure=structure, nominal=case.bare.nominal)
@@ -530,6 +531,12 @@ def _same(one: Body, other: Body, length: float) -> bool:
     """Return whether two estimates of a body have come to rest."""
     moved = float(np.linalg.norm(np.subtract(one.at, other.at)))
     return abs(one.mass / other.mass - 1) < _MASS_CONVERGED and moved < _PLACE_CONVERGED * length
+
+
+def _lacked(bare: Calibration, loaded: Calibration, body: Body) -> bool:
+    """Return whether the body of a loaded model that is nearest to a removed one is not in the structure file."""
+    apart = [float(np.linalg.norm(np.subtract(one.at, body.at))) for one in loaded.structure.body]
+    return int(np.argmin(apart)) >= len(bare.structure.body)
 
 
 def _removed(chosen: Sequence[Chosen]) -> list[tuple[Chosen, Body]]:
