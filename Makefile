@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test thorough check lock lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak web-load unit fuzz clean
+.PHONY: demo test thorough check lock lint typecheck seeds flags foresight paper frames shown confusion confusion-records written-gain structural sensors localization localization-records rivals several counting bench many-devices jitter device-offsets log-crash weimar real tracking oma-speed oma-frequency oma-selection oma-accuracy oma-faults scale false-alarms site-kinds trends soak web-load unit fuzz mutants clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -194,6 +194,12 @@ unit: $(VENV)/.done
 # Mutated files for every reader, 2000 each, in hours: `make fuzz ARGUMENTS="site log --first 500 --minutes 10"`.
 fuzz: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/fuzz_run.py $(ARGUMENTS)
+
+# Small faults put into modules, and the tests that should notice: the table in CONTRIBUTING.md, some minutes a module;
+# it goes on where it was stopped (mutants.jsonl); `make mutants ARGUMENTS="oma/tracking.py --sample 60 --again"`.
+mutants: export OPENBLAS_NUM_THREADS = 1
+mutants: $(VENV)/.done
+	$(BIN)/python tests/mutants_run.py $(ARGUMENTS)
 
 $(VENV)/.done: requirements.lock requirements-dev.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "modalwatch needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
