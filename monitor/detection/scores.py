@@ -41,9 +41,10 @@ def alone(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) -> FloatArray:
-    """Return deviations made normal by `normal_score`: first what modes do together, then each beside the others.
+    """Return deviations made normal by `normal_score`: each mode given the others, then what modes do together.
 
-    Of these the most improbable first, so that it does not pass for the others'.
+    The most improbable mode comes first. A wrong value of one mode would else pass for a part of what modes do
+    together, whose reduction is shared by all of them; what modes do together hardly changes a mode given the others.
 
     Parameters
     ----------
@@ -51,20 +52,20 @@ def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) ->
     freedom : degrees of freedom of the tails, > 2, broadcast against `deviation`
     """
     value, vector = np.linalg.eigh(_known(deviation, covariance))
-    left = np.isfinite(deviation)
-    along = np.where(left, deviation, 0.0)[..., None, :] @ vector
-    std = np.sqrt(value)[..., None, :]
-    together = value > _MUCH * np.median(value, axis=-1, keepdims=True)
-    less = np.where(together[..., None, :], along - std * normal_score(along / std, freedom[..., None]), 0.0)
-    out = deviation - (less * vector).sum(-1)
     precision = (vector / value[..., None, :]) @ np.swapaxes(vector, -1, -2)
+    seen = left = np.isfinite(deviation)
+    out = deviation
     for _ in range(deviation.shape[-1]):
         score, std = _alone(out, precision)
         size = np.where(left, np.abs(score), -1.0)
         most = (np.arange(size.shape[-1]) == size.argmax(-1)[..., None]) & left
         out = np.where(most, out - (score - normal_score(score, freedom)) * std, out)
-        left &= ~most
-    return np.asarray(out)
+        left = left & ~most
+    along = (np.where(seen, out, 0.0)[..., None, :] @ vector)[..., 0, :]
+    std = np.sqrt(value)
+    together = value > _MUCH * np.median(value, axis=-1, keepdims=True)
+    less = np.where(together, along - std * normal_score(along / std, freedom), 0.0)
+    return np.asarray(out - (vector @ less[..., None])[..., 0])
 
 
 def clipped(deviation: FloatArray, covariance: FloatArray, mode: npt.NDArray[np.bool_]) -> FloatArray:

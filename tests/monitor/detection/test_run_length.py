@@ -74,6 +74,19 @@ def test_a_wrong_value_is_told_by_how_it_lies_to_the_others() -> None:
     assert after < before + 1.1 * normal_score(np.array(8.0), freedom) ** 2
 
 
+def test_a_wrong_value_of_one_mode_leaves_the_others_ordinary() -> None:
+    """Sixty deviations of one mode, where modes move together by four times the variance of each by itself."""
+    common = np.linspace(0.4, 1.0, 6)
+    covariance = np.eye(6) + 4 * np.outer(common, common)
+    deviation = np.zeros(6)
+    deviation[5] = 60
+    for freedom in (3.0, 8.0, 24.0):
+        left = tamed(deviation, covariance, np.array(freedom))
+        others = distance(left[:5], covariance[:5, :5])[0]
+        print(f"tail {freedom:g}: squared distance of the others {others:.2f}")
+        assert others < 1
+
+
 def test_scores_are_as_improbable_as_the_deviations() -> None:
     """Wallace's approximation: 2 % small at five degrees of freedom, the safe side, and less with more."""
     chance = np.geomspace(1e-6, 0.4, 30)
