@@ -26,6 +26,7 @@ from updater.pairs import likeliest_pair
 _CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
+_FURTHER = 3  # more pairs that are fitted where none of these fits
 _HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted ...
 _ERRS = 0.2  # ... and of what the best is foreseen to gain: by how much first order may err
 _TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
@@ -134,6 +135,23 @@ class Compositions:
 
     def together(self, promises: Sequence[Promise]) -> list[Candidate]:
         """Fit the best of what was foreseen; two causes of one kind are two, and those that fail are left out."""
+        return self._fitted(self._worth_fitting(promises))
+
+    def further(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Fit the best of what `together` leaves out, each of other causes: first order may err by more than it allows.
+
+        A body that has come to where a stretch beside it is best made up for foresees little of that stretch.
+        """
+        tried = [common(p.names) for p in self._worth_fitting(promises)]
+        others: dict[tuple[str, ...], Promise] = {}
+        for promise in promises:
+            names = common(promise.names)
+            if names == sorted(promise.names) and names not in tried and promise.log_evidence > promise.fewer:
+                others.setdefault(tuple(names), promise)
+        return self._fitted(list(others.values())[:_FURTHER]) if others else []
+
+    def _fitted(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Return what promises come to, the best also with its causes elsewhere and with others that act alike."""
         found: dict[tuple[str, ...], Candidate] = {}
 
         def keep(fitted: Candidate | None) -> None:
@@ -143,7 +161,7 @@ class Compositions:
             if key not in found or found[key].log_evidence < fitted.log_evidence:
                 found[key] = fitted
 
-        for promise in self._worth_fitting(promises):
+        for promise in promises:
             keep(self.settled(promise.chosen))
         if not found:
             return []

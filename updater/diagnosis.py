@@ -38,7 +38,7 @@ from updater.comparing import MODEL_ERROR, compare
 from updater.comparison import Comparison
 from updater.compositions import Compositions, common
 from updater.errors import SelectionError
-from updater.fit import Fit, fit
+from updater.fit import Fit, fit, freedom_of_frequencies
 from updater.further_modes import with_further_modes
 from updater.gain import Gained
 from updater.next_measurement import next_measurement
@@ -249,16 +249,37 @@ def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, li
 
 
 def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
-    """Let it go apart in the best of several causes together that has one, if that is likelier."""
-    common = next((c for c in found if len(c.chosen) > 1 and c.names.count(_STRETCH) == 1), None)
-    if common is None or common.log_evidence < found[0].log_evidence - _RIVAL:
+    """Let it go apart in the best of several causes together that has one, or beside another, if that is likelier."""
+    if not found or search.instead:
         return search, found
     apart = _let_apart(search)
-    beside = sorted(common.chosen, key=lambda c: c.cause.name == _STRETCH)  # what is last is fitted first
-    other = Compositions(apart).settled(tuple(beside))
-    if other is None or other.log_evidence < common.log_evidence + _MUCH:
+    several = Compositions(apart)
+    fitted = [several.settled(chosen) for chosen in _with_stretch(apart, found)]
+    other = max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=None)
+    if other is None:
         return search, found
-    return apart, ranked([other, *(c for c in found if c is not common)])
+    stretched = [c for c in found if sorted(c.names) == sorted(other.names)]
+    if other.log_evidence < max(c.log_evidence for c in stretched or found) + _MUCH:
+        return search, found
+    return apart, ranked([other, *(c for c in found if c not in stretched[:1])])
+
+
+def _with_stretch(apart: Weighing, found: list[Candidate]) -> list[tuple[Chosen, ...]]:
+    """Return causes together of which one is a stretch that may go apart; what is last is fitted first.
+
+    Where one cause alone does not fit, nor more fit well, and none of these is a stretch, one is tried beside the best.
+    """
+    common = next((c for c in found if len(c.chosen) > 1 and c.names.count(_STRETCH) == 1), None)
+    tried = []
+    if common is not None and common.log_evidence >= found[0].log_evidence - _RIVAL:
+        tried.append(tuple(sorted(common.chosen, key=lambda c: c.cause.name == _STRETCH)))
+    alone = next((c for c in found if len(c.chosen) == 1 and not _hidden(c)), None)
+    stretch = apart.causes.get(_STRETCH)
+    if alone is None or stretch is None or alone.names == (_STRETCH,):
+        return tried
+    if alone.p_value < _DOUBTFUL and found[0].p_value < _WELL and _STRETCH not in found[0].names:
+        tried.append((*alone.chosen, Chosen(stretch, 0, np.zeros(len(stretch.prior_std)))))
+    return tried
 
 
 def _one_factor_beside(plain: Weighing, search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
@@ -312,9 +333,9 @@ def _within_noise(good: Comparison, best: Candidate) -> bool:
     ----------
     good : the event, compared with the error of a good model
     """
-    off = fit(good, fixed(good, best.chosen)).off_frequencies[0]
-    freedom = max(len(off) - sum(len(c.theta) for c in best.chosen), 1)
-    return bool(off @ off <= _MOST_LEFT**2 * freedom)
+    found = fit(good, fixed(good, best.chosen))
+    off = found.off_frequencies[0]
+    return bool(off @ off <= _MOST_LEFT**2 * max(freedom_of_frequencies(good, found), 1.0))
 
 
 def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candidate]:
@@ -346,7 +367,7 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     again = _again(weighing, found)
     if not again:
         return case, found
-    judged = _stepwise(weighing, again, rough=False)
+    weighing, judged = _one_sided_beside(weighing, _stepwise(weighing, again, rough=False))
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
         found[0].log_evidence + case.data.log_det_of_shapes,
@@ -379,15 +400,19 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         as_many = [c for c in found if len(c.chosen) == number]
         seeds = as_many[:_SEEDS]
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
-        if not seeds or found[0] is not seeds[0] or (rough and found[0].p_value >= _DOUBTFUL):
-            break
         doubted = found[0].p_value < _DOUBTFUL or _hidden(found[0])
+        if not seeds or len(found[0].chosen) < number or (rough and found[0].p_value >= _DOUBTFUL):
+            break
+        if len(found[0].chosen) > number and not doubted:
+            break
         promises = several.promising(seeds if doubted else seeds[:1])
         if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + _MUCH):
             break
         more = several.together(promises)
         if number == 1 and not any(c.p_value >= _WELL for c in more) and not _of_the_file(weighing):
             more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
+            if not any(c.p_value >= _DOUBTFUL for c in more):
+                more += several.further(promises)
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
     return found

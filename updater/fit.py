@@ -139,6 +139,23 @@ class Fit(Generic[H]):
         return min(float(chi2.sf(self.chi_square[best], self.freedom)), of_frequencies / _SHARE)
 
 
+def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:
+    """Return the sum of squares that the whitened residuals of frequencies of the best alternative have on average.
+
+    It is their number less the trace of the part of the hat matrix that is theirs: parameters that shapes and priors
+    determine take nothing from it.
+
+    Parameters
+    ----------
+    comparison : that was fitted
+    found : the fit
+    """
+    rows = np.array([found.best])
+    point = evaluate(comparison, found.hypotheses, found.theta[rows], rows)
+    slope = slopes(comparison, found.hypotheses, point, rows)[0, : len(comparison.log_ratio)]
+    return len(slope) - float(np.einsum("ij,jk,ik->", slope, found.covariance[found.best], slope))
+
+
 def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
     """Fit every alternative by Gauss-Newton, all at once; if asked, those between the best ones afterwards."""
     found = _fit(comparison, hypotheses)

@@ -43,6 +43,10 @@ THOROUGH = [
     ("sensor_dead", 320),
     ("local_stiffness + added_mass", 684200013),  # the best of either alone is on the wrong member
     ("local_stiffness + added_mass", 684200006),  # 102 g beside two thirds of a member's stiffness
+    ("local_stiffness + added_mass", 2657985167017),  # the stretch promises little beside the body that fits best alone
+    ("local_stiffness + added_mass", 2657985167018),  # two bodies are nearly as good
+    ("one_sided + added_mass", 3161603559014),  # likewise, where the stretch has one factor for all axes
+    ("one_sided + sensor_gain", 741972093010),  # its parameters are determined by the shapes
     ("one_sided + sensor_gain", 940100006),  # begun with nothing lost, at its bound, the stretch had not been found
     ("mast: distributed_mass", 327700050),  # which does not lie as the tube does
 ]

@@ -5,9 +5,12 @@ import pytest
 from diagnosis_helpers import Change, learnt
 from scipy.stats import chi2
 
+from updater import Body
+from updater.agreement import fixed
+from updater.candidates import Weighing
 from updater.causes.nothing import Nothing
 from updater.comparing import compare
-from updater.fit import fit
+from updater.fit import fit, freedom_of_frequencies
 
 
 @pytest.mark.parametrize("seed", [181, 182, 183])
@@ -25,3 +28,23 @@ def test_many_shapes_do_not_drown_frequencies_that_do_not_fit(seed: int) -> None
     assert chi2.sf(found.chi_square[0], found.freedom) > 1e-3
     assert found.p_value == pytest.approx(100 * chi2.sf(2.5**2 * n, n))
     assert found.p_value < 1e-3
+
+
+def test_freedom_of_frequencies_is_what_a_refit_leaves_of_their_errors() -> None:
+    """Shapes determine most of a body's place and mass, so that less than its four parameters is lost."""
+    reference, _, event = learnt(184)
+    data = compare(reference, event(Change(bodies=(Body(at=(0.2, 0.0, 1.48), mass=0.3),))))
+    (chosen,) = Weighing(reference, data).singles(("added_mass",))[0].chosen
+    alone = fixed(data, (chosen,))
+    freedom = freedom_of_frequencies(data, fit(data, alone))
+    ratio, left = data.log_ratio.copy(), []
+    whitener = data.drifting if alone.drifting else data.plain
+    for k, one in enumerate(np.linalg.inv(whitener.matrix).T):
+        off = []
+        for sign in (-1, 1):
+            data.log_ratio[:] = ratio + sign * one
+            off.append(fit(data, alone).off_frequencies[0, k])
+        left.append((off[1] - off[0]) / 2)
+    print(freedom, np.round(left, 3))
+    assert len(ratio) - 4 < freedom < len(ratio)
+    assert freedom == pytest.approx(sum(left), abs=0.1)
