@@ -1,20 +1,22 @@
-"""One monitor a site: two would share its memory, its history and its words, and each would have half of them."""
+"""One monitor per site: two would share its memory and its history, and each would send a part of its messages."""
 
 import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 from monitor.errors import StartError
+
+_PROCESS = "running"  #: file of a state folder with the number of the process that watches
 
 
 @contextmanager
 def only_one(state: Path) -> Iterator[None]:
     """Be the only monitor of a state folder for as long as the context lasts, and the process lives.
 
-    A folder that takes nothing is told elsewhere, and no reason not to watch.
+    The folder itself is locked, so that no deleted file lets a second monitor start. A folder that cannot be opened is
+    reported elsewhere, and is no reason not to watch.
 
     Raises
     ------
@@ -23,23 +25,30 @@ def only_one(state: Path) -> Iterator[None]:
     """
     try:
         state.mkdir(parents=True, exist_ok=True)
-        file = (state / "running").open("a+", encoding="utf-8")
+        folder = os.open(state, os.O_RDONLY | os.O_DIRECTORY)
     except OSError:
         yield
         return
-    with file:
-        _lock(file, state)
-        yield
-
-
-def _lock(file: IO[str], state: Path) -> None:
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock(folder, state)
+        yield
+    finally:
+        os.close(folder)
+
+
+def _lock(folder: int, state: Path) -> None:
+    process = state / _PROCESS
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        process.write_text(f"{os.getpid()}\n", encoding="utf-8")
     except BlockingIOError:
-        file.seek(0)
-        raise StartError(f"{state}: a monitor of this site runs already, process {file.read().strip()}") from None
+        raise StartError(f"{state}: a monitor of this site runs already{_named(process)}") from None
     except OSError:
-        return  # not every file system can
-    file.truncate(0)
-    file.write(f"{os.getpid()}\n")
-    file.flush()
+        return  # not every file system can, and a full or read-only one is reported elsewhere
+
+
+def _named(process: Path) -> str:
+    try:
+        return f", process {process.read_text(encoding='utf-8').strip()}"
+    except OSError:
+        return ""

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -18,8 +19,18 @@ app.add_typer(data_app)
 app.add_typer(log_app, name="log")
 
 
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"modalwatch {version('modalwatch')}")
+        raise typer.Exit
+
+
 @app.callback()
 def _options(
+    _version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an internal error.")] = False,
 ) -> None:
     """Watch a structure with accelerometers: has it changed, where, by how much, how sure."""

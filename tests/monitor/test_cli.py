@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,12 @@ def test_help_lists_the_commands() -> None:
     done = as_process("--help")
     assert done.returncode == 0
     assert all(name in done.stdout for name in ("demo", "rig", "run", "replay"))
+
+
+def test_version_is_that_of_the_package(modalwatch: Commands) -> None:
+    text = (Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8")
+    done = modalwatch("--version")
+    assert (done.code, done.out.strip()) == (0, f"modalwatch {tomllib.loads(text)['project']['version']}")
 
 
 @pytest.mark.parametrize(

@@ -70,10 +70,14 @@ def test_site_has_one_monitor(tmp_path: Path) -> None:
     with only_one(state), pytest.raises(StartError, match=f"runs already, process {os.getpid()}$"), only_one(state):
         pass
     with only_one(state):
+        (state / "running").unlink()
+        with pytest.raises(StartError, match=r"runs already$"), only_one(state):
+            pass
+    with only_one(state):
         pass
     (tmp_path / "file").write_text("")
     with only_one(tmp_path / "file"):
-        pass  # a state folder that cannot be: that is told elsewhere
+        pass  # a state folder that cannot be is reported elsewhere
 
 
 class SetClock:
