@@ -8,8 +8,9 @@ import pytest
 from daq_helpers import START, contents, some_items
 from hypothesis import given, settings
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
-from daq import Item, LogError, LogWriter, has_end, inspect_log, read_attachments, read_log, repair_log
+from daq import Item, LogError, LogState, LogWriter, has_end, inspect_log, read_attachments, read_log, repair_log
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
 
@@ -151,6 +152,80 @@ def test_a_damaged_length_does_not_take_all_memory(whole: Path) -> None:
     assert not inspect_log(path).whole
     assert len(contents(before(path))) < len(contents(some_items()))
     assert repair_log(path).lost_chunks
+
+
+def places(content: bytes | bytearray) -> list[tuple[int, int]]:
+    """Return opcode and place of each record of a log."""
+    found, at = [], 8
+    while at + 9 <= len(content) - 8:
+        found.append((content[at], at))
+        at += 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+    return found
+
+
+def test_records_behind_one_that_is_stepped_over_are_kept(whole: Path) -> None:
+    """The second chunk cannot be parsed at all: its compression has a name that is no text."""
+    content = bytearray(whole.read_bytes())
+    chunks = [at for opcode, at in places(content) if opcode == 6]
+    content[chunks[1] + 9 + 28 + 4] ^= 0x80  # first letter of the compression
+    path = whole.with_name("stepped.mcap")
+    path.write_bytes(content)
+    lost = len(some_items()) - inspect_log(path).n_messages
+    assert 0 < lost <= 5
+    state = repair_log(path)
+    assert (state.lost_chunks, state.lost_bytes, state.finished) == (1, 0, True)
+    assert str(state) == "1 chunks damaged"
+    mended, every = contents(read_log(path)), contents(some_items())
+    first = next(k for k, (a, b) in enumerate(zip(mended, every, strict=False)) if a != b)
+    assert mended == every[:first] + every[first + lost :]
+    assert read_attachments(path) == ATTACHED
+
+
+def test_messages_whose_schema_stood_in_a_lost_chunk_get_it_back(tmp_path: Path) -> None:
+    """The first chunk has the schemas and the channel of its message; a cut log repeats neither in a summary."""
+    path = tmp_path / "log.mcap"
+    writer = LogWriter(path, {})
+    for item in some_items():
+        writer.write(item)
+        writer.flush()
+    writer.abandon()
+    content = bytearray(path.read_bytes())
+    content[next(at for opcode, at in places(content) if opcode == 6) + 60] ^= 1  # in the data of the first chunk
+    path.write_bytes(content)
+    state = repair_log(path)
+    assert (state.lost_chunks, state.finished) == (1, False)
+    assert contents(read_log(path)) == contents(item for item in some_items() if getattr(item, "device", "") != "a")
+    with path.open("rb") as file:
+        names = {schema.name for schema, *_ in make_reader(file).iter_messages() if schema}
+    assert names == {"modalwatch.AccelBlock", "modalwatch.Event"}
+
+
+def test_messages_of_others_whose_schema_is_lost_are_left_out(tmp_path: Path) -> None:
+    """As those of the view: their schema is none of a log's own."""
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start(profile="modalwatch", library="modalwatch")
+        schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"x")
+        own = writer.register_schema("modalwatch.Event", "jsonschema", b"{}")
+        writer.flush()  # type: ignore[no-untyped-call]
+        for topic, encoding, number in (("/imu", "cdr", schema), ("/event/x", "json", own)):
+            channel = writer.register_channel(topic, encoding, number)
+            writer.add_message(channel, START, b"{}", START)
+            writer.flush()  # type: ignore[no-untyped-call]
+    content = bytearray(path.read_bytes())
+    content[next(at for opcode, at in places(content) if opcode == 6) + 60] ^= 1
+    path.write_bytes(content)
+    assert repair_log(path).lost_chunks == 1
+    with path.open("rb") as file:
+        assert [channel.topic for _, channel, _ in make_reader(file).iter_messages()] == ["/event/x"]
+
+
+def test_two_logs_are_worth_what_both_are() -> None:
+    one = LogState(n_messages=7, lost_chunks=1, lost_bytes=0, finished=True)
+    other = LogState(n_messages=5, lost_chunks=2, lost_bytes=30, finished=False)
+    assert one + other == LogState(n_messages=12, lost_chunks=3, lost_bytes=30, finished=False)
+    assert str(one + other) == "cut, 30 bytes of an unfinished chunk, 3 chunks damaged"
 
 
 def test_a_whole_log_is_not_touched(whole: Path) -> None:

@@ -147,6 +147,33 @@ def test_rules_that_cannot_be(field: str, value: float) -> None:
         AlarmRules(**{field: value})  # type: ignore[arg-type]
 
 
+def test_rules_as_they_are_unless_set() -> None:
+    """A window at the limit is neither over nor calm; an alarm at the very end of another is a new one."""
+    alarm, _ = play(AlarmRules(), [OVER, 1.0])
+    assert alarm.condition == "watch"
+    assert play(AlarmRules(), [OVER, 0.999])[0].condition == "normal"
+    alarm, said = play(AlarmRules(), [*RAISED, CALM, CALM, OVER, OVER], step=0)
+    assert (said[-1], alarm.raised) == (Change(kind="state", state="alarm"), 0)
+    assert AlarmRules() == AlarmRules(hold_windows=2, clear_windows=2, latch=False, flapping_changes=6, flapping_span=0)
+
+
+def test_window_at_the_share_of_calm_is_not_calm() -> None:
+    assert play(RULES, [OVER, 0.8])[0].condition == "watch"
+    assert play(RULES, [*RAISED, 0.8, 0.8, 0.8])[0].condition == "alarm"
+
+
+def test_alarm_at_the_very_end_of_the_cooldown_is_new() -> None:
+    """It ends at 50 min, the cooldown of 60 min at 110."""
+    at, said = play(RULES, [*RAISED, CALM, CALM, CALM, *(4 * [CALM]), OVER, OVER])
+    assert (said[-1], at.raised) == (Change(kind="state", state="alarm"), 110 * MINUTE)
+
+
+def test_alarm_that_comes_back_while_it_is_latched_wakes_nobody() -> None:
+    alarm, said = play(LATCHING, [*LATCHED, OVER, OVER])
+    assert said[-1] == Change(kind="reopened", state="alarm", quiet=True)
+    assert (alarm.run, alarm.raised) == (0, 20 * MINUTE)
+
+
 class AnySequence(RuleBasedStateMachine):
     """An alarm beside what its whole past says by definition, through any windows and acknowledgements."""
 

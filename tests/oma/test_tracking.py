@@ -116,3 +116,64 @@ def test_of_two_channels_two_close_modes_are_not_followed_by_any_shape() -> None
     across = normalise(np.array([[-0.2, 1.0], [-0.1, 1.0]]))
     assert Tracker(reference=both).assign(both).tolist() == [0, 1]
     assert Tracker(reference=both).assign(replace(both, shape=across)).tolist() == [-1, -1]
+
+
+def alike(
+    frequency: list[float], agreement: float, std: float = 1e-5, aside: float = 0.0, reference: bool = False
+) -> ModalEstimate:
+    """Return modes whose shapes agree to a MAC with the reference's, with `aside` at a channel that this lacks."""
+    n = len(frequency)
+    shape = np.tile([np.sqrt(agreement), np.sqrt(1 - agreement), 0.0, aside], (n, 1))
+    return ModalEstimate(
+        channels=("a", "b", "c") if reference else ("a", "b", "c", "aside"),
+        frequency=np.array(frequency),
+        frequency_std=std * np.array(frequency),
+        damping=np.full(n, 0.01),
+        damping_std=np.full(n, 0.001),
+        shape=normalise(shape[:, :3] if reference else shape),
+        shape_std=np.full((n, 3 if reference else 4), 0.01),
+        support=np.ones(n),
+        law_ratio=np.ones(n),
+        start=0,
+        end=1,
+    )
+
+
+@pytest.mark.parametrize(
+    ("shift", "agreement", "std", "found"),
+    [
+        (0.07, 1.0, 1e-5, 0),  # a real change moves frequencies by up to 8 %, if the shape stays
+        (0.085, 1.0, 1e-5, -1),
+        (-0.07, 1.0, 1e-5, 0),
+        (0.05, 0.81, 1e-5, 0),  # and agrees to a MAC of 0.8
+        (0.05, 0.79, 1e-5, -1),
+        (0.0015, 0.6, 1e-5, 0),  # within 0.2 % a MAC of 0.5 is enough
+        (0.0025, 0.6, 1e-5, -1),
+        (0.0015, 0.51, 1e-5, 0),
+        (0.0015, 0.49, 1e-5, -1),
+        (0.040, 0.6, 1e-2, 0),  # as within three deviations of the difference, here of 1.41 %
+        (0.045, 0.6, 1e-2, -1),
+    ],
+)
+def test_gates_of_frequency_and_shape(shift: float, agreement: float, std: float, found: int) -> None:
+    reference = alike([10.0], 1.0, std, reference=True)
+    moved = alike([10.0 * np.exp(shift)], agreement, std)
+    assert Tracker(reference=reference).assign(moved).tolist() == [found]
+
+
+@pytest.mark.parametrize(("frequency", "found"), [([10.1, 10.4], 0), ([9.6, 9.9], 1), ([9.7, 10.1], 1)])
+def test_of_modes_of_one_shape_the_nearest_in_frequency_is_taken(frequency: list[float], found: int) -> None:
+    assert Tracker(reference=alike([10.0], 1.0, reference=True)).assign(alike(frequency, 1.0)).tolist() == [found]
+
+
+@pytest.mark.parametrize(("inside", "found"), [(0.75, [-1, -1]), (0.85, [0, -1])])
+@pytest.mark.parametrize("aside", [0.0, 2.0])
+def test_mixed_mode_lies_to_four_fifths_among_the_modes_it_mixes(inside: float, found: list[int], aside: float) -> None:
+    """A shape far from both of two modes 0.4 % apart that are known to 0.1 %, whatever its norm at shared channels."""
+    reference = alike([10.0, 10.04], 1.0, 1e-3, reference=True)
+    both = replace(reference, shape=np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.complex128))
+    mixed = alike([10.0], 1.0, 1e-3)
+    shape = np.array([[np.sqrt(0.49 * inside), np.sqrt(0.51 * inside), np.sqrt(1 - inside), aside]])
+    assert Tracker(reference=both).assign(replace(mixed, shape=normalise(shape))).tolist() in (
+        [found, found[::-1]] if inside > 0.8 else [found]
+    )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.stats import chi2, norm, t
 from scipy.stats import f as f_distribution
 
@@ -27,6 +28,27 @@ def test_what_lasts_and_what_overlaps_raise_the_limit_towards_that_of_one_window
     assert np.all(np.diff(plain) > 0)
     assert plain[-1] == pytest.approx(chi2.isf(1e-6, 5) / 5, rel=2e-3)
     assert plain[0] < overlapped < plain[-1]
+
+
+@pytest.mark.parametrize(("n", "lasting"), [(4, 2), (5, 1), (3, 2)])
+def test_two_windows_in_a_row_of_which_a_part_lasts_have_the_rate_of_the_integral(n: int, lasting: int) -> None:
+    """P(both over) = integral of the lasting part's density times the chance that both others fill up to the limit."""
+    limit = n * jump_limit(n, lasting, 1e4, Watching(rate=1e-4, overlap=0.0, hold=2))
+    free = n - lasting
+    below = quad(lambda x: chi2.pdf(x, lasting) * chi2.sf(limit - x, free) ** 2, 0, limit, epsabs=1e-12, limit=200)[0]
+    assert below + chi2.sf(limit, lasting) == pytest.approx(1e-4, rel=0.03)  # 0.2 % of the limit
+
+
+def test_limits_beyond_the_table_go_on_as_the_distribution_does() -> None:
+    """Distances of 245 and more, where logarithms of rates are straight to 1 %."""
+    for rate in (1e-52, 1e-60):
+        found = jump_limit(5, 0, 1e4, Watching(rate=rate, overlap=0.0, hold=1))
+        assert found == pytest.approx(chi2.isf(rate, 5) / 5, rel=2e-3)
+
+
+def test_more_windows_in_a_row_are_as_rare_as_their_power() -> None:
+    found = jump_limit(5, 0, 1e4, Watching(rate=1e-6, overlap=0.0, hold=3))
+    assert found == pytest.approx(chi2.isf(1e-2, 5) / 5, rel=2e-3)
 
 
 @pytest.mark.parametrize(("overlap", "weight"), [(0.0, 0.2), (0.5, 0.2), (0.75, 0.05)])
