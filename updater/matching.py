@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
@@ -52,12 +53,28 @@ def without_fault(baseline: ModalMean, event: ModalMean) -> ModalMean:
     return replace(event, **undone)
 
 
+def may_answer(baseline: ModalMean, event: ModalMean) -> npt.NDArray[np.bool_]:
+    """Return which modes of an event may be each of a baseline's (n_tracks, n_modes), by `match_modes`' limits.
+
+    Parameters
+    ----------
+    baseline, event : (n_tracks,) and (n_modes,) at the same channels
+    """
+    distance = np.abs(event.log_frequency - baseline.log_frequency[:, None])
+    return _answer(mac_matrix(baseline.shape, event.shape) - _unknown(event), distance)
+
+
+def _unknown(event: ModalMean) -> FloatArray:
+    """Return the share of each shape (n_modes,) that is noise."""
+    return np.asarray(np.minimum((event.shape_std**2).sum(1), 1.0))
+
+
 def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | None"]:
     """Return for each mode of the baseline (n_tracks,) the event's, or -1, and what was undone for that."""
     known = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1))
     event = event.only(known)
     distance = np.abs(event.log_frequency[None, :] - baseline.log_frequency[:, None])
-    unknown = np.minimum((event.shape_std**2).sum(1), 1.0)
+    unknown = _unknown(event)
     least, undone, found = np.inf, None, np.full(len(baseline.log_frequency), -1, np.intp)
     for cost, chain in _chains(len(baseline.channels)):
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
@@ -72,8 +89,8 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
     return found, undone
 
 
-def _answer(assurance: FloatArray, distance: FloatArray) -> FloatArray:
-    """Tell which pairs (n,) are one mode: a prop may raise a mode by half and leave its shape alone."""
+def _answer(assurance: FloatArray, distance: FloatArray) -> npt.NDArray[np.bool_]:
+    """Tell which pairs are one mode: a prop may raise a mode by half and leave its shape alone."""
     alike = (assurance >= _LEAST_MAC) & (distance <= _FARTHEST)
     return np.asarray(alike | ((assurance >= _SAME_MAC) & (distance <= _FARTHEST_SAME)))
 

@@ -6,12 +6,13 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import mac_matrix
-from updater.matching import match_modes, matched
+from updater.matching import match_modes, matched, may_answer, without_fault
 from updater.reference import NEAR, SAME_SHAPE, Reference
 from updater.statistics import ModalMean
 
 _NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with
 _ALIKE = 0.8  # share of a shape that is of them
+_FEWEST = 3  # modes that a diagnosis compares
 _SEEN = 0.1  # of what the modes that were measured move sensors by
 
 
@@ -29,6 +30,7 @@ def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray,
     found = match_modes(reference.known.at(channels), event)
     new = np.setdiff1d(np.arange(len(event.log_frequency)), found)
     found, new = _without_doubles(reference, event, found, new)
+    found, new = _without_rivals(reference.known.at(channels), event, found, new)
     frequency, shape = reference.frequency, reference.at_channels(channels)
     size = np.linalg.norm(shape, axis=0)
     of_model = np.setdiff1d(np.flatnonzero(size > _SEEN * np.median(size[reference.paired])), reference.paired)
@@ -54,6 +56,34 @@ def _without_doubles(
         if (alike & near).any():
             found[track], new = -1, new[~(alike & near)]
     return found, new
+
+
+def _without_rivals(
+    baseline: ModalMean, event: ModalMean, found: IndexArray, new: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Leave out a mode of the baseline whose shape changed so much that either of two modes may have followed it.
+
+    A bearing that loses most of its stiffness takes each mode half of the way to the next one's shape and frequency.
+    Two modes of the event that answer and are alike are no rivals: something hangs on the structure and splits one.
+    The modes left out are data again once causes are found (`updater.further_modes`). Three are left at least.
+
+    Parameters
+    ----------
+    baseline, event : (n_tracks,) and (n_modes,) at the same channels
+    found : (n_tracks,) mode of the event for each of the baseline, -1 where there is none
+    new : (n_new,) modes of the event without one of the baseline
+    """
+    tracks = np.flatnonzero(found >= 0)
+    told = without_fault(baseline, event)
+    likeness = mac_matrix(baseline.shape[tracks], told.shape)
+    changed = likeness[np.arange(len(tracks)), found[tracks]] < SAME_SHAPE
+    split = mac_matrix(told.shape[found[tracks]], told.shape[new]) > SAME_SHAPE
+    rival = may_answer(baseline.only(tracks), told.only(new)) & changed[:, None] & ~split
+    if (~rival.any(1)).sum() < _FEWEST:
+        return found, new
+    found = found.copy()
+    found[tracks[rival.any(1)]] = -1
+    return found, new[~rival.any(0)]
 
 
 def matched_surely(reference: Reference, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:

@@ -1,12 +1,14 @@
 """Which modes of a log are new, and which are in doubt."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
 from sealed_designs import BRIDGE
 from sealed_path import observation, structure_of
 from sealed_signals import estimated
+from sealed_specimen import State
 from updater_helpers import measure, t_frame, true_model
 
 from updater import ModalMean, Reference, learn_reference, matched_and_new, matched_surely
@@ -43,12 +45,36 @@ def test_a_second_mode_beside_one_that_answers_is_new() -> None:
     np.testing.assert_array_equal(new, [8])
 
 
+@lru_cache
+def _bridge() -> tuple[State, Reference]:
+    """Return a bridge on two bearings and its reference."""
+    state = BRIDGE.draw(SEED)
+    before = observation(state, estimated(state, 8, np.random.default_rng(SEED), noise="law"))
+    tracks, delays = before.tracks, before.lateness.delays
+    return state, learn_reference(structure_of("bridge: "), before.estimates, tracks, delays)
+
+
+def test_a_mode_that_two_may_have_followed_is_not_compared() -> None:
+    """A bearing that keeps 15 % of its stiffness takes the fifth bending mode half of the way to the next one."""
+    state, reference = _bridge()
+    first, last = state.frame.grounds
+    soft = replace(last, along=(*last.along[:2], 0.15 * last.along[2]))
+    after = state.of_frame(replace(state.frame, grounds=(first, soft)))
+    windows = observation(after, estimated(after, 5, np.random.default_rng(SEED + 1), noise="law"))
+    event = reference.mean_of(windows.modes)
+    found, new = matched_and_new(reference, event)
+    fifth = int(np.argmin(np.abs(np.exp(reference.baseline.log_frequency) - 137)))
+    np.testing.assert_array_equal(np.flatnonzero(found < 0), [fifth])
+    assert not len(new)
+    followed = np.exp(event.log_frequency[np.setdiff1d(np.arange(len(event.n)), found)])
+    print(f"left out: {np.exp(reference.baseline.log_frequency[fifth]):.1f} Hz before, {followed.round(1)} Hz after")
+    assert len(followed) == 2
+
+
 @pytest.mark.parametrize("away", [-0.01, 0.01])
 def test_of_a_bending_and_a_twist_that_looks_like_it_neither_is_compared(away: float) -> None:
     """The bridge twists at 110.8 Hz, which its sensors, all on its axis, only see where that mixes with bending."""
-    state = BRIDGE.draw(SEED)
-    before = observation(state, estimated(state, 8, np.random.default_rng(SEED), noise="law"))
-    reference = learn_reference(structure_of("bridge: "), before.estimates, before.tracks, before.lateness.delays)
+    _, reference = _bridge()
     event = reference.baseline
     (bending,) = np.flatnonzero(np.abs(np.exp(event.log_frequency) - 112) < 2)
     assert reference.shadowed[bending]
