@@ -196,10 +196,11 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
             break
         before = point.cost[alive]
         _descend(comparison, hypotheses, point, step[alive], alive)
-        held = alive[(point.cost[alive] >= before) & (point.theta[alive] <= hypotheses.lower[alive]).any(1)]
+        beyond = point.theta - step <= hypotheses.lower
+        held = alive[(point.cost[alive] >= before) & beyond[alive].any(1)]
         if len(held):  # what would leave its bounds has led astray what would not
-            step, _ = _newton(slope[held], point.residual[held], point.theta[held] <= hypotheses.lower[held])
-            _descend(comparison, hypotheses, point, step, held)
+            bounded, _ = _newton(slope[held], point.residual[held], beyond[held])
+            _descend(comparison, hypotheses, point, bounded, held)
         gained = before - point.cost[alive]
         moving[alive] = gained > _ENOUGH
         slope[alive] = slopes(comparison, hypotheses, point, alive)

@@ -1,0 +1,96 @@
+"""Gauss-Newton within bounds, on linear residuals whose least squares under bounds scipy knows."""
+
+import sys
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from daq import FloatArray, IndexArray
+from updater.fit import Point, fit
+
+PRIOR = np.array([10.0, 20.0, 5.0])
+# the second parameter makes up for the first: without bounds it is far off
+A = np.array([[1.0, 1.0, 0.0], [0.9, 1.0, 0.2], [1.0, 0.8, -0.3], [0.1, 0.3, 1.0], [0.0, 0.2, 0.4]])
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Alternatives (n,) with residuals A theta - b, and priors."""
+
+    b: FloatArray  # (n, n_data)
+    lower: FloatArray  # (n, 3)
+    start: FloatArray  # (n, 3)
+    prior_std: FloatArray
+    drifting: bool = False
+
+    @property
+    def log_prior(self) -> FloatArray:
+        return np.full(len(self.b), -np.log(len(self.b)))
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        return np.zeros(len(theta))
+
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+        return None
+
+
+@pytest.fixture
+def linear(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Put linear residuals in the place of those of a structure; return what stands for the measured data."""
+    module = sys.modules["updater.fit"]
+
+    def evaluate(_: object, h: Linear, theta: FloatArray, rows: IndexArray) -> Point:
+        residual = np.concatenate([theta @ A.T - h.b[rows], theta / h.prior_std], axis=1)
+        effect = SimpleNamespace(own=np.zeros((len(rows), 0)))
+        return Point(theta.copy(), effect, SimpleNamespace(), residual)  # type: ignore[arg-type]
+
+    def slopes(_: object, h: Linear, point: Point, rows: IndexArray) -> FloatArray:
+        return np.tile(np.vstack([A, np.diag(1 / h.prior_std)]), (len(rows), 1, 1))
+
+    monkeypatch.setattr(module, "evaluate", evaluate)
+    monkeypatch.setattr(module, "slopes", slopes)
+    whitener = SimpleNamespace(log_det=0.0)
+    return SimpleNamespace(
+        plain=whitener, drifting=whitener, freedom=5.0, freedom_of_new=lambda n: 0.0, log_ratio=np.zeros(2)
+    )
+
+
+def best(b: FloatArray, lower: FloatArray) -> FloatArray:
+    """Return the least squares of data and priors under the bounds."""
+    whole = np.vstack([A, np.diag(1 / PRIOR)])
+    return np.asarray(lsq_linear(whole, np.append(b, np.zeros(3)), (lower, np.inf), tol=1e-12).x)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_bounds_the_fit_is_the_least_squares(linear: Any, seed: int) -> None:
+    b = np.random.default_rng(seed).normal(0.0, 3.0, (5, 5))
+    found = fit(linear, Linear(b, np.full((5, 3), -1e9), np.zeros((5, 3)), PRIOR))  # type: ignore[type-var]
+    for theta, one in zip(found.theta, b, strict=True):
+        assert theta == pytest.approx(best(one, np.full(3, -np.inf)), abs=1e-6)
+    whole = np.vstack([A, np.diag(1 / PRIOR)])
+    np.testing.assert_allclose(found.covariance[0], np.linalg.inv(whole.T @ whole), rtol=1e-9)
+    evidence = -0.5 * found.chi_square + 0.5 * np.linalg.slogdet(found.covariance[0])[1] - np.log(PRIOR).sum()
+    np.testing.assert_allclose(found.log_density, evidence, rtol=1e-9)
+    assert found.best == int(np.argmax(evidence))
+    assert found.freedom == 2.0
+    np.testing.assert_allclose(found.off_frequencies, found.theta @ A[:2].T - b[:, :2], atol=1e-9)
+
+
+def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(linear: Any) -> None:
+    """Data that want a parameter below its bound, from it and from beside it: a step that is cut there fits worse."""
+    free = np.array([[-8.0, 9.0, 1.0], [-20.0, 19.0, -2.0]])
+    b = free @ A.T
+    lower = np.array([[0.0, -1e9, -1e9], [-0.5, -1e9, -1e9]])
+    found = fit(linear, Linear(b, lower, np.zeros((2, 3)), PRIOR))  # type: ignore[type-var]
+    for theta, one, least in zip(found.theta, b, lower, strict=True):
+        expected = best(one, least)
+        whole = np.vstack([A, np.diag(1 / PRIOR)])
+        cost = np.sum((whole @ expected - np.append(one, np.zeros(3))) ** 2)
+        reached = np.sum((whole @ theta - np.append(one, np.zeros(3))) ** 2)
+        print(theta, expected, reached - cost)
+        assert np.all(theta >= least)
+        assert reached - cost < 0.2  # of chi-square: a tenth of the evidence
