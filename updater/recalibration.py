@@ -28,7 +28,7 @@ from updater.structure import Structure
 
 FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
-_MAX_ROUNDS, _AT_REST = 6, 0.1  # until no parameter moves by so much of its prior standard deviation
+_MAX_ROUNDS, _AT_REST = 6, 0.1  # until no parameter moves by so much of the standard deviation of its estimate
 _N_STARTS, _SCATTER = 40, 0.7  # of a fit, and by how much ln of flexibilities scatters among them ...
 _SCATTERED_ROUNDS = 2  # ... in the first rounds
 _ROUGHER = 2.0  # times the error of a good model
@@ -92,8 +92,9 @@ def recalibrated(
             cause, best, covariance, p_value = _best_parameters(
                 nearer, modes, _N_STARTS if number < _SCATTERED_ROUNDS else 1
             )
-            at_rest = bool((np.abs(best - cause.moved) < _AT_REST * cause.prior_std).all())
-            found = Recalibrated(nearer, value, np.sqrt(np.diag(covariance)), p_value, at_rest)
+            std = np.sqrt(np.diag(covariance))
+            at_rest = bool((np.abs(best - cause.moved) < _AT_REST * std).all())
+            found = Recalibrated(nearer, value, std, p_value, at_rest)
             if at_rest:
                 break
             value = np.minimum(cause.said + best, [knob.upper for knob in knobs])

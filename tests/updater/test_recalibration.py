@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from sealed_path import observation
+from sealed_designs import BRIDGE
+from sealed_path import observation, structure_of
 from sealed_signals import estimated
 from sealed_specimen import State
 from sealed_storeys import FOOT, LOOSE_FOOT, as_it_stands, toml, with_channels, with_loose_foot
@@ -47,6 +48,23 @@ def test_a_loosened_foot_is_sized_within_its_deviations(seed: int) -> None:
         print(f"  {name} {told.value:.0f} ± {told.std:.0f} N m/rad")
         assert abs(told.value - LOOSE_FOOT) < 3 * told.std
         assert told.std < 0.1 * LOOSE_FOOT
+
+
+@pytest.mark.parametrize("seed", few_of([324, 325, 327, 329]))
+def test_the_softer_of_two_bearings_that_the_file_has_alike_is_told_by_shapes(seed: int) -> None:
+    """Frequencies say nothing of it at first: a fit to them alone leaves both bearings alike."""
+    state = BRIDGE.draw(seed)
+    before = observed(state, 8, np.random.default_rng(seed))
+    file = structure_of("bridge: ")
+    calibration = learn_reference(file, before.estimates, before.tracks, before.lateness.delays).calibration
+    found = {change.name: change for change in calibration.changes()}
+    first, last = found["support 0.z"], found["support 1.z"]
+    true = [ground.along[2] for ground in state.frame.grounds]
+    print(f"seed {seed}: {true}, found {first.after:.4g} ± {first.std:.2g} and {last.after:.4g} ± {last.std:.2g} N/m")
+    assert (first.after < 0.99 * last.after) == (true[0] < true[1])
+    assert (last.after < 0.99 * first.after) == (true[1] < true[0])
+    for one, stiffness in zip((first, last), true, strict=True):
+        assert abs(one.after - stiffness) < 3 * one.std
 
 
 @pytest.mark.parametrize("seed", [3])
