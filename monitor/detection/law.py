@@ -243,7 +243,9 @@ def learn(
     kept = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
     solved = _regressed(_reweighted(law, age), terms, kept, age, variance)
     residual = solved.residual(terms, kept)
-    scattered = _thermometer(_scattered(solved, residual, lag, variance), terms, residual, variance)
+    share = _own_share(solved, terms, variance)
+    scattered = _scattered(solved, residual, lag, variance, share)
+    scattered = _thermometer(scattered, terms, residual, variance, share)
     return _tail(scattered, terms, scattered.residual(terms, whitened), age, variance)
 
 
@@ -408,23 +410,35 @@ def _solve(law: Law, information: FloatArray, moment: FloatArray) -> Law:
     return replace(law, sums=sums, coefficient=coefficient, unknown=unknown)
 
 
-def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray) -> Law:
+def _own_share(law: Law, terms: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the share (..., n_windows) of a window's own error in its variance with that of freezing.
+
+    Windows count by it as evidence of slow movements and of the thermometer's deviation. What the regressors miss of
+    freezing would else be taken for either of these, and be added to the variance of freezing a second time.
+    """
+    freezing, p = law.freezing(terms), law.scale.shape[-1]
+    own = law.fast[..., None] * variance
+    return np.asarray(own / (own + (freezing[..., 0] + (p - 1) * freezing[..., 1]) / p))
+
+
+def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray, share: FloatArray) -> Law:
     """Return the law with its scatter learnt from the residuals too, which are weighted by the inverse variance."""
     seen = np.isfinite(residual)
-    there = np.where(seen, residual, 0.0) / np.sqrt(variance)[..., None]
-    means, weights = _means(residual, variance)
-    counts = means.any(-1)
+    there = np.where(seen, residual, 0.0) * np.sqrt(share / variance)[..., None]
+    means, weights, shares = _means(residual, variance, share)
+    counts = means.any(-1) * shares
+    weighted = means * np.sqrt(shares)[..., None]
     half = _half_squares(residual, lag, variance)
     sums = replace(
         law.sums,
         difference=law.sums.difference + np.nansum(half, axis=(-2, -1)),
         n_difference=law.sums.n_difference + np.isfinite(half).sum((-2, -1)),
         product=law.sums.product + np.swapaxes(there, -1, -2) @ there,
-        n_product=law.sums.n_product + np.swapaxes(seen, -1, -2).astype(float) @ seen.astype(float),
-        of_means=law.sums.of_means + np.swapaxes(means, -1, -2) @ means,
+        n_product=law.sums.n_product + np.swapaxes(seen * share[..., None], -1, -2) @ seen,
+        of_means=law.sums.of_means + np.swapaxes(weighted, -1, -2) @ weighted,
         n_means=law.sums.n_means + counts.sum(-1),
-        weight=law.sums.weight + (seen.mean(-1) / variance).sum(-1),
-        weight_of_means=law.sums.weight_of_means + np.where(counts, weights, 0.0).sum(-1),
+        weight=law.sums.weight + (seen.mean(-1) * share / variance).sum(-1),
+        weight_of_means=law.sums.weight_of_means + (counts * weights).sum(-1),
     )
     worth = _EFFICIENCY * sums.n_difference
     fast = (_STATED_WORTH + _EFFICIENCY * sums.difference) / (_STATED_WORTH + worth)
@@ -434,8 +448,8 @@ def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray) -
     return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, feared=feared, rank=rank)
 
 
-def _means(residual: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return weighted means (..., n_chunks, n_tracks) over `CHUNK` windows, and their weights (..., n_chunks).
+def _means(residual: FloatArray, variance: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return weighted means (..., n_chunks, n_tracks) over `CHUNK` windows, their weights and shares (..., n_chunks).
 
     A mean is over the root of its windows' mean variance; it is zero where a mode was hardly there.
     """
@@ -444,16 +458,17 @@ def _means(residual: FloatArray, variance: FloatArray) -> tuple[FloatArray, Floa
     weights = 1 / variance[..., : n * CHUNK].reshape(*residual.shape[:-2], n, CHUNK).mean(-1)
     seen = np.isfinite(pieces).sum(-2)
     mean = np.where(np.isfinite(pieces), pieces, 0.0).sum(-2) / np.maximum(seen, 1)
-    return np.where(seen > CHUNK // 3, mean * np.sqrt(weights)[..., None], 0.0), weights
+    shares = share[..., : n * CHUNK].reshape(*share.shape[:-1], n, CHUNK).mean(-1)
+    return np.where(seen > CHUNK // 3, mean * np.sqrt(weights)[..., None], 0.0), weights, shares
 
 
-def _thermometer(law: Law, terms: FloatArray, residual: FloatArray, variance: FloatArray) -> Law:
+def _thermometer(law: Law, terms: FloatArray, residual: FloatArray, variance: FloatArray, share: FloatArray) -> Law:
     """Return the law with the thermometer's deviation learnt from what residuals do along the law's slope.
 
     Means over `CHUNK` windows are normal with the variance of identification and that of the thermometer. What else
     moves frequencies that way counts as the thermometer's. The first means are fitted by the law, and no evidence.
     """
-    means, weights = _means(residual, variance)
+    means, weights, shares = _means(residual, variance, share)
     n = means.shape[-2]
     kelvin = (terms[..., 1, :] @ law.coefficient)[..., : n * CHUNK, :]
     slope = kelvin.reshape(*kelvin.shape[:-2], n, CHUNK, kelvin.shape[-1]).mean(-2) * np.sqrt(weights)[..., None]
@@ -461,11 +476,12 @@ def _thermometer(law: Law, terms: FloatArray, residual: FloatArray, variance: Fl
     size = (slope**2).sum(-1)
     along = (means * slope).sum(-1) / np.sqrt(np.maximum(size, 1e-12))
     expected = (law.fast / CHUNK)[..., None, None] + _THERMOMETER**2 * size[..., None]
-    gained = -0.5 * np.where(size[..., None] > 0, np.log(expected) + along[..., None] ** 2 / expected, 0.0).sum(-2)
-    after = law.sums.n_means
-    before = after - means.any(-1).sum(-1)
+    each = np.where(size[..., None] > 0, np.log(expected) + along[..., None] ** 2 / expected, 0.0)
+    gained = -0.5 * (shares[..., None] * each).sum(-2)
+    after, new = law.sums.n_means, (means.any(-1) * shares).sum(-1)
+    before = after - new
     evidence = np.maximum(after - _FITTED, 0.0) - np.maximum(before - _FITTED, 0.0)
-    likelihood = law.sums.thermometer + gained * (evidence / np.maximum(after - before, 1))[..., None]
+    likelihood = law.sums.thermometer + gained * (evidence / np.maximum(new, 1e-9))[..., None]
     share = np.exp(likelihood - likelihood.max(-1, keepdims=True))
     std = np.sqrt((share * _THERMOMETER**2).sum(-1) / share.sum(-1))
     return replace(law, sums=replace(law.sums, thermometer=likelihood), thermometer=std)

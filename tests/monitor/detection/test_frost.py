@@ -87,5 +87,8 @@ def test_frost_of_unknown_inertia_raises_no_alarm_within_five_weeks() -> None:
     windows = np.concatenate(over, axis=-1)
     alarmed = (windows[:, 1:] & windows[:, :-1]).any(-1)
     print(f"seed {seed}: alarms on {alarmed.sum()} of {n_sites} sites, {(structure < -3).any(-1).sum()} frozen")
+    slow = np.linalg.eigvalsh(watched.law.slow).max(-1) / watched.law.fast
+    print(f"slow movements over a window's own variance: median {np.median(slow):.2f}, most {slow.max():.2f}")
     assert (structure < -3).any(-1).all()
     assert alarmed.sum() <= 1
+    assert np.median(slow) < 1
