@@ -34,7 +34,7 @@ def render_trusted(template: str, values: Mapping[str, Any]) -> str:
 
 @lru_cache(maxsize=16)
 def _rendered(request: str, seconds: float) -> tuple[str, ...]:
-    command = [sys.executable, "-I", "-m", __name__]
+    command = [sys.executable, "-P", "-m", __name__]  # not -I: packages may be in PYTHONPATH or the user's site
     try:
         done = subprocess.run(
             command, input=request.encode(), capture_output=True, timeout=seconds, check=False, cwd="/"

@@ -75,7 +75,12 @@ class Spool:
         return count
 
     def _forget(self, file: BinaryIO) -> None:
-        """Remove what was read; what another thread has appended meanwhile stays."""
+        """Remove what was read; what another thread has appended meanwhile stays.
+
+        A file that is not the spool any more has been delivered and removed by another thread.
+        """
+        if not self._is_spool(file):
+            return
         rest = file.read()
         if not rest:
             self.path.unlink()
@@ -83,6 +88,12 @@ class Spool:
         unfinished = self.path.with_suffix(".part")
         unfinished.write_bytes(rest)
         os.replace(unfinished, self.path)
+
+    def _is_spool(self, file: BinaryIO) -> bool:
+        try:
+            return os.path.samestat(os.fstat(file.fileno()), self.path.stat())
+        except FileNotFoundError:
+            return False
 
 
 def _end_line(file: BinaryIO) -> None:

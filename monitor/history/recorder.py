@@ -194,7 +194,8 @@ class HistoryRecorder:
         try:
             store = self._store = self._store or HistoryStore(self._url)
             self.dropped += store.write(items)
-            self._unproven.extend(items)
+            if file_of(self._url):  # no server's database is checked as a file: nothing would end its list
+                self._unproven.extend(items)
             if time.monotonic() >= self._forget_due:
                 store.forget(self._keep_events)
                 self._forget_due = time.monotonic() + _FORGET
@@ -226,7 +227,7 @@ class HistoryRecorder:
         self._due = time.monotonic() + self._retry_seconds
         if isinstance(error, HistoryError) and error.unusable:
             self._renew(self._failed)
-        if self._store:
+        if self._store and not self._store.displaced:  # a displaced file is only there while it is open
             self._store.__exit__()
             self._store = None
 

@@ -58,7 +58,10 @@ def fitting(text: str, source: str, structure: Structure, settings: Settings) ->
 
 def _without_login(then: Mapping[str, str]) -> dict[str, str]:
     """Return what a memory depends on, with the address of a thermometer as it is written now: without a login."""
-    return {name: redacted_topic(words) if words.startswith("mqtt") else words for name, words in then.items()}
+    return {
+        name: redacted_topic(words) if words.startswith(("mqtt://", "mqtts://")) else words
+        for name, words in then.items()
+    }
 
 
 class MemoryFile:

@@ -99,7 +99,7 @@ class Courier:
             self._failing = problem is not None
             if problem is not None and not before:
                 self._said.put((TOPIC_FAILED, {"to": self._where(), "why": problem}))
-            if problem is None and (before or any(lane.left for lane in self._lanes)):
+            if problem is None and (before or changed.left):
                 self._said.put((TOPIC_BACK, {"to": self._where()}))
 
     def _where(self) -> str:

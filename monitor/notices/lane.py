@@ -75,7 +75,7 @@ class Lane:
         self._queue: queue.SimpleQueue[Notice] = queue.SimpleQueue()
         self._in_memory: deque[str] = deque()  # what the disk did not take
         self._urgent = False  # an alarm waits
-        self._before: SupervisedThread | None = None  # of a lane that has the same file, until it has ended
+        self._before: tuple[SupervisedThread, ...] = ()  # of lanes that have the same file, until they have ended
         self.thread = SupervisedThread(f"notices {spool.stem}", self._run)
         self.due = 0.0  #: when what waits is tried again [s, monotonic]
         self.left = self._spool.waiting  #: whether an earlier run could not deliver something
@@ -88,7 +88,7 @@ class Lane:
 
     def wait_for(self, before: "Lane") -> None:
         """Deliver nothing until another lane, which is ending and has the same file, has ended."""
-        self._before = before.thread
+        self._before = (before.thread, *(thread for thread in before._before if thread.is_alive()))
 
     @property
     def idle(self) -> bool:
@@ -128,7 +128,7 @@ class Lane:
         enough = self._quota.used and not self._urgent  # an alarm never waits for the hour
         if self.idle or enough or (time.monotonic() < self.due and not last):
             return
-        if self._before and self._before.is_alive():
+        if any(thread.is_alive() for thread in self._before):
             return
         if self._attempt(self._deliver_all):
             self._retry, self.due, self._urgent = self._first_retry, 0.0, False

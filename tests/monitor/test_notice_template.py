@@ -47,6 +47,14 @@ def test_templates_see_what_they_always_saw() -> None:
         render_bounded("{{ notice.nothing }}", [{"notice": NOTICE.values()}])
 
 
+def test_packages_from_pythonpath_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An installation in PYTHONPATH or in the user's site has templates too."""
+    (tmp_path / "sitecustomize.py").write_text(f"open({str(tmp_path / 'seen')!r}, 'w').close()", encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert render_bounded("{{ notice }} in PYTHONPATH", [{"notice": "found"}]) == ("found in PYTHONPATH",)
+    assert (tmp_path / "seen").exists()
+
+
 SITE = f"""structure = "t.toml"
 [[device]]
 name = "imu"

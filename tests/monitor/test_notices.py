@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from email.utils import formatdate
 from pathlib import Path
 from typing import Any
@@ -248,6 +248,18 @@ def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server
         until(lambda: server.got)
     assert list(courier.said()) == [(TOPIC_BACK, {"to": "webhook"})]
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
+
+
+def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path: Path) -> None:
+    """Troubles of an earlier run that still wait for the hour make no alarm report a recovery."""
+    spool = tmp_path / "n_other.jsonl"
+    spool.write_text(json.dumps(asdict(replace(NOTICE, kind="trouble"))) + "\n", encoding="utf-8")
+    with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+        courier.others.due = time.monotonic() + 60.0
+        courier.put(ALARM)
+        until(lambda: server.got)
+        until(lambda: not (tmp_path / "n.jsonl").exists())
+    assert list(courier.said()) == []
 
 
 def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:

@@ -157,6 +157,13 @@ def test_memory_of_an_earlier_version_loses_its_login(monkeypatch: pytest.Monkey
     assert ("the thermometer" in refused, MARK in refused) == (True, False)
 
 
+def test_memory_with_a_file_whose_name_begins_with_mqtt_is_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(1, monkeypatch)
+    settings = parse_settings(f'{played.text}\n[temperature]\ncsv = "mqtt_air.csv"')
+    text = memory_text(Pipeline(played.structure, settings).memory)
+    assert fitting(text, "", played.structure, settings).text == text
+
+
 def site_of(folder: Path, webhook_port: int) -> Path:
     """Write settings with marked secrets that play the recorded log as one device, fast."""
     (folder / "t_structure.toml").write_text(read_attachments(RECORDED)["structure.toml"], encoding="utf-8")

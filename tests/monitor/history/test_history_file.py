@@ -153,6 +153,34 @@ def test_rows_that_were_not_taken_over_before_the_end_are_at_the_next_start(tmp_
     assert [topic for topic, _ in made.said()] == [TOPIC_RESTORED]
 
 
+def test_file_that_is_deleted_twice_within_the_pause_is_restored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A new file is begun only each 10 s: until then the deleted one stays open, as it is only there so."""
+    monkeypatch.setattr(recorder, "_CHECK", 0.1)
+    monkeypatch.setattr(recorder, "_RENEW", 1.0)
+    file = tmp_path / "history.sqlite"
+    with recording(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as made:
+        for event in GAPS:
+            made.put(event)
+        until(lambda: file.exists() and len(rows(sqlite_url(tmp_path), "events")) == N_GAPS)
+        for _ in range(2):
+            file.unlink()
+            until(file.exists)
+    assert len(rows(sqlite_url(tmp_path), "events")) == N_GAPS
+
+
+def test_rows_written_to_a_server_are_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are written again into a new file only: a server's database is none."""
+    HistoryStore(sqlite_url(tmp_path)).__exit__()
+    with recording(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as made:
+        monkeypatch.setattr(recorder, "file_of", lambda _url: None)
+        for event in GAPS:
+            made.put(event)
+        until(lambda: len(rows(sqlite_url(tmp_path), "events")) == N_GAPS)
+    assert not made._unproven
+
+
 def test_look_at_the_whole_file_takes_little_of_a_core(tmp_path: Path) -> None:
     """Looks are so far apart that they take 2 % of a core at most, however large the file."""
     HistoryStore(sqlite_url(tmp_path)).__exit__()
