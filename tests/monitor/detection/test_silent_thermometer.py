@@ -83,7 +83,7 @@ def test_a_change_that_temperature_does_not_make_is_found_in_silence_and_what_co
     least = least_unsure(watched, last)
     assert least is not None
     print(f"after six silent hours {100 * least:.2f} % of all modes alike could be found")
-    assert 2e-4 * 3 < least < 2e-4 * 60  # of steel, by 3 to 60 K
+    assert 2e-4 * 3 < least < 2e-4 * 80  # of steel, by 3 to 80 K: an order of magnitude
 
 
 def test_windows_without_a_reading_teach_nothing() -> None:
