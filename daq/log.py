@@ -6,6 +6,7 @@ cut file has it.
 """
 
 import contextlib
+import io
 import json
 import os
 import struct
@@ -14,7 +15,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal, TypeVar, cast
+from typing import IO, TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
@@ -36,6 +37,9 @@ from daq.recording import Block
 from daq.ros_messages import ENCODING as VIEW_ENCODING
 from daq.ros_messages import schema as view_schema
 from daq.view import ViewMessage
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
@@ -87,9 +91,10 @@ class LogWriter:
 
     def __init__(self, path: Path, attachments: Mapping[str, str], part: Part | None = None) -> None:
         try:
-            self._file = path.open("xb", buffering=_BUFFER)
+            self._end = _AppendedFile(path)
         except OSError as error:
             raise LogError(path, f"cannot be written: {error.strerror}") from error
+        self._file = io.BufferedWriter(self._end, _BUFFER)
         self._path = path
         lock(self._file)  # for as long as it is open: see `repair_log`
         self._writer = LeanWriter(self._file)
@@ -154,7 +159,7 @@ class LogWriter:
         """Close the chunk and bring it to the disk."""
         self.hand_over()
         os.fdatasync(self._file.fileno())
-        self._safe = self._file.tell()
+        self._safe = self._end.written
 
     def close(self) -> None:
         """Write the summary, bring it to the disk and close the file."""
@@ -185,8 +190,8 @@ class LogWriter:
 
     @property
     def cut_short(self) -> bool:
-        """True if others have shortened the file; not seen any more after another write at its end."""
-        return os.fstat(self._file.fileno()).st_size < self._safe
+        """True if others have shortened the file."""
+        return os.fstat(self._file.fileno()).st_size < self._end.written
 
     def displacement(self) -> "Displacement | None":
         """Return what others have done to the file since it was begun; None if its path still leads to it."""
@@ -198,6 +203,20 @@ class LogWriter:
         if there is None or (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
             return Displacement("moved", _path_of(self._file.fileno())) if own.st_nlink else Displacement("deleted")
         return Displacement("cut short") if self.cut_short else None
+
+
+class _AppendedFile(io.FileIO):
+    """New file that is always written at its end, so that it stays too short if others cut it between two writes."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
+        self.written = 0  #: [bytes]
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Write at the end of the file and count the bytes."""
+        n_bytes = super().write(data)
+        self.written += n_bytes
+        return n_bytes
 
 
 def _path_of(number: int) -> str | None:

@@ -10,7 +10,19 @@ import pytest
 from daq_helpers import make_block
 from notice_helpers import until
 
-from daq import Block, DiskGuard, Event, LogKeeper, LogRecorder, LogThread, Retention, inspect_log, log_keeper, read_log
+from daq import (
+    Block,
+    DiskGuard,
+    Event,
+    LogKeeper,
+    LogRecorder,
+    LogThread,
+    LogWriter,
+    Retention,
+    inspect_log,
+    log_keeper,
+    read_log,
+)
 
 START = 10**18
 
@@ -100,6 +112,21 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
         assert len(missing) <= lost["lost"]["left"] == put - len(_after(recorder.paths[1]))
         assert keeper.problem == f"lost: {lost['lost']['left']} of left"
     assert all(inspect_log(path).whole for path in recorder.paths if path.exists() and attack is not _replace)
+
+
+def test_file_that_was_cut_stays_too_short_whatever_is_written_after_it(tmp_path: Path) -> None:
+    """The look may come only after further writes."""
+    log = LogWriter(tmp_path / "a.mcap", {})
+    for k in range(20):
+        log.write(make_block("left", 100 * k))
+    log.flush()
+    size = log.size
+    _cut(tmp_path)
+    for k in range(20, 100):
+        log.write(make_block("left", 100 * k))
+        log.flush()
+    assert (log.size > 2 * size, log.cut_short) == (True, True)
+    log.forsake()
 
 
 def _after(path: Path) -> set[int]:
