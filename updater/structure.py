@@ -1,5 +1,6 @@
 """What structure.toml says: members, supports, joints, bodies and sensors."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -96,7 +97,7 @@ class Member(Entry):
     @property
     def length(self) -> float:
         """Length [m]."""
-        return float(np.linalg.norm(np.subtract(self.end, self.start)))
+        return math.dist(self.start, self.end)
 
     def point(self, distance: FloatArray | float) -> FloatArray:
         """Return the points (..., 3) [m] at distances (...) [m] from the member's start."""

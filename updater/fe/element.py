@@ -98,18 +98,20 @@ class Element:
         k[np.ix_([3, 9], [3, 9])] = twist * np.array([[1.0, -1.0], [-1.0, 1.0]])
         return k
 
-    def displacement(self, xi: float) -> FloatArray:
-        """Return N (6, 12): displacements and rotations at x = xi L from the DOFs of the ends."""
-        n = np.zeros((6, 12))
-        n[0, [0, 6]] = n[3, [3, 9]] = 1 - xi, xi
+    def displacement(self, xi: FloatArray) -> FloatArray:
+        """Return N (n, 6, 12): displacements and rotations at x = xi L, xi (n,), from the DOFs of the ends."""
+        n = np.zeros((len(xi), 6, 12))
+        n[:, 0, 0] = n[:, 3, 3] = 1 - xi
+        n[:, 0, 6] = n[:, 3, 9] = xi
         for plane, (dofs, sign) in enumerate(_PLANES):
             value, rotation = self._bending(xi, self.shear_parameter(plane))
             turn = np.array([1, sign, 1, sign])
-            n[1 + plane, list(dofs)] = value * turn
-            n[5 - plane, list(dofs)] = rotation * turn * sign
+            n[:, 1 + plane, dofs] = value.T * turn
+            n[:, 5 - plane, dofs] = rotation.T * (turn * sign)
         return n
 
-    def _bending(self, xi: float, phi: float) -> tuple[FloatArray, FloatArray]:
+    def _bending(self, xi: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
+        """Return deflections and rotations (4, n) in a plane at shares (n,) of the length."""
         length, x2, x3 = self.length, xi**2, xi**3
         value = np.array(
             [
@@ -141,11 +143,9 @@ class Element:
         iy, iz = self.section.second_moment
         turning = self.rotary * np.array([iy + iz, iy, iz])
         inertia = self.material.density * np.array([*[self.section.area] * 3, *turning])
-        mass = np.zeros((12, 12))
-        for x, weight in zip(_GAUSS_X, _GAUSS_W, strict=True):
-            n = self.displacement((1 + x) / 2)
-            mass += weight * self.length / 2 * n.T @ (inertia[:, None] * n)
-        return mass
+        n = self.displacement((1 + _GAUSS_X) / 2)
+        weight = self.length / 2 * _GAUSS_W
+        return np.asarray(n.reshape(-1, 12).T @ (np.outer(weight, inertia).reshape(-1, 1) * n.reshape(-1, 12)))
 
     def lumped_mass(self) -> FloatArray:
         """Return the particle-lumped mass matrix (12, 12): half the mass at each end, no rotary inertia."""

@@ -34,24 +34,27 @@ class Line:
         """Return (3, 3), rows = local x, y, z; about the line no axis is singled out."""
         return local_axes(direction)
 
-    def displacement(self, xi: float) -> FloatArray:
-        """Return N (6, 12): displacements and rotations at x = xi L from the DOFs of the ends."""
-        n = np.zeros((6, 12))
-        n[0, [0, 6]] = n[3, [3, 9]] = 1 - xi, xi
+    def displacement(self, xi: FloatArray) -> FloatArray:
+        """Return N (n, 6, 12): displacements and rotations at x = xi L from the DOFs of the ends."""
+        n = np.zeros((len(xi), 6, 12))
+        n[:, 0, 0] = n[:, 3, 3] = 1 - xi
+        n[:, 0, 6] = n[:, 3, 9] = xi
         for v, turn, sign in ((1, 5, 1.0), (2, 4, -1.0)):  # w falls as ry grows
-            n[v, [v, turn, 6 + v, 6 + turn]] = self._value(xi) * np.array([1, sign, 1, sign])
-            n[turn, [v, turn, 6 + v, 6 + turn]] = self._slope(xi) * np.array([sign, 1, sign, 1])
+            columns = [v, turn, 6 + v, 6 + turn]
+            n[:, v, columns] = self._value(xi).T * np.array([1, sign, 1, sign])
+            n[:, turn, columns] = self._slope(xi).T * np.array([sign, 1, sign, 1])
         return n
 
-    def _value(self, x: float) -> FloatArray:
+    def _value(self, x: FloatArray) -> FloatArray:
+        nothing = np.zeros(len(x))
         if not self.turns:
-            return np.array([1 - x, 0, x, 0])
-        turned = np.array([x - 2 * x**2 + x**3, x**3 - x**2]) * self.length
-        return np.array([1 - 3 * x**2 + 2 * x**3, turned[0], 3 * x**2 - 2 * x**3, turned[1]])
+            return np.array([1 - x, nothing, x, nothing])
+        first, last = (x - 2 * x**2 + x**3) * self.length, (x**3 - x**2) * self.length
+        return np.array([1 - 3 * x**2 + 2 * x**3, first, 3 * x**2 - 2 * x**3, last])
 
-    def _slope(self, x: float) -> FloatArray:
+    def _slope(self, x: FloatArray) -> FloatArray:
         if not self.turns:
-            return np.array([-1, 0, 1, 0]) / self.length
+            return np.tile(np.array([[-1.0], [0.0], [1.0], [0.0]]) / self.length, len(x))
         rise = 6 * (x - x**2) / self.length
         return np.array([-rise, 1 - 4 * x + 3 * x**2, rise, 3 * x**2 - 2 * x])
 

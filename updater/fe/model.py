@@ -1,5 +1,7 @@
 """A structure as stiffness and mass matrices, with what is needed to read and load it at any point."""
 
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -30,8 +32,8 @@ class Interpolation(Protocol):
         """Return local axes (3, 3)."""
         ...
 
-    def displacement(self, xi: float) -> FloatArray:
-        """Return N (6, 12) at the share xi of the length."""
+    def displacement(self, xi: FloatArray) -> FloatArray:
+        """Return N (n, 6, 12) at shares xi (n,) of the length."""
         ...
 
 
@@ -46,9 +48,9 @@ class AtNode:
         del direction
         return np.eye(3)
 
-    def displacement(self, xi: float) -> FloatArray:
+    def displacement(self, xi: FloatArray) -> FloatArray:
         """Return the first of both nodes."""
-        return np.eye(6, 12) * (1 - xi)
+        return np.eye(6, 12) * (1 - xi[:, None, None])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,28 +148,24 @@ class Model:
             If a point lies on no member.
         """
         found, xi = self._index.locate(np.asarray(points, float).reshape(-1, 3))
-        shapes: dict[tuple[int, float], FloatArray] = {}  # elements of a kind are read alike at the same share
-        local = np.empty((len(found), 6, 12))
-        for i, (span, share) in enumerate(zip(found.tolist(), xi.tolist(), strict=True)):
-            element = self._readable[span][2]
-            key = id(element), share
-            if key not in shapes:
-                shapes[key] = element.displacement(share)
-            local[i] = shapes[key]
-        block = _to_global(local, self._axes(found))
+        local, axes = np.empty((len(found), 6, 12)), np.empty((len(found), 3, 3))
+        for element, direction, here in self._by_kind(found):
+            local[here], axes[here] = element.displacement(xi[here]), element.axes(direction)
+        block = _to_global(local, axes)
         dofs = np.concatenate([self.dofs[self._index.first[found]], self.dofs[self._index.last[found]]], axis=1)
         row = np.broadcast_to(np.arange(6 * len(found)).reshape(-1, 6, 1), block.shape)
         column = np.broadcast_to(dofs[:, None, :], block.shape)
         keep = (column >= 0) & (block != 0)
         return sparse.csr_array((block[keep], (row[keep], column[keep])), shape=(6 * len(found), self.n_dofs))
 
-    def _axes(self, spans: IndexArray) -> FloatArray:
-        """Return the local axes (n, 3, 3) of elements (n,); those of a kind point the same way."""
-        known: dict[int, FloatArray] = {}
-        for first, last, element in (self._readable[span] for span in spans.tolist()):
-            if id(element) not in known:
-                known[id(element)] = element.axes(self.nodes[last] - self.nodes[first])
-        return np.array([known[id(self._readable[span][2])] for span in spans.tolist()]).reshape(-1, 3, 3)
+    def _by_kind(self, spans: IndexArray) -> Iterator[tuple[Interpolation, FloatArray, IndexArray]]:
+        """Yield elements (n,) kind by kind: one of the kind, its direction (3,), which of them are of it."""
+        places: defaultdict[int, list[int]] = defaultdict(list)
+        for i, span in enumerate(spans.tolist()):
+            places[id(self._readable[span][2])].append(i)
+        for here in places.values():
+            first, last, element = self._readable[spans[here[0]]]
+            yield element, self.nodes[last] - self.nodes[first], np.array(here)
 
     @cached_property
     def _index(self) -> SpanIndex:
