@@ -20,7 +20,7 @@ from updater import t_structure_toml
 SECONDS = 120.0
 CASES = [
     ("added_mass", 401),
-    ("solid: local_stiffness", 402),
+    pytest.param("solid: local_stiffness", 402, marks=pytest.mark.thorough),
     ("nothing", 401),
     ("sensor_delay", 401),
 ]

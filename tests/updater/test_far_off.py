@@ -69,6 +69,7 @@ def test_a_body_is_found_beside_it() -> None:
     assert abs(mass.value - true.parameters["mass"]) < 4 * mass.std
 
 
+@pytest.mark.thorough
 def test_where_nothing_explains_it_the_nearer_model_is_there_all_the_same() -> None:
     """All sensors glued anew, each a little askew, which no cause of the catalogue is."""
     found = asked(draw("reseated", 1), stiffer(FRAME, TOO_STIFF)).explained
