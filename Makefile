@@ -179,7 +179,7 @@ site-kinds: $(VENV)/.done
 trends: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/trends.py $(ARGUMENTS)
 
-# The service through every fault of a rig's life, two hours: docs/soak.md; `make soak ARGUMENTS="--minutes 10"`, `--devices 32`.
+# The service through every fault of a rig's life, ten minutes: docs/soak.md; `make soak ARGUMENTS="--minutes 120"`, `--devices 32`.
 soak: $(VENV)/.done
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/soak.py $(ARGUMENTS)
 

@@ -4,7 +4,7 @@ A real `modalwatch run` - viewer, pages, notices, history and all - on emulated 
 own, in real time, with the faults of soak_faults.py once in ten minutes. Afterwards every scan that a device took is
 looked for in the logs by the number that it carries; what is missing must have been taken while a fault kept it away.
 
-    python benchmarks/soak.py [--minutes 120] [--devices 6] [--keep DIR]
+    python benchmarks/soak.py [--minutes 10] [--devices 6] [--keep DIR]
 
 or `make soak`. Exit code 1 if a check fails.
 """
@@ -341,7 +341,7 @@ def report(
 def main() -> None:
     """Read the arguments, soak, and end with 1 if a check fails."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=120.0)
+    parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--devices", type=int, default=6, help="of three channels each")
     parser.add_argument("--keep", type=Path, help="folder that keeps what the monitor wrote")
     asked = parser.parse_args()
