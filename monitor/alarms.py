@@ -32,7 +32,7 @@ class AlarmRules:
     clear_windows: int = 2  #: calm windows in a row that clear it
     clear_ratio: float = 1.0  #: a window is calm under this share of the limit; between the two it decides nothing [-]
     latch: bool = False  #: whether an alarm stands until it is acknowledged, calm or not
-    cooldown: int = 0  #: an alarm raised again this soon after its end goes on instead of being a new one [ns]
+    cooldown: int = 0  #: an alarm raised again within this time continues the previous alarm [ns]
     flapping_changes: int = 6  #: alarms raised and cleared within `flapping_span` from which on it flaps
     flapping_span: int = 0  #: [ns]
 

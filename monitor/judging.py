@@ -214,10 +214,10 @@ class Judge:
         """Take a change as the new normal as soon as there are enough windows of it."""
         said, raised = event.payload, self._alarm.raised
         if self._watch is None or self._alarm.state != "alarm" or not self._out:
-            yield self._notice(event.time, "refused", "nothing is accepted: no change stands")
+            yield self._notice(event.time, "refused", "not accepted: no alarm is active")
         elif said["alarm"] is not None and said["alarm"] != raised:
             stands = utc(raised) if raised is not None else "none"
-            yield self._notice(event.time, "refused", f"nothing is accepted: the alarm that stands is of {stands}")
+            yield self._notice(event.time, "refused", f"not accepted: the active alarm is of {stands}")
         else:
             self._wanted = Wanted(cause=said["cause"], by=said["by"])
             yield from self._accept(event.time, self._watch)

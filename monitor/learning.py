@@ -180,7 +180,7 @@ def learn_changed(
     learnt = learn_reference(structure, estimates, tracks, reference.delays)
     lost = np.delete(watched, learnt.calibration.tracks)
     if len(lost):
-        raise PairingError(f"mode {', '.join(map(str, lost + 1))} answers to no mode of the model since the change")
+        raise PairingError(f"mode {', '.join(map(str, lost + 1))} no longer matches any mode of the model")
     return Tracker(reference=_at_mean(tracker.reference, learnt.baseline, watched)), learnt
 
 

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from oma import SAME_AS
 
-_COPIES = "carry the same samples, as after an error of cabling or export"
+_COPIES = "contain identical samples (error of cabling or export?)"
 
 
 def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict[str, str]]:
-    """Return groups of channels that carry the same samples, and the other channels with what is wrong with them.
+    """Return groups of channels that contain identical samples, and the other channels with what is wrong with them.
 
     Parameters
     ----------
@@ -47,5 +47,5 @@ def left_out_texts(given_up: Mapping[str, str]) -> list[str]:
 def _text(names: tuple[str, ...], why: str) -> str:
     listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
     if why == _COPIES:
-        return f"{listed} {why}: left out, since nothing tells which of them is right"
+        return f"{listed} {why}: left out, because it is not known which of them is correct"
     return f"{listed} {'are' if len(names) > 1 else 'is'} left out: {why}"

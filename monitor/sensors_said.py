@@ -40,7 +40,9 @@ def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True)
         return ""
     wrong = [f"{channel}: {fault}" for channel, own in sensors.items() if (fault := fault_text(own))]
     if wrong:
-        return ("sensors: " if explained else "sensors, if what is unexplained were theirs: ") + "; ".join(wrong)
+        return (
+            "sensors: " if explained else "sensors (assuming that the unexplained part is a sensor fault): "
+        ) + "; ".join(wrong)
     gains = [100 * (abs(s.gain - 1) + _WIDE * s.gain_std) for s in sensors.values()]
     text = f"sensors: all gains within {max(_FINEST, *gains):.1f} %"
     delays = [abs(s.delay) + _WIDE * (s.delay_std or 0.0) for s in sensors.values() if s.delay is not None]

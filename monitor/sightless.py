@@ -23,7 +23,7 @@ class Sight:
     @property
     def blind(self) -> str | None:
         """What is to be told of it; None while all is well."""
-        return f"the last {self.dark} windows say nothing of the structure: {self.why}" if self.dark >= MOST else None
+        return f"no usable result from the last {self.dark} windows: {self.why}" if self.dark >= MOST else None
 
 
 def _why(window: WindowResult) -> str:
@@ -31,4 +31,4 @@ def _why(window: WindowResult) -> str:
     if window.problem:
         return window.problem
     judged = window.phase == "learning" or (window.novelty is not None and math.isfinite(window.novelty.t2))
-    return "" if judged else "no mode that is watched is seen in it"
+    return "" if judged else "no watched mode was identified"

@@ -167,7 +167,7 @@ def cause_text(cause: Cause) -> str:
 
 
 MARK = "*"  #: of a mode that is not `compared`
-NOT_COMPARED = "takes no part in the answer: the reference lacks this mode, or none of its modes is surely the same"
+NOT_COMPARED = "not used: no confident match in the reference"
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
@@ -269,7 +269,7 @@ def missed_text(sensors: Sequence[SensorBeside]) -> str:
     missed = [s.missed for s in sensors if s.missed is not None]
     if not missed:
         return ""
-    text = f"Predicted from the other sensors, {100 * _root_mean_square(missed):.1f} % of a signal is missed"
+    text = f"Virtual-sensor prediction error: {100 * _root_mean_square(missed):.1f} % rms"
     after = [s.missed_after for s in sensors if s.missed_after is not None]
     if after:
         text += f" without the causes, {100 * _root_mean_square(after):.1f} % with them"
@@ -298,8 +298,8 @@ def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
     value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
     if abs(value) <= SIGNIFICANT * std:
         return ""
-    what = f"{'mass' if of_mass else 'stiffness'} that is {'on top' if of_mass == (value > 0) else 'lacking'}"
-    return f"forces left over look like {what}, most at ({x:.2f}, {y:.2f}, {z:.2f}) m; no cause was assumed for that"
+    what = f"{'excess' if of_mass == (value > 0) else 'missing'} {'mass' if of_mass else 'stiffness'}"
+    return f"residual forces indicate {what}, largest at ({x:.2f}, {y:.2f}, {z:.2f}) m (no cause assumed)"
 
 
 def increment_text(increments: MassIncrements) -> str:

@@ -72,15 +72,15 @@ _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
 _STREWN = (
-    "Mass has come or gone at more places than these modes can tell apart: that some of it is spread out and some is "
-    "not is one way of many to say it. Look at the structure, or measure with more sensors and up to higher modes."
+    "Mass changed at several places that these modes cannot resolve. Inspect the structure, or measure with more "
+    "sensors and up to higher modes."
 )
 _WORN = (
     "Stiffness has changed along most of several members: corrosion, another material or other sections, of which a "
     "loss of stiffness alone is a part. Measure the members' sections, and correct the structure file."
 )
 _NOTHING = "None: the data are what the reference says."
-_UNSTEADY = "Record while nothing changes: the frequencies of these windows are not of one state."
+_UNSTEADY = "The frequencies drift between windows. Record again while the structure is stationary."
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,12 +199,12 @@ def rejected_causes(
 def _why(candidate: "Candidate", evidence: float, unchanged: bool) -> str:
     p = candidate.p_value
     if p < LEAST_P:
-        return f"does not fit: p {p:.0e}" if p > _LEAST_TOLD else f"does not fit: p under {_LEAST_TOLD:.0e}"
+        return f"rejected: poor fit, p {p:.0e}" if p > _LEAST_TOLD else f"rejected: poor fit, p under {_LEAST_TOLD:.0e}"
     if not candidate.effective:
-        return "adds nothing to a drift common to all frequencies"
+        return "not distinguishable from a uniform frequency shift"
     if evidence >= 0:
-        return "fits, but so does nothing at all" if unchanged else "fits only if the model is assumed to be worse"
-    return f"fits, but the odds against it are {_odds(-evidence)} to 1"
+        return "fits, but no change fits as well" if unchanged else "fits only if the model is assumed to be worse"
+    return f"fits, {_odds(-evidence)} times less probable"
 
 
 def _odds(log_odds: float) -> str:
@@ -336,8 +336,8 @@ def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
             odd.append(f"the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}")
     if not odd:
         left = f"no frequency {_ODD:.0f} standard deviations off by itself, but all modes together more than noise"
-        return f"Measure again: the nearest of what is known ({names}) leaves {left}."
-    return f"Measure again what is odd: the nearest of what is known ({names}) leaves {', '.join(odd)}."
+        return f"Repeat the measurement. The best hypothesis ({names}) leaves {left}."
+    return f"Repeat the measurement. The best hypothesis ({names}) leaves {', '.join(odd)}."
 
 
 def as_written(cause: Cause, structure: Structure) -> Cause:

@@ -140,7 +140,7 @@ def diagnose(
         list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure as it was; may be repeated.")
     ] = None,
     holdout: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Log to measure the gain on, not used else; repeatable.")
+        list[Path] | None, typer.Option(metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable.")
     ] = None,
     start: From = None,
     stop: To = None,

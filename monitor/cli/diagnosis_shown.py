@@ -76,7 +76,7 @@ def _compared(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, 
 def _cause(cause: Cause) -> str:
     line = f"  [bold]{escape(cause_text(cause))}[/] (probability {share_text(cause.probability)})"
     if cause.cannot_be_told_from:
-        line += f"\n    cannot be told from {', '.join(map(plain, cause.cannot_be_told_from))}"
+        line += f"\n    indistinguishable from {', '.join(map(plain, cause.cannot_be_told_from))}"
     return line
 
 

@@ -11,7 +11,7 @@ site_app = typer.Typer()
 
 _Given = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Setting instead of the file's: analysis.overlap=0.5; repeat."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a setting, e.g. analysis.overlap=0.5. Repeatable."),
 ]
 
 

@@ -80,7 +80,7 @@ def sensors_figure(found: DiscrepancyResult) -> Figure | None:
     level: FloatArray = np.arange(float(len(names)))
     _dots(panels[0], level, found.sensors, "residual", "noise", "residual [%]")
     if heard:
-        _dots(panels[1], level, found.sensors, "missed", "missed_least", "missed [%]")
+        _dots(panels[1], level, found.sensors, "missed", "missed_least", "prediction error [%]")
     last = panels[-1]
     for colour, values, shift in (
         (ALARM, _column([1 - s.comac for s in found.sensors]), -0.12),
@@ -172,9 +172,9 @@ def spectrum_figure(signal: SignalBeside) -> Figure:
     axes = figure.subplots()
     frequency = _column(signal.frequency)
     place, ticks = _side_by_side(frequency)
-    curves = [("measured", signal.spectrum, INK, 1.2), ("missed", signal.missed, ALARM, 0.9)]
+    curves = [("measured", signal.spectrum, INK, 1.2), ("prediction error", signal.missed, ALARM, 0.9)]
     if signal.missed_after != signal.missed:
-        curves.append(("missed with the causes", signal.missed_after, OK, 0.9))
+        curves.append(("prediction error with the causes", signal.missed_after, OK, 0.9))
     for name, values, colour, width in curves:
         axes.semilogy(place, np.sqrt(_column(values)), color=colour, linewidth=width, label=name)
     axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)

@@ -147,7 +147,7 @@ def _pictures(story: Story) -> dict[str, Picture | None]:
         ),
         "profile": picture(
             lambda: places.profile_figure(answer, story.mass_unit) if answer else None,
-            "How much worse every other place explains the data, in standard deviations",
+            "Misfit of every other place compared with the best one, in standard deviations",
         ),
         "shifts": picture(lambda: trends.shifts_figure(story), "Frequency shift of every mode over time, ± 1σ"),
         "novelty": picture(lambda: trends.novelty_figure(story), "Novelty over its limit, window by window"),

@@ -74,7 +74,7 @@ class Frame:
             axes.plot(*at, "o", markersize=9, color="white", markeredgecolor=colour, zorder=6, label=label)
         if pairs:
             bar = axes.figure.colorbar(heat, ax=axes, shrink=0.5, pad=0.02, aspect=18)
-            bar.set_label("worse than the best place by [σ]", fontsize=7)
+            bar.set_label("misfit compared with the best place [σ]", fontsize=7)
             bar.ax.invert_yaxis()
             bar.outline.set_visible(False)
 
@@ -125,7 +125,7 @@ class Frame:
         heat.set_clim(0.0, _FAR)
         axes.add_collection(heat)
         bar = axes.figure.colorbar(heat, ax=axes, shrink=0.6, pad=0.02, aspect=22)
-        bar.set_label("worse than the best place by [σ]", fontsize=7)
+        bar.set_label("misfit compared with the best place [σ]", fontsize=7)
         bar.ax.invert_yaxis()
         bar.outline.set_visible(False)
 

@@ -22,7 +22,7 @@ def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None
             lambda: beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"
         ),
         "mac": picture(lambda: beside.mac_figure(found), "MAC of simulated with measured modes"),
-        "sensors": picture(lambda: beside.sensors_figure(found), "Residual, missed signal and COMAC of each sensor"),
+        "sensors": picture(lambda: beside.sensors_figure(found), "Residual, prediction error and COMAC of each sensor"),
         "worst": _worst(found.sensors),
         "missed": missed_text(found.sensors),
         "health": health_rows({s.channel: s.health for s in found.sensors if s.health}),

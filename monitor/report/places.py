@@ -46,7 +46,7 @@ def profile_figure(answer: MassAnswer, unit: tuple[float, str]) -> Figure | None
         upper.text(middle, 1.01, member, transform=upper.get_xaxis_transform(), ha="center", color=colour)
     _mark_best(upper, lower, unrolled, answer, unit[0])
     upper.set_ylim(worst, -0.4)
-    upper.set_ylabel("worse than the best place [σ]")
+    upper.set_ylabel("misfit compared with the best place [σ]")
     lower.set_ylabel(f"best mass there [{unit[1]}]")
     ticks = list(unrolled.ticks())
     lower.set_xticks([x for x, _ in ticks], [text for _, text in ticks])

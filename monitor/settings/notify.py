@@ -14,7 +14,7 @@ class NotifySettings(Section):
     """Whom to tell, and of what: each has one of `webhook`, `command` and `mqtt`."""
 
     webhook: Annotated[SecretStr | None, Field(examples=["https://chat.example.org/hooks/abc"])] = None
-    """of each `[[notify]]`: address that gets a POST of JSON; one has this, `command` or `mqtt`"""
+    """of each `[[notify]]`: URL that receives a JSON POST; give exactly one of `webhook`, `command`, `mqtt`"""
     command: Annotated[
         Annotated[tuple[SecretStr, ...], Field(min_length=1)] | None,
         Field(examples=[["mail", "-s", "modalwatch", "ada@example.org"]]),

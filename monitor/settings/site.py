@@ -81,7 +81,7 @@ class AlarmSettings(Section):
     latch: bool = False
     """whether an alarm stands until it is acknowledged, though the windows be calm"""
     cooldown_minutes: Annotated[float, Field(ge=0)] = 60.0
-    """an alarm raised again this soon after its end goes on instead of being a new one"""
+    """an alarm raised again within this time continues the previous alarm"""
     flapping_changes: Annotated[int, Field(ge=3)] = 6
     """alarms raised and cleared within `flapping_hours`, from which on they wake nobody"""
     flapping_hours: Annotated[float, Field(ge=0, le=1e6)] = 24.0

@@ -76,7 +76,7 @@ def singular_values() -> rrb.Spatial2DView:
 
 def posterior() -> rrb.Spatial2DView:
     """Return the view of the posterior along the members."""
-    name = "Where: worse than the best place by [σ]; the mass that fits there"
+    name = "Where: misfit compared with the best place [σ]; the mass that fits there"
     return drawing_view(name, "/posterior", change.BOUNDS)
 
 

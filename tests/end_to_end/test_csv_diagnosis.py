@@ -134,7 +134,7 @@ def test_channels_that_carry_the_same_samples_are_told_before_the_answer(folder:
     assert modalwatch("import", folder / "copied.csv", "-o", folder / "copied.mcap").code == 0
     logs = (folder / "copied.mcap", "--reference", folder / "before.mcap", "--json", folder / "copied.json")
     said = modalwatch("diagnose", folder / "structure.toml", *logs).out.splitlines()
-    assert said[0].startswith("warning: copied.mcap: col_037_x and col_111_x carry the same samples, ")
+    assert said[0].startswith("warning: copied.mcap: col_037_x and col_111_x contain identical samples (")
     assert said[1] == "warning: copied.mcap: beam_mid_y is left out: constant"
     (dead,) = json.loads((folder / "copied.json").read_text(encoding="utf-8"))["causes"]
     assert (dead["cause"], dead["where"]["channels"]) == ("sensor_dead", ["beam_mid_y"])

@@ -211,7 +211,7 @@ def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) 
     said = [r for r in run(pipeline, played.windows(2)) if isinstance(r, AlarmResult)]
     assert [r.kind for r in said] == ["state", "refused"]
     assert "the change is gone" in said[-1].text
-    assert accept(pipeline)[0].payload()["text"] == "nothing is accepted: no change stands"
+    assert accept(pipeline)[0].payload()["text"] == "not accepted: no alarm is active"
     [refused] = pipeline.push(Event(topic=TOPIC_UNDO, time=9, payload={}))
     assert refused.payload()["text"] == "nothing is undone: no change has been accepted"
 
@@ -232,7 +232,7 @@ def test_other_alarm_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     _, pipeline, _ = changed(16, monkeypatch, 3)
     [refused] = accept(pipeline, 12345)
-    assert "the alarm that stands is of 2026-01-01" in refused.payload()["text"]
+    assert "the active alarm is of 2026-01-01" in refused.payload()["text"]
 
 
 def test_words_of_the_inbox(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_a_cut_log_is_shown_as_far_as_it_goes(command: str, modalwatch: Commands
     assert done.code == 0, done
     if command == "report":
         page = " ".join((tmp_path / "shown").read_text(encoding="utf-8").split())
-        assert "The log does not say that it ended" in page
+        assert "The log has no end record" in page
 
 
 @pytest.mark.parametrize("command", ["report", "view"])

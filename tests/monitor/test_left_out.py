@@ -1,4 +1,4 @@
-"""Channels that are left out are said once, those that carry the same samples together."""
+"""Channels that are left out are said once, those that contain identical samples together."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -37,7 +37,7 @@ def test_channels_with_the_same_samples_stand_together(
 def test_what_is_said_of_them() -> None:
     three = {"a": "the same as b", "b": "the same as c", "c": "the same as b", "d": "constant"}
     together, alone = left_out_texts(three)
-    assert together.startswith("a, b and c carry the same samples, as after an error of cabling or export: left out")
+    assert together.startswith("a, b and c contain identical samples (error of cabling or export?): left out")
     assert alone == "d is left out: constant"
 
 

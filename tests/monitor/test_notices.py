@@ -89,7 +89,7 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
     news = News("bridge")
     told = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
     assert [i for i, notice in enumerate(told) if notice] == [6, 9]
-    assert "the last 3 windows say nothing of the structure: no resonance stands out" in told[6].text  # type: ignore[union-attr]
+    assert "no usable result from the last 3 windows: no resonance stands out" in told[6].text  # type: ignore[union-attr]
     assert "again, after 5 that did not" in told[9].text  # type: ignore[union-attr]
 
 

@@ -34,7 +34,7 @@ def test_what_is_wrong_is_named_with_its_deviation() -> None:
 def test_faults_are_no_one_s_while_the_structure_is_unexplained() -> None:
     found = health_result(health([1.0, 1.0, 1.0], [0.0, 4e-4, 0.0]))
     assert health_text(found, explained=False) == (
-        "sensors, if what is unexplained were theirs: middle: +0.400 ± 0.010 ms late"
+        "sensors (assuming that the unexplained part is a sensor fault): middle: +0.400 ± 0.010 ms late"
     )
 
 

@@ -120,7 +120,7 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
         vitals.take(result_event(WindowResult.model_validate(window | said)))
         if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in vitals.said()]:
             told[index] = found
-    copies = "carry the same samples, as after an error of cabling or export"
+    copies = "contain identical samples (error of cabling or export?)"
     assert told == {
         3: [("channel_lost", "a, b", "constant")],
         6: [("channel_lost", "c, d", copies)],

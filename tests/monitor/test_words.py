@@ -191,17 +191,17 @@ def test_forces_left_over_are_told_where_they_say_something() -> None:
         log_odds=-18.0,
     )  # fmt: skip
     assert left_over_text(balance, nodes).startswith(
-        "forces left over look like stiffness that is lacking, most at (0.00, 0.00, 1.00) m"
+        "residual forces indicate missing stiffness, largest at (0.00, 0.00, 1.00) m"
     )
     assert not left_over_text(balance, nodes[:2])
     assert not left_over_text(balance.model_copy(update={"log_odds": -1.0}), nodes)  # either reading may be right
     assert not left_over_text(balance.model_copy(update={"log_odds": 18.0}), nodes)  # mass, two deviations
     surer = balance.model_copy(update={"log_odds": 18.0, "added_std": (None, 0.01, 0.01)})
-    assert "mass that is on top, most at (0.00, 0.00, 2.00) m" in left_over_text(surer, nodes)
+    assert "excess mass, largest at (0.00, 0.00, 2.00) m" in left_over_text(surer, nodes)
     gone = surer.model_copy(update={"added": (None, 0.01, -0.2)})
-    assert "mass that is lacking, most at (0.00, 0.00, 2.00) m" in left_over_text(gone, nodes)
+    assert "missing mass, largest at (0.00, 0.00, 2.00) m" in left_over_text(gone, nodes)
     stiffer = balance.model_copy(update={"loss": (None, -0.03, -0.01)})
-    assert "stiffness that is on top, most at (0.00, 0.00, 1.00) m" in left_over_text(stiffer, nodes)
+    assert "excess stiffness, largest at (0.00, 0.00, 1.00) m" in left_over_text(stiffer, nodes)
 
 
 def test_of_many_parameters_few_are_told_in_a_line() -> None:

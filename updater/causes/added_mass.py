@@ -65,7 +65,7 @@ class AddedMass:
     cannot_be_told_from: tuple[str, ...] = ()
     drifting: bool = True
     place_free: bool = False
-    advice: str = "Look at the place that is named; a sensor moved there would sharpen it."
+    advice: str = "Inspect this place. A sensor moved there would make the estimate more precise."
 
     @property
     def _total(self) -> float:

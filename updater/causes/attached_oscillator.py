@@ -74,7 +74,7 @@ class AttachedOscillator:
     cannot_be_told_from: tuple[str, ...] = ()
     drifting: bool = True
     place_free: bool = False
-    advice: str = "Look for something loose at the place that is named, and hold it: the new mode must go."
+    advice: str = "Look for a loose part at this place and fix it: the new mode must disappear."
 
     @property
     def _total(self) -> float:

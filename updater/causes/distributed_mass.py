@@ -47,7 +47,7 @@ class DistributedMass(Spread):
     mass: FloatArray
     own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
     name: str = "distributed_mass"
-    advice: str = "Look along the stretch that is named for what lies or hangs on it."
+    advice: str = "Inspect this part of the member for loads that lie or hang on it."
 
     @property
     def _total(self) -> float:

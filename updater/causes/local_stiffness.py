@@ -53,7 +53,7 @@ class LocalStiffness(Spread):
     #: (n_compliances, n_edges, n_modes + n_stress, same) from each member's start: in bending and twist, last in shear
     compliance: FloatArray
     name: str = "local_stiffness"
-    advice: str = "Look for a crack or a loosened splice along the stretch that is named."
+    advice: str = "Inspect this part of the member for a crack or a loose splice."
 
     @property
     def prior_std(self) -> FloatArray:

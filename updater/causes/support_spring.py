@@ -49,7 +49,7 @@ class SupportSpring(Stretches):
     moved: FloatArray  #: (n_edges, 3, n_modes) mu [s2 m/sqrt(kg)]
     give: FloatArray  #: (n_edges, 3) static flexibility f [m/N]
     name: str = "support_spring"
-    advice: str = "Look at the place that is named for what touches it or leans on it."
+    advice: str = "Check whether anything touches the structure or leans on it at this place."
 
     @property
     def prior_std(self) -> FloatArray:

@@ -43,7 +43,7 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
         "71.500",
         "beam_left_z lies farthest",
         "8.0 times what noise",
-        "7.4 % of a signal is missed.",
+        "7.4 % rms.",
     ):
         assert words in page.words
     for start in ("Measured frequencies", "MAC of", "Residual", "Frequencies over temp", "Where along", "beam_left_z"):
@@ -52,7 +52,7 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp_path: Path) -> None:
-    found, why = shown(), "* takes no part in the answer: the reference lacks this mode"
+    found, why = shown(), "* not used: no confident match in the reference"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
     say_evidence(terminal, answers.diagnosis(), found, [])
     assert "extended model on held-out logs: " in (said := terminal.export_text(clear=False))

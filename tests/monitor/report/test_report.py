@@ -118,13 +118,13 @@ def test_what_the_diagnosis_rests_on_is_shown(tmp_path: Path) -> None:
     found = {"diagnosis": answers.diagnosis(), "discrepancy": shown(), "answer": None}
     last = WHOLE["windows"][-1].model_copy(update=found)
     page = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], last]}, tmp_path)
-    assert "Modes, measured beside simulated" in page.words
+    assert "Measured and simulated modes" in page.words
     assert any(text.startswith("Forces left over") for text in page.pictures)
 
 
 def test_lost_data_are_told(page: Page) -> None:
-    assert "3 items found the log's queue full and are lost" in page.words
-    assert "it was cut, or is still being written" in page.words
+    assert "3 items were lost because the queue of the log was full" in page.words
+    assert "it was cut short, or is still being written" in page.words
     assert "about 7" in page.words
     assert "channel mid is flat" in page.words
 
