@@ -210,8 +210,8 @@ FAULTS = (
         begin=_delete_history,
         named=("history_down", "history_renewed", "history_back"),
     ),
-    *_hostile("retry", 340, "col_037"),
-    *_hostile("trickle", 358, "col_074"),
+    *_hostile("trickle", 336, "col_074"),
+    *_hostile("retry", 375, "col_037"),  # its notices may wait a minute
     Fault(
         what="settings nested too deep",
         at=425,
