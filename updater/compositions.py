@@ -13,7 +13,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from updater.candidates import OF_THE_FILE, Candidate, Weighing
+from updater.candidates import OF_THE_FILE, Candidate, Weighing, ranked
 from updater.causes.attached_oscillator import hides
 from updater.causes.base import Cause
 from updater.causes.common_factor import CommonFactor
@@ -76,6 +76,8 @@ class Compositions:
     def at_once(self, only: Collection[str] = ()) -> list[Candidate]:
         """Fit the two causes that explain most together to first order, wherever the one that does alone may be.
 
+        A rare cause among them is exchanged for the common one that acts much like it, too.
+
         Parameters
         ----------
         only : names of the causes to which the pair is limited; all that are considered if empty
@@ -84,7 +86,10 @@ class Compositions:
         weighing = replace(self.weighing, allowed=allowed) if only else self.weighing
         pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
         found = None if pair is None else self._at_rest(self.settled(pair))
-        return [] if found is None else [found]
+        if found is None:
+            return []
+        alike = [self._at_rest(self.settled(chosen)) for chosen in self._alike(found) if not only]
+        return ranked([found, *(other for other in alike if other is not None)])
 
     @cached_property
     def _same_factor(self) -> list[Cause]:

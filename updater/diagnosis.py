@@ -71,6 +71,7 @@ _PLACE_CONVERGED = 2e-3  # ... and its place by no more than this share of the s
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
+_OF_ALL_MEMBERS = ("global_stiffness", "global_density")
 _STREWN = (
     "Mass changed at several places that these modes cannot resolve. Inspect the structure, or measure with more "
     "sensors and up to higher modes."
@@ -229,9 +230,15 @@ def _diagnosed(
         return replace(refused, nearer=nearer or None)
     if "distributed_mass" in found[0].names and sum(name in _MASSES for name in found[0].names) > 1:
         return _refused("unexplained", case, best.log_evidence, _STREWN)
-    if sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in found[0].parts) > 1:
+    if _worn(found[0]):
         return _refused("unexplained", case, best.log_evidence, _WORN)
     return _explained(case, found, best.log_evidence)
+
+
+def _worn(best: Candidate) -> bool:
+    """Tell whether stiffness has changed along most of several members: of two, or of one and of all together."""
+    along = sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in best.parts)
+    return along + any(name in _OF_ALL_MEMBERS for name in best.names) > 1
 
 
 def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
@@ -378,14 +385,20 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
 
 
 def _again(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
-    """Return the best of what a search has found, fitted to other data; mass spread out also as two bodies."""
+    """Return the best of what a search has found, fitted to other data.
+
+    Two bodies are fitted too where mass is spread out, or where a stretch with a factor for each axis fits so-so: it
+    has as many parameters as they.
+    """
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
     if _hidden(near[0]):
         near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
     again = ranked([fitted for fitted in (several.settled(c.chosen) for c in near) if fitted is not None])
+    best = again[0] if again else None
+    apart = best is not None and best.names == (_STRETCH,) and bool(weighing.instead) and best.p_value < _WELL
     spread = any(c.names == ("distributed_mass",) for c in again)
-    return ranked([*again, *several.at_once(("added_mass",))]) if spread else again
+    return ranked([*again, *several.at_once(("added_mass",))]) if spread or apart else again
 
 
 def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> list[Candidate]:
@@ -540,7 +553,7 @@ def _with_removed_bodies(case: _Case, best: Candidate, diagnosed: Callable[[Refe
         if loaded is None:
             return None
         data = compare(loaded, case.event, circumstances=case.data.circumstances)
-        fitted = Compositions(replace(case.weighing, reference=loaded, data=data)).settled(chosen)
+        fitted = _likelier_alone(Compositions(replace(case.weighing, reference=loaded, data=data)), chosen)
         removed = [body for _, body in _removed(fitted.chosen)] if fitted else []
         if fitted is None or len(removed) != len(bodies):
             return None
@@ -550,6 +563,16 @@ def _with_removed_bodies(case: _Case, best: Candidate, diagnosed: Callable[[Refe
             break
     found = diagnosed(loaded) if loaded else None
     return found if found and found.removed else None
+
+
+def _likelier_alone(several: Compositions, chosen: tuple[Chosen, ...]) -> Candidate | None:
+    """Return the causes fitted together, or the bodies among them alone if these are likelier.
+
+    What else was found may have made up for the calibration without the bodies.
+    """
+    bodies = tuple(c for c in chosen if isinstance(c.cause, AddedMass))
+    fitted = [several.settled(each) for each in dict.fromkeys((bodies, chosen))]
+    return max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=None)
 
 
 def _same(one: Body, other: Body, length: float) -> bool:
