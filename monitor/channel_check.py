@@ -1,16 +1,16 @@
 """A structure's sensors beside the channels that are really measured."""
 
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from daq import Channel, read_attachments
 from monitor.recordings import log_channels, log_rate
 from monitor.settings import Settings, load_settings, parse_attached
 from oma import PASS, TOP
-from updater import Sensor, Structure
+from updater import Structure
 
 _SAME_PLACE = 1e-3  # m
 _SAME_WAY = 0.999  # cosine of the angle between two directions
@@ -74,10 +74,11 @@ def measured_only(structure: Structure, check: ChannelCheck) -> Structure:
 
 def twins(structure: Structure) -> list[tuple[str, str]]:
     """Return the pairs of sensors that measure the same motion, at one place along one line."""
-    pairs = itertools.combinations(structure.heard, 2)
-    return [(a.channel, b.channel) for a, b in pairs if _same(a, b)]
-
-
-def _same(a: Sensor, b: Sensor) -> bool:
-    cosine = np.dot(a.direction, b.direction) / np.linalg.norm(a.direction) / np.linalg.norm(b.direction)
-    return bool(np.linalg.norm(np.subtract(a.at, b.at)) < _SAME_PLACE and abs(cosine) > _SAME_WAY)
+    sensors = structure.heard
+    if len(sensors) < 2:
+        return []
+    near = KDTree([s.at for s in sensors]).query_pairs(_SAME_PLACE, output_type="ndarray")
+    way = np.array([s.direction for s in sensors])
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    same = near[np.abs((way[near[:, 0]] * way[near[:, 1]]).sum(1)) > _SAME_WAY]
+    return [(sensors[a].channel, sensors[b].channel) for a, b in sorted(same.tolist())]

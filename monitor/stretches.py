@@ -22,7 +22,7 @@ def blind(outlook: Outlook, weakest: list[float], member: int) -> Stretches:
     """
     found: Stretches = []
     going = False
-    for here, position, mass in zip(outlook.member, outlook.bodies.position, weakest, strict=True):
+    for here, position, mass in zip(outlook.member, outlook.places.position, weakest, strict=True):
         if here != member or mass <= heaviest(outlook):
             going = False
         elif going:

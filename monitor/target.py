@@ -79,4 +79,4 @@ def _set(outlook: Outlook, target: Target) -> SensorSet:
 def _lengths(outlook: Outlook, places: IndexArray) -> FloatArray:
     """Return the length of members nearest to each of some places (n,) [m]."""
     away = np.linalg.norm(outlook.point[:, None] - outlook.point[places], axis=2)
-    return np.asarray(np.bincount(np.argmin(away, axis=1), outlook.bodies.weight, minlength=len(places)), float)
+    return np.asarray(np.bincount(np.argmin(away, axis=1), outlook.places.weight, minlength=len(places)), float)

@@ -42,18 +42,25 @@ class Outlook:
 
     record: Record
     reference: Reference  #: the structure file taken at its word, with the errors expected of a record's modes
-    bodies: AddedMass  #: the places where a body may be
+    places: AddedMass  #: where a body may be: positions and modal motions, which sensors do not change
+
+    @cached_property
+    def bodies(self) -> AddedMass:
+        """A body at any of these places, compared with what the sensors see."""
+        return replace(
+            self.places, reference=self.reference, comparison=compare(self.reference, self.reference.baseline)
+        )
 
     @property
     def member(self) -> IndexArray:
         """Member of each place (n_places,)."""
-        return self.bodies.member
+        return self.places.member
 
     @cached_property
     def point(self) -> FloatArray:
         """The places (n_places, 3) [m]."""
         members = self.reference.calibration.structure.member
-        pairs = zip(self.bodies.member, self.bodies.position, strict=True)
+        pairs = zip(self.places.member, self.places.position, strict=True)
         return np.array([members[m].point(s) for m, s in pairs])
 
     @property
@@ -72,7 +79,7 @@ class Outlook:
         """Return the same with longer or shorter records."""
         calibration = self.reference.calibration
         record = replace(self.record, seconds=seconds)
-        return _outlook(calibration.model, calibration.modes, record, self.bodies)
+        return _outlook(calibration.model, calibration.modes, record, self.places)
 
     def weakest_mass(self, power: float = 0.95) -> FloatArray:
         """Return the least mass at each place (n_places,) that raises the alarm [kg]; infinite where none does.
@@ -100,18 +107,12 @@ class Outlook:
 
         Unknown besides: two offsets of the body's centre and a change common to all frequencies, both with a prior.
         """
-        return sharpest(self._data, self.bodies, mass)
-
-    @cached_property
-    def _shape_covariance(self) -> FloatArray:
-        """Of the change of shapes from one record to the other (n, n_channels, n_channels)."""
-        blur = np.hypot(np.sqrt(2) * self.record.blur(self.frequency), SHAPE_BIAS)
-        return shape_covariance(np.sqrt(2) * self.shape_error, blur)
+        return sharpest(self._data, self.places, mass)
 
     @cached_property
     def _modal_mass(self) -> FloatArray:
         """Changes of modal mass a kilogram, and a kilogram and metre of offset (3, n_places, n_modes, n)."""
-        here, beside, paired = self.bodies.translation, self.bodies.by_offset, self.reference.paired
+        here, beside, paired = self.places.translation, self.places.by_offset, self.reference.paired
         own = np.einsum("pak,pai->pki", here, here[:, :, paired])
         offset = np.einsum("opak,pai->opki", beside, here[:, :, paired])
         offset += np.einsum("pak,opai->opki", here, beside[:, :, :, paired])
@@ -125,7 +126,7 @@ class Outlook:
 
     @cached_property
     def _data(self) -> FloatArray:
-        """The same with the changes of shapes, over their errors (3, n_places, n + n n_channels)."""
+        """The same with the changes of shapes, over their errors (3, n_places, n + n n_rows)."""
         paired, omega2 = self.reference.paired, self.reference.frequency**2
         gap = omega2[:, None] / omega2[paired] - 1
         turned = gap / (gap**2 + (2 * self.record.damping) ** 2) * self._modal_mass  # bounded where modes coincide
@@ -137,12 +138,21 @@ class Outlook:
 
     @cached_property
     def _of_modes(self) -> FloatArray:
-        """What a share of each mode does to measured unit shapes, over their errors (n, n_channels, n_modes)."""
+        """What a share of each mode does to measured unit shapes, over their errors (n, n_rows, n_modes).
+
+        Of more channels than modes as many rows are left, by an orthogonal transformation of the channels: shapes err
+        along modes and in all channels alike.
+        """
+        paired = self.reference.paired
         at = self.reference.at_channels(self.reference.baseline.channels)
-        length = np.linalg.norm(at[:, self.reference.paired], axis=0)
-        unit = (at[:, self.reference.paired] / length).T
+        if len(at) > at.shape[1]:
+            at = np.asarray(np.linalg.qr(at, mode="r"))
+        error = shape_errors(at, self.record.leaks(self.reference.frequency, paired), at[:, paired].T)
+        blur = np.hypot(np.sqrt(2) * self.record.blur(self.frequency), SHAPE_BIAS)
+        length = np.linalg.norm(at[:, paired], axis=0)
+        unit = (at[:, paired] / length).T
         beside = np.eye(len(at)) - unit[:, :, None] * unit[:, None]
-        whitener = np.linalg.inv(np.linalg.cholesky(self._shape_covariance))
+        whitener = np.linalg.inv(np.linalg.cholesky(shape_covariance(np.sqrt(2) * error, blur)))
         return np.asarray(whitener @ beside @ at / length[:, None, None])
 
 
@@ -216,11 +226,11 @@ def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
     """
     calibration = outlook.reference.calibration
     structure = calibration.structure.model_copy(update={"sensor": sensors})
-    return _outlook(replace(calibration.model, structure=structure), calibration.modes, outlook.record, outlook.bodies)
+    return _outlook(replace(calibration.model, structure=structure), calibration.modes, outlook.record, outlook.places)
 
 
 def _outlook(
-    model: Model, modes: Modes, record: Record, bodies: AddedMass | None = None, *, spacing: float = _USUAL
+    model: Model, modes: Modes, record: Record, places: AddedMass | None = None, *, spacing: float = _USUAL
 ) -> Outlook:
     seen = told_apart(model, modes, record)
     if len(seen) < 3 or len(model.structure.sensor) < 2:
@@ -229,8 +239,6 @@ def _outlook(
             f"{record.highest:g} Hz, found {len(model.structure.sensor)} that see {len(seen)}"
         )
     reference = expected_reference(model, modes, seen, record)
-    if bodies is None:
-        bodies = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
-    else:
-        bodies = replace(bodies, reference=reference, comparison=compare(reference, reference.baseline))
-    return Outlook(record=record, reference=reference, bodies=bodies)
+    if places is None:
+        places = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
+    return Outlook(record=record, reference=reference, places=places)

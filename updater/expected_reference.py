@@ -78,7 +78,7 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
     scatter = Scatter(
         frequency_factor=1.0,
         shape_factor=1.0,
-        shape_overdispersion=_overdispersion(shape_covariance(error, blur)),
+        shape_overdispersion=_overdispersion(error, blur),
         phase_factor=1.0,
         phase_overdispersion=1.0,
         damping_factor=1.0,
@@ -112,11 +112,16 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
     )
 
 
-def _overdispersion(covariance: FloatArray) -> float:
-    """Return tr(R^2) / tr(R), pooled over modes, of the correlation R of covariances (n, n_channels, n_channels)."""
-    size = np.sqrt(np.einsum("icc->ic", covariance))
-    correlation = covariance / (size[:, :, None] * size[:, None])
-    return float((correlation**2).sum() / np.trace(correlation, axis1=1, axis2=2).sum())
+def _overdispersion(error: FloatArray, blur: FloatArray) -> float:
+    """Return tr(R^2) / tr(R), pooled over modes, of the correlation R of `shape_covariance`.
+
+    Of R = A^T A + D with a diagonal D the trace of the square is |A A^T|^2 + 2 tr(A^T A D) + tr(D^2), which takes no
+    matrix of channels by channels.
+    """
+    variance = (error**2).sum(1) + blur[:, None] ** 2
+    along, own = error / np.sqrt(variance)[:, None], blur[:, None] ** 2 / variance
+    squares = ((along @ along.transpose(0, 2, 1)) ** 2).sum() + (own * (2 - own)).sum()
+    return float(squares / variance.size)
 
 
 def shape_covariance(error: FloatArray, blur: FloatArray) -> FloatArray:

@@ -82,12 +82,12 @@ class Foresight:
     """
 
     def __init__(self, outlook: Outlook, target: Target) -> None:
-        heaviest = float(outlook.bodies.prior_std[0])
+        heaviest = float(outlook.places.prior_std[0])
         if abs(target.mass) > heaviest:
             name = outlook.reference.calibration.structure.name
             raise ModelError(f"{name}: expected a target of at most {heaviest:.3g} kg, found {target.mass:g} kg")
         self._outlook, self._target = outlook, target
-        step = max(1, int(target.within / 4 / float(np.median(outlook.bodies.weight))))
+        step = max(1, int(target.within / 4 / float(np.median(outlook.places.weight))))
         self._signatures = _signatures(outlook, target.mass, np.arange(0, len(outlook.member), step))
         self._draws = _draw(outlook)
 

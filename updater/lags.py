@@ -33,16 +33,17 @@ def lags_of(
     now, before = np.where(known, event.imaginary * sign, 0.0), np.where(known, base.imaginary, 0.0)
     spread = np.where(known, event.imaginary_std**2 + base.imaginary_std**2, 0.0)
     own = scatter.phase_overdispersion * spread + _PHASE_BIAS**2
-    size = base.shape.size
-    error = beside(devices, base.shape).reshape(len(devices), size)
-    covariance = block_diag(*shape_covariances(own, base.shape, foreign)) + error.T @ error
+    whitener = np.zeros((base.shape.size, base.shape.size))
     every = np.repeat(phased, base.shape.shape[1])
-    covariance = np.where(every[:, None] & every, covariance, np.eye(size))
+    if phased.any():
+        error = beside(devices, base.shape)[:, phased].reshape(len(devices), every.sum())
+        covariance = block_diag(*shape_covariances(own, base.shape, foreign)[phased]) + error.T @ error
+        whitener[np.ix_(every, every)] = np.linalg.inv(np.linalg.cholesky(covariance))
     return {
         "phased": phased,
         "lag": now,
         "base_lag": before,
-        "lag_whitener": every[:, None] * np.linalg.inv(np.linalg.cholesky(covariance)),
+        "lag_whitener": whitener,
         "lag_overdispersion": scatter.phase_overdispersion,
     }
 

@@ -1,5 +1,6 @@
 """Sensors as they were mounted, and what is known to be wrong with what their channels say."""
 
+from functools import lru_cache
 from typing import Literal, Self
 
 import numpy as np
@@ -40,6 +41,7 @@ class Correction(Entry):
     channel: str | None = None  #: that carries the sensor in logs, where it is not the one of its name
 
 
+@lru_cache(maxsize=4096)
 def sensor_axes(direction: Vector) -> FloatArray:
     """Return unit vectors (3, 3): along a sensor's direction, and two across it that complete a right-handed set.
 
@@ -50,4 +52,6 @@ def sensor_axes(direction: Vector) -> FloatArray:
     first = np.eye(3)[(int(np.argmax(np.abs(along))) + 1) % 3]
     first = first - (first @ along) * along
     first /= np.linalg.norm(first)
-    return np.array([along, first, np.cross(along, first)])
+    axes = np.array([along, first, np.cross(along, first)])
+    axes.flags.writeable = False
+    return axes

@@ -38,7 +38,7 @@ def vagueness(outlook: Outlook, mass: float) -> float:
     Where a bound is beyond all members' length nothing is known, and no sensor is rewarded for a little less of that.
     """
     place, _ = outlook.bound(mass)
-    share = outlook.bodies.weight / outlook.bodies.weight.sum()
+    share = outlook.places.weight / outlook.places.weight.sum()
     whole = sum(member.length for member in outlook.reference.calibration.structure.member)
     return float(np.exp(share @ np.log(np.minimum(place, whole))))
 

@@ -110,7 +110,7 @@ def body_table(sight: Sight, outlook: Outlook) -> Table:
         table.add_row(
             escape(member.name),
             mass_words(float(sight.weakest[least])),
-            f"{outlook.bodies.position[least]:.2f}",
+            f"{outlook.places.position[least]:.2f}",
             mass_words(median[m]),
             f"{1000 * np.median(place[here]):.0f} mm",
             stretches_text(blind(outlook, sight.weakest.tolist(), m)),

@@ -29,6 +29,7 @@ from updater import (
     vagueness,
 )
 from updater.posterior import likeliest_place, places
+from updater.shape_errors import SHAPE_BIAS
 
 MINUTE = Record(seconds=60.0)
 
@@ -270,3 +271,27 @@ sensor = [
     {channel = "z10", at = [1, 0, 0], direction = [0, 0, 1]},
 ]
 """
+
+
+@pytest.mark.parametrize("n_sensors", [20, 60])
+def test_bounds_are_those_of_all_channels(n_sensors: int) -> None:
+    """Of more channels than modes fewer rows are kept: the information is that of the covariances of all channels."""
+    random = np.random.default_rng(4)
+    ways = np.eye(3).tolist()
+    at = np.sort(random.uniform(0.05, 1.45, n_sensors)).tolist()
+    sensors = tuple(
+        Sensor(channel=f"s{k}", at=(0.0, 0.0, z), direction=(way[0], way[1], way[2]))
+        for k, (z, way) in enumerate(zip(at, itertools.cycle(ways[:2]), strict=False))
+    )
+    outlook = foresee(t_frame().model_copy(update={"sensor": sensors}), MINUTE)
+    paired, modes = outlook.reference.paired, outlook.reference.at_channels(outlook.reference.baseline.channels)
+    unit = modes[:, paired] / np.linalg.norm(modes[:, paired], axis=0)
+    rows = outlook._of_modes
+    assert rows.shape[1] == min(n_sensors, modes.shape[1])
+    for i, mode in enumerate(paired):
+        error = np.sqrt(2) * outlook.shape_error[i]
+        blur = 2 * outlook.record.blur(outlook.frequency)[i] ** 2 + SHAPE_BIAS**2
+        covariance = error.T @ error + blur * np.eye(n_sensors)
+        moved = (modes - np.outer(unit[:, i], unit[:, i] @ modes)) / np.linalg.norm(modes[:, mode])
+        expected = moved.T @ np.linalg.solve(covariance, moved)
+        np.testing.assert_allclose(rows[i].T @ rows[i], expected, atol=1e-8 * np.abs(expected).max())
