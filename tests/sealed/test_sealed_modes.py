@@ -20,6 +20,7 @@ CASES = [
     ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
 ]
 THOROUGH = [
+    ("portal: local_stiffness", 3529803145001),  # of a length between two kinds: was told as two that overlap
     ("added_mass", 1026725876004),  # taken off, and the calibration with it on had put it into the joint
     ("added_mass + added_mass", 3170573339005),  # a stretch with a factor for each axis fits them at p = 0.1
     ("one_sided + added_mass", 586223721002),  # likewise mass along a quarter of the column

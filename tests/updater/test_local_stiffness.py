@@ -1,5 +1,7 @@
 """A stretch that has lost stiffness, in a truth whose members are cut and made of two materials."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from thorough_helpers import few_of
@@ -62,6 +64,11 @@ def softened(bare: Model, name: str, start: float, end: float, left: Left) -> Mo
     return build_model(structure.model_copy(update=update), shear_flexible=True, mass="consistent")
 
 
+@cache
+def reference_and_event() -> tuple[Reference, ModalMean]:
+    return event(190, "column", 0.61, 0.755, 0.45)
+
+
 def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: Body) -> tuple[Reference, ModalMean]:
     print(f"seed {seed}")
     random = np.random.default_rng(seed)
@@ -72,6 +79,26 @@ def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: B
     changed = build_model(structure, shear_flexible=True, mass="consistent")
     windows = [measure(changed, random, gain) for _ in range(5)]
     return reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
+
+
+@pytest.mark.parametrize("shift", [-0.4, 0.7])
+@pytest.mark.parametrize("longer", [-1.3, 0.0, 0.4, 1.2])
+def test_finer_stretches_begin_where_the_coarser_were_fitted_to(shift: float, longer: float) -> None:
+    """Also at a length between those of two kinds: where data are sure, half a step beside it is far off."""
+    reference, observed = reference_and_event()
+    cause = propose_local_stiffness(reference, compare(reference, observed))
+    assert cause is not None
+    for row in range(0, len(cause.start), 7):
+        theta, log_density = cause.start.copy(), np.full(len(cause.start), -100.0)
+        theta[row], log_density[row] = (0.4, shift, longer * 0.5, -0.2), 0.0
+        this = np.array([row])
+        fitted = np.array([cause.middles(theta[this], this)[0], cause.sizes(theta[this], this)[0]])
+        finer = cause.finer(log_density, theta)
+        every = np.arange(len(finer.start))
+        begun = np.column_stack([finer.middles(finer.start, every), finer.sizes(finer.start, every)])
+        own = np.abs(begun - fitted).max(1) < 1e-9
+        assert own.any(), cause.stretch(row, theta[row])
+        np.testing.assert_allclose(finer.start[own][0, [0, 3]], theta[row, [0, 3]])
 
 
 @pytest.mark.parametrize(

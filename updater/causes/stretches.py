@@ -27,6 +27,8 @@ _MOST_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
 _OF_EACH = 2  # and of each length
+_LENGTH = 2  # number of the parameter of a length, of causes that have one
+_NEXT_LENGTHS = 2 * float(np.log(RATIO))  # of a logarithm: lengths of another kind that are looked at too
 _OPEN = 10.0  # of log density under the best: what else is left open
 _MOST_OTHERS = 120  # of the likeliest that are looked at for that
 
@@ -149,16 +151,17 @@ class Stretches:
         order = np.argsort(-log_density)
         of_each = [order[self.kind[order] == kind][:_OF_EACH] for kind in self.kinds.size]
         near = np.unique(np.concatenate([order[:_WORTH], *of_each]))
-        near = near[log_density[near] > log_density.max() - _NEAR]
-        middle = self.middles(theta, np.arange(len(theta)))
+        near = order[np.isin(order, near) & (log_density[order] > log_density.max() - _NEAR)]
+        every = np.arange(len(theta))
+        middle = self.middles(theta, every)
+        fitted = self.sizes(theta, every) if theta.shape[1] > _LENGTH else self.size.astype(float)
         for parts in (4, 3, 2):
-            found = self._about(near, middle, parts)
+            found = self._about(near, middle, fitted, parts)
             if len(found) <= _MOST_FINE:
                 break
         rows = np.array(sorted(found), float)
         source = np.array([found[key] for key in sorted(found)], np.intp)
-        start = self.carried(theta[source], np.maximum(rows[:, 2], 1) / np.maximum(self.size[source], 1))
-        start[:, 1:3] = 0.0  # the shift, and the length if there is one
+        start = self._starts(rows, theta[source], middle[source], fitted[source], self.size[source])
         others = np.setdiff1d(order[:_MOST_OTHERS], near)
         others = others[log_density[others] > log_density.max() - _OPEN]
         fields = _fields(self.cells, self.kinds, rows, first=False) | {"start": start}
@@ -167,17 +170,63 @@ class Stretches:
         }
         return replace(self, **both | {"start": np.concatenate([start, theta[others]])})
 
-    def _about(self, near: IndexArray, middle: FloatArray, parts: int) -> dict[tuple[int, int, int, int, int], int]:
-        """Return finer alternatives (member, begin, size, kind, step), and which each one came from."""
+    def _starts(
+        self, rows: FloatArray, theta: FloatArray, middle: FloatArray, fitted: FloatArray, size: IndexArray
+    ) -> FloatArray:
+        """Return where the fits of finer alternatives begin (n, n_parameters).
+
+        Those nearest to what the coarser ones were fitted to begin there, so that it is not lost; all others at their
+        own middles and lengths, as strong as they add as much in all.
+
+        Parameters
+        ----------
+        rows : (n, 5) of the finer alternatives, see `_about`
+        theta, middle, fitted, size : (n, ...) parameters, fitted middle and length, and length of the coarser ones
+        """
+        start = self.carried(theta, np.maximum(rows[:, 2], 1) / np.maximum(size, 1))
+        shift = (middle - rows[:, 1] - rows[:, 2] / 2) / rows[:, 4]
+        longer = np.log(np.maximum(fitted, 1) / np.maximum(rows[:, 2], 1)) / np.log(RATIO)
+        there = (np.abs(shift) <= 1) & (np.abs(longer) <= 1)
+        start[there] = theta[there]
+        start[:, 1] = np.where(there, shift, 0.0)
+        if theta.shape[1] > _LENGTH:
+            start[:, _LENGTH] = np.where(there, longer, 0.0)
+        return start
+
+    def _about(
+        self, near: IndexArray, middle: FloatArray, fitted: FloatArray, parts: int
+    ) -> dict[tuple[int, int, int, int, int], int]:
+        """Return finer alternatives (member, begin, size, kind, step), and which each one came from.
+
+        Parameters
+        ----------
+        near : (n_near,) alternatives
+        middle, fitted : (n,) middles and lengths to which all alternatives were fitted [cells]
+        parts : into which a step is divided
+        """
         found: dict[tuple[int, int, int, int, int], int] = {}
         for row in near.tolist():
-            member, kind = int(self.member[row]), int(self.kind[row])
-            count, step = int(self.cells.count[member]), max(2, self.kinds.step[kind] // parts)
-            about = step * round(middle[row] / step)
-            for size in self.kinds.within(count)[kind]:
+            member = int(self.member[row])
+            count = int(self.cells.count[member])
+            for size, kind in self._lengths(count, int(self.kind[row]), float(fitted[row])).items():
+                step = max(2, self.kinds.step[kind] // parts)
+                about = step * round(middle[row] / step)
                 for off in range(-step * (parts // 2), step * (parts // 2) + 1, step):
                     begin = min(max(about + off - size // 2, 0), count - size)
                     found.setdefault((member, begin, size, kind, step), row)
+        return found
+
+    def _lengths(self, count: int, kind: int, fitted: float) -> dict[int, int]:
+        """Return the lengths of a kind with that kind, and those of others beside the one that was fitted with theirs.
+
+        A fit may come to a length between two kinds.
+        """
+        within = self.kinds.within(count)
+        found = dict.fromkeys(within[kind], kind)
+        for other, sizes in within.items():
+            for size in sizes:
+                if size and abs(np.log(size / fitted)) < _NEXT_LENGTHS:
+                    found.setdefault(size, other)
         return found
 
     def where(self, fit: "Fit[Cause]") -> Where:
