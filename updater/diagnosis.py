@@ -387,18 +387,21 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
 def _again(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
     """Return the best of what a search has found, fitted to other data.
 
-    Two bodies are fitted too where mass is spread out, or where a stretch with a factor for each axis fits so-so: it
-    has as many parameters as they.
+    Two bodies are fitted too where mass is spread out, and beside a stretch that may be two other causes, as well as
+    other causes to begin with.
     """
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
     if _hidden(near[0]):
         near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
     again = ranked([fitted for fitted in (several.settled(c.chosen) for c in near) if fitted is not None])
-    best = again[0] if again else None
-    apart = best is not None and best.names == (_STRETCH,) and bool(weighing.instead) and best.p_value < _WELL
-    spread = any(c.names == ("distributed_mass",) for c in again)
-    return ranked([*again, *several.at_once(("added_mass",))]) if spread or apart else again
+    free = bool(again) and _free(weighing, again[0])
+    if free:
+        others = [c for c in found if _STRETCH not in c.names and not _hidden(c) and c not in near][: _SEEDS - 1]
+        again += [fitted for fitted in (several.settled(c.chosen) for c in others) if fitted is not None]
+    if free or any(c.names == ("distributed_mass",) for c in again):
+        again += several.at_once(("added_mass",))
+    return ranked(again)
 
 
 def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> list[Candidate]:
@@ -413,7 +416,7 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         as_many = [c for c in found if len(c.chosen) == number]
         seeds = as_many[:_SEEDS]
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
-        doubted = found[0].p_value < _DOUBTFUL or _hidden(found[0])
+        doubted = found[0].p_value < _DOUBTFUL or _hidden(found[0]) or _free(weighing, found[0])
         if not seeds or len(found[0].chosen) < number or (rough and found[0].p_value >= _DOUBTFUL):
             break
         if len(found[0].chosen) > number and not doubted:
@@ -429,6 +432,11 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
     return found
+
+
+def _free(weighing: Weighing, found: Candidate) -> bool:
+    """Tell whether it is a stretch with a factor for each axis that fits so-so: as many parameters as two causes."""
+    return bool(weighing.instead) and found.names == (_STRETCH,) and found.p_value < _WELL
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:
