@@ -24,7 +24,7 @@ from daq.drivers.blocks import Blocks
 from daq.errors import DataError
 from daq.log import Event, Item, LogWriter
 from daq.protocol.can_scan import ScanDecoder, what_is_missing
-from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
+from daq.protocol.frames import NO_FRAMES, NUMBER, CanFrames, concatenate
 from daq.recording import Block, Channel, IndexArray
 
 _READERS: dict[str, tuple[Callable[..., Iterable[can.Message]], str]] = {
@@ -207,10 +207,8 @@ def _messages(path: Path) -> Iterator[can.Message]:
                 if message.timestamp < last - _BACK_SECONDS:
                     why = f"frame {number}: its clock runs backwards, from {last:.6f} s to {message.timestamp:.6f} s"
                     raise DataError(path, why)
-                size = max(len(message.data), message.dlc)
-                if not 0 <= message.timestamp < _MAX_SECONDS or size > _MAX_BYTES[message.is_fd]:
-                    why = f"frame {number}: {size} bytes at {message.timestamp:g} s are none of CAN"
-                    raise DataError(path, why)
+                if why := _impossible(message):
+                    raise DataError(path, f"frame {number}: {why}")
                 last = max(last, message.timestamp)
                 if not (message.is_error_frame or message.is_fd):
                     yield message
@@ -218,3 +216,13 @@ def _messages(path: Path) -> Iterator[can.Message]:
         raise DataError(path, f"cannot be read: {error.strerror}") from error
     except _DAMAGED as error:
         raise DataError(path, f"is no CAN log, or is damaged after frame {number}: {error}") from error
+
+
+def _impossible(message: can.Message) -> str:
+    """Return what no CAN frame can be; empty if nothing."""
+    size = message.dlc if message.dlc < 0 else max(len(message.data), message.dlc)
+    if not 0 <= message.timestamp < _MAX_SECONDS or not 0 <= size <= _MAX_BYTES[message.is_fd]:
+        return f"{size} bytes at {message.timestamp:g} s are none of CAN"
+    if not 0 <= message.arbitration_id <= NUMBER:
+        return f"expected an identifier of at most 29 bits, found {message.arbitration_id.bit_length()}"
+    return ""

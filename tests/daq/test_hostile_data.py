@@ -102,6 +102,10 @@ def blf(container: bytes, stated: int = 100) -> bytes:
     return head + struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + len(body), 10) + body
 
 
+_ASC = b"date Thu Jan 1 00:00:00.000 2026\nbase hex  timestamps absolute\ninternal events logged\n"
+_TRC = b";$FILEVERSION=2.1\n;$STARTTIME=46023.0\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
@@ -109,6 +113,8 @@ def blf(container: bytes, stated: int = 100) -> bytes:
         ("zero.blf", blf(struct.pack("<4sHHLL", b"LOBJ", 16, 1, 0, 99) + bytes(64)), "object of 0 bytes"),
         ("long.log", b"(1767225600.0) can0 006#" + b"00" * 16 + b"\n", "16 bytes"),
         ("remote.log", b"(1767225600.0) can0 006#R67489\n", "67489 bytes"),
+        ("wide.asc", _ASC + b" 0.5 1  9223372036854775808  Rx   d 2 01 3D\n", "29 bits, found 76"),
+        ("less.trc", _TRC + b"      1         0.000 DT  1     0006 Rx -  -29    00 00\n", "-29 bytes"),
         ("late.log", b"(1e300) can0 006#0000\n", "are none of CAN"),
     ],
 )
