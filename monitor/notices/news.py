@@ -103,7 +103,7 @@ class News:
             return self._notice("trouble", window.end, self._sight.blind or "")
         if before.blind and not self._sight.dark:
             return self._notice(
-                "trouble", window.end, f"windows tell of the structure again, after {before.dark} that did not"
+                "trouble", window.end, f"windows have usable results again, after {before.dark} without"
             )
         behind, self._behind = self._behind, window.skipped
         if window.skipped and not behind:

@@ -90,7 +90,7 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
     told = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
     assert [i for i, notice in enumerate(told) if notice] == [6, 9]
     assert "no usable result from the last 3 windows: no resonance stands out" in told[6].text  # type: ignore[union-attr]
-    assert "again, after 5 that did not" in told[9].text  # type: ignore[union-attr]
+    assert "again, after 5 without" in told[9].text  # type: ignore[union-attr]
 
 
 def test_failure_beside_the_verdict_is_told_once() -> None:
@@ -273,6 +273,30 @@ def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, 
         courier.put(ALARM)
         until(lambda: len(server.got) == 2)
     assert [notice["kind"] for notice in server.got[1]["notices"]] == ["alarm"]
+
+
+def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Path) -> None:
+    target = NotifySettings(webhook=server.url, on=("alarm",))
+    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+        courier.put(LOST)
+        courier.put(ALARM)
+        until(lambda: server.got)
+    assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["alarm"]
+
+
+def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Server, tmp_path: Path) -> None:
+    """What the one before is about to send would be sent twice from the same files; here each has its own."""
+    target = NotifySettings(webhook=server.url)
+    with Courier(target, tmp_path / "before.jsonl", "bridge") as before:
+        after = Courier(target, tmp_path / "after.jsonl", "bridge")
+        after.go_on_from(before)
+        with after:
+            after.put(LOST)
+            time.sleep(0.6)  # more than two looks at what waits
+            assert server.got == []
+            before.stop()
+            until(lambda: server.got)
+    assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["trouble"]
 
 
 def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
