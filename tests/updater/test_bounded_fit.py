@@ -80,11 +80,19 @@ def test_without_bounds_the_fit_is_the_least_squares(linear: Any, seed: int) -> 
     np.testing.assert_allclose(found.off_frequencies, found.theta @ A[:2].T - b[:, :2], atol=1e-9)
 
 
-def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(linear: Any) -> None:
-    """Data that want a parameter below its bound, from it and from beside it: a step that is cut there fits worse."""
-    free = np.array([[-8.0, 9.0, 1.0], [-20.0, 19.0, -2.0]])
+@pytest.mark.parametrize("scale", [1.0, 50.0])
+def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(
+    linear: Any, scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Data that want a parameter below its bound, from it and from beside it: a step that is cut there fits worse.
+
+    Also where all parameters, and so all steps, are less than one.
+    """
+    monkeypatch.setattr(sys.modules[__name__], "A", scale * A)
+    monkeypatch.setattr(sys.modules[__name__], "PRIOR", PRIOR / scale)
+    free = np.array([[-8.0, 9.0, 1.0], [-20.0, 19.0, -2.0]]) / scale
     b = free @ A.T
-    lower = np.array([[0.0, -1e9, -1e9], [-0.5, -1e9, -1e9]])
+    lower = np.array([[0.0, -1e9, -1e9], [-0.5 / scale, -1e9, -1e9]])
     found = fit(linear, Linear(b, lower, np.zeros((2, 3)), PRIOR))  # type: ignore[type-var]
     for theta, one, least in zip(found.theta, b, lower, strict=True):
         expected = best(one, least)
