@@ -1,4 +1,4 @@
-"""Where a device on a CAN bus is, and what tells its frames from the others'."""
+"""Address of a device on a CAN bus, and the identifiers of its frames."""
 
 from dataclasses import dataclass
 from pathlib import Path

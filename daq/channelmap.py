@@ -1,4 +1,4 @@
-"""Which axis of which device is which sensor, as it stands in a log: so that a log alone can be read."""
+"""Map from device axes to sensor channels, stored in a log so that the log can be read alone."""
 
 import json
 from dataclasses import asdict, dataclass

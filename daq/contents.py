@@ -1,4 +1,4 @@
-"""What is in a log, counted."""
+"""Numbers of scans, gaps and events in a log."""
 
 from collections import Counter
 from collections.abc import Iterator

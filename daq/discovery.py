@@ -1,4 +1,4 @@
-"""What is connected: serial ports, CAN adapters, and the devices that answer behind them."""
+"""Search for connected hardware: serial ports, CAN adapters and the devices that respond on them."""
 
 import logging
 from dataclasses import dataclass

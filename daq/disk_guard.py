@@ -1,4 +1,4 @@
-"""Which recorded files may go when the disk fills: the oldest, never the newest, never what a run has not recorded."""
+"""Choice of recorded files to delete when the disk fills: oldest first, never the newest, none of another run."""
 
 import math
 import shutil

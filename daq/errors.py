@@ -1,4 +1,4 @@
-"""What can go wrong between a sensor and a recording.
+"""Errors between a sensor and a recording.
 
 DaqError
     DriverError         a device that does not answer as its protocol says

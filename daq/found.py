@@ -1,4 +1,4 @@
-"""What answered at a port."""
+"""Devices found at a port."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the names of columns say of units: ``deck_z [mg]`` holds thousandths of g, and its channel is ``deck_z``."""
+"""Units in column names: ``deck_z [mg]`` holds thousandths of g, and its channel is ``deck_z``."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence

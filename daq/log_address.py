@@ -1,4 +1,4 @@
-"""Where a device that is played from a log is."""
+"""Address of a device that is played from a log."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What stands in a log that a kill left without an end, and the end that it lacks.
+"""Data and missing end record of a log that was cut short by a kill.
 
 Every chunk is decompressed and checked against its checksum, and the index behind it must be the one that its messages
 ask for. Where anything else is found than whole chunks and an unfinished rest, `daq.repair`

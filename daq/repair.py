@@ -1,4 +1,4 @@
-"""What can be saved of a log, and a log mended with it."""
+"""Recovery of the data in a damaged log, and repair of the log."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""When scans were taken, for what shows them one by one: devices that share a clock get one time for one index.
+"""Sampling times of single scans for viewers: devices that share a clock get one time per index.
 
 A clock is fitted anew with every block, so the time of a scan depends on when it is asked for. Here each second of a
 clock is asked for once, and everything between two seconds lies on the line between them.

@@ -1,4 +1,4 @@
-"""Which column of a table, or array of a file, holds the times, and in which unit."""
+"""Detection of the time column of a table, or time array of a file, and of its unit."""
 
 import itertools
 import re

@@ -1,4 +1,4 @@
-"""What is said of the alarm's changes."""
+"""Texts on changes of the alarm."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""When windows beyond the limit become an alarm, and when it ends: a pure state machine."""
+"""State machine of the alarm: windows over the limit raise it, windows under the limit end it."""
 
 from dataclasses import dataclass, replace
 from typing import Literal

@@ -1,4 +1,4 @@
-"""What a watch says of windows since a change: increments, a diagnosis, and a mass where that is all it is."""
+"""Results for the windows since a change: increments, a diagnosis, and a mass where that is the only cause."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

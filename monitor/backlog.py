@@ -1,4 +1,4 @@
-"""Which windows an analysis leaves out that has fallen behind: acquisition never waits for it."""
+"""Choice of windows that an analysis leaves out when it has fallen behind: acquisition never waits for it."""
 
 from collections.abc import Callable, Collection
 

@@ -1,4 +1,4 @@
-"""What engineers look at of an identification: spectrum, stabilization, damping, MAC, complexity, tracks."""
+"""Diagrams of an identification: spectrum, stabilization, damping, MAC, complexity, tracks."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How long the disk will do, before anything is recorded."""
+"""Forecast of the time until the disk is full, before anything is recorded."""
 
 from monitor.settings import Settings
 

@@ -1,4 +1,4 @@
-"""What can stop the monitor before or while it runs.
+"""Errors that stop the monitor before or during a run.
 
 MonitorError
     SettingsError   SITE.toml cannot be used; names file and key

@@ -1,4 +1,4 @@
-"""What is found beside the verdict: welcome, but never to cost the alarm, or the watch."""
+"""Optional analyses whose failure must not suppress the alarm."""
 
 from collections.abc import Callable
 from typing import TypeVar

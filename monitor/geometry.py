@@ -1,4 +1,4 @@
-"""Where things are in space, and from where to look at them."""
+"""Positions in space, and viewpoints on them."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a person tells a running monitor: one small file each, taken once, put into the log as an event.
+"""Commands of a person to a running monitor: one small file each, taken once, logged as an event.
 
 A file needs no port and no rights but those on the folder, outlives a restart, and is seen by whoever runs the monitor.
 """

@@ -1,4 +1,4 @@
-"""How late devices and channels are: taken out of modes window by window, put back where it is news.
+"""Delays of devices and channels: removed from modes window by window, restored where they are news.
 
 Shapes are compared as if all devices were in time, so that a clock's wander spoils none. What a device was late by in
 all is kept beside them: less what it was late by before, it is evidence.

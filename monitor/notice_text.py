@@ -1,4 +1,4 @@
-"""What a notice says, and how a site may say it otherwise."""
+"""Text of a notice, and its customisation by a site."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args

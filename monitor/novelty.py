@@ -1,4 +1,4 @@
-"""How far one window after the other lies from the baseline: the live side of `monitor.detection`."""
+"""Distance of each window from the baseline: the live side of `monitor.detection`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

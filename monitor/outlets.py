@@ -1,4 +1,4 @@
-"""Who is told of what a run logs: history, notices, pages and the live view; each may fail or give way to another."""
+"""Outputs of a run: history, notices, pages and the live view; each may fail or be replaced."""
 
 import time
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What the monitoring loop finds, as it stands in the log: plain values, read back to the last digit."""
+"""Results of the monitoring loop as they are logged: plain values, read back to the last digit."""
 
 import json
 import math

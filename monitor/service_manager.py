@@ -1,4 +1,4 @@
-"""What systemd is told of a run: that it has started, how it is, that it lives (sd_notify, one datagram each).
+"""Status messages to systemd: started, status, watchdog (sd_notify, one datagram each).
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""What the sensors of a structure can see of its modes, and of a body on it."""
+"""Visibility of modes, and of a body on the structure, to its sensors."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

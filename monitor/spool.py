@@ -1,4 +1,4 @@
-"""What cannot be delivered now, kept on disk in order: a line each, so that a cut one costs only itself."""
+"""Items that cannot be delivered now, kept on disk in order: one line each, so that a cut line costs only itself."""
 
 import os
 import threading

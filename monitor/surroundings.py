@@ -1,4 +1,4 @@
-"""What a run needs beside devices, looked at before it starts: history, targets of notices, ports, disk, clock."""
+"""Requirements of a run besides its devices, checked before it starts: history, notices, ports, disk, clock."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""How long to measure, and with how many sensors, until a body of a given mass is found wherever it is."""
+"""Record length and number of sensors needed to locate a body of a given mass wherever it is."""
 
 from dataclasses import dataclass
 

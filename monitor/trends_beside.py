@@ -1,4 +1,4 @@
-"""How frequencies go with temperature and with the vibration's amplitude, from window to window."""
+"""Dependence of frequencies on temperature and on vibration amplitude, from window to window."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What is said where the law is unsure of itself, so that "nothing has changed" would say more than is known."""
+"""Texts for conditions under which the law is uncertain, so that "nothing has changed" would claim too much."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""How a running monitor is: what others may look at, written to one small file each second."""
+"""State of a running monitor, written to one small file once per second."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""What can go wrong in identification.
+"""Errors of identification.
 
 OmaError
 ├── IdentificationError     the recording does not allow an estimate

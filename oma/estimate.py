@@ -1,4 +1,4 @@
-"""What identification hands on: modes with their uncertainty."""
+"""Result of an identification: modes with their uncertainty."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""What is wrong with channels, seen in their signals alone: each kind by what no vibration does.
+"""Faults of channels, detected in their signals alone: each kind by what no vibration does.
 
 A structure does not stand still to the last digit, does not turn back at one and the same value again and again, does
 not move one sensor for one sample while the others rest, does not move two sensors alike to a thousandth, and does not

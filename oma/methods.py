@@ -1,4 +1,4 @@
-"""What a way of identification offers to the stream that feeds it."""
+"""Interface of an identification method to the stream that feeds it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

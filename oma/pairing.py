@@ -1,4 +1,4 @@
-"""Which mode of one set is which of another: one to one, by frequency and shape."""
+"""One-to-one pairing of two sets of modes by frequency and shape."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment

@@ -1,4 +1,4 @@
-"""How good a window was for identification: what an engineer would measure again for."""
+"""Quality of a window for identification: reasons for which an engineer would repeat the measurement."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

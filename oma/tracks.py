@@ -1,4 +1,4 @@
-"""What is remembered of modes that are followed; a value, handed in and out, that a file can keep."""
+"""State of tracked modes: a value that is passed in and out and can be stored in a file."""
 
 import json
 from dataclasses import dataclass, replace

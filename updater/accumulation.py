@@ -1,4 +1,4 @@
-"""How a located mass sharpens as windows accumulate, what stops it, and when.
+"""Accuracy of a located mass against the number of windows, and its limits.
 
 The noise of a mean of n windows falls as 1 / sqrt(n). What the baseline does not know and what the reference gets wrong
 about changes do not: from some number of windows on they decide, and more windows are of no use.

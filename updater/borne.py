@@ -1,4 +1,4 @@
-"""What members bear: in each mode under the load that makes it, and in each state of self-stress."""
+"""Section forces of members: in each mode under its inertia load, and in each state of self-stress."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""How each channel fares, before any cause is sought: gain, polarity and delay against the baseline, all at once.
+"""Gain, polarity and delay of all channels against the baseline, fitted together before any cause is sought.
 
 Every channel is predicted from all others through the modes: unit shapes say how large it should be beside them, and
 their imaginary parts how late it is. Only ratios and differences mean anything, and of channels that no mode moves

@@ -1,4 +1,4 @@
-"""What is known of an event beside its tracked modes: warmth, tones, modes that were not there, amplitude.
+"""Conditions of an event besides its tracked modes: temperature, tones, new modes, amplitude.
 
 All of it compares now with before. It is optional: what nobody measured is NaN or empty, and then decides nothing.
 """

@@ -1,4 +1,4 @@
-"""What is measured now against what was measured before: the data that every hypothesis is judged by.
+"""Measurement against baseline: the data by which every hypothesis is judged.
 
 Ratios to the baseline, log frequencies and shapes, so that what the model gets wrong about the structure as it was
 cancels to first order.

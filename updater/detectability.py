@@ -1,4 +1,4 @@
-"""What sensors would tell of a body anywhere on a structure, known from the structure's file alone.
+"""Detectability and Cramér-Rao bound of a body anywhere on a structure, from the structure file alone.
 
 To first order in the body's mass log frequencies move by -dM_ii / 2 and shapes turn by omega_i^2 dM_ki / (omega_k^2 -
 omega_i^2), dM = m Phi^T Phi of the modes where the body is. Set against the expected errors of a record before and

@@ -1,4 +1,4 @@
-"""What has changed, or what the model gets wrong: every cause of the catalogue fitted to the same data and weighed.
+"""Diagnosis of a change, or of an error of the model: every cause of the catalogue is fitted and compared.
 
 Laplace evidence with proper priors chooses (a cause that can be anywhere must earn its freedom); nothing at all is one
 of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or

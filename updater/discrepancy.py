@@ -1,4 +1,4 @@
-"""What is measured against what is simulated, before any cause is sought: modes, sensors, and where the forces fail.
+"""Measured against simulated modes, sensors and residual forces, before any cause is sought.
 
 Modes are set against each other by frequency and MAC; what has no partner on either side is listed. A sensor is
 judged by all paired modes together: COMAC, and how far it lies from where the simulated shapes put it, each shape at

@@ -1,4 +1,4 @@
-"""Where else a cause may be: what is another place, and the next best one of a fit."""
+"""Other places of a cause: definition of another place, and the next best place of a fit."""
 
 import numpy as np
 

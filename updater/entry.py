@@ -1,4 +1,4 @@
-"""What every entry of structure.toml is: frozen, and refusing keys it does not know."""
+"""Base model of the entries of structure.toml: frozen, unknown keys are errors."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""What can go wrong between modes, a structure and its model.
+"""Errors concerning modes, a structure and its model.
 
 UpdaterError
     StructureError      the file that describes the structure

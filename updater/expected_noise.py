@@ -1,4 +1,4 @@
-"""What errors the modes of a record will have before there is a record: laws of frequencies and of shapes.
+"""Expected errors of the modes of a planned record: laws of frequencies and of shapes.
 
 Frequencies follow the uncertainty law (Au 2014). A shape errs along the other modes: at the frequency of mode i mode k
 still answers with r = 2 zeta / sqrt((omega_k^2 / omega_i^2 - 1)^2 + (2 zeta)^2) of mode i's amplitude if both are

@@ -1,4 +1,4 @@
-"""What a structure file that is far off says of the modes of the nearer model that takes its place."""
+"""Map from the modes of the recalibrated model to the modes of the original structure file."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment

@@ -1,4 +1,4 @@
-"""What hypotheses would do to the data to first order, before any of them is fitted."""
+"""First-order effect of hypotheses on the data, before any of them is fitted."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Which increments are no chance: a limit on the largest |z| anywhere that few windows can support.
+"""Significance of mass increments: a limit on the largest |z| that few windows can support.
 
 An empirical 99th percentile does not exist for 8 to 24 baseline windows. The propagated covariance says how increments
 move together, the windows say how far it is right at each place: their variance of z, drawn towards the mean over all

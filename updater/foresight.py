@@ -1,4 +1,4 @@
-"""How often a body of a given mass will be found where it is: the estimator played on records not yet measured.
+"""Probability of locating a body of a given mass: Monte Carlo simulation of records not yet measured.
 
 At each place the body's exact effect is computed, the expected errors are drawn many times, and the likelihood of
 every other place is formed as `locate_mass` would, with the same covariances, priors and nuisances, but linear about

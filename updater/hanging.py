@@ -1,4 +1,4 @@
-"""Where something may hang on the structure by a spring of its own, to first order.
+"""First-order estimate of the place of an attached oscillator.
 
 What answers at omega acts along its spring like a mass m / (1 - omega_i^2 / omega^2) on mode i, and like m across it.
 """

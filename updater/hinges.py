@@ -1,4 +1,4 @@
-"""What of a frame stiffness resists: how far the ends of each element and the springs turn against each other.
+"""Rotations of a frame that a stiffness resists: of element ends and of springs.
 
 These are to flexibility what particles are to mass: in a frame without redundant members the flexibility of a hinge,
 f_j = (R K^-1 R^T)_jj, is that of its own element or spring, L / (E I), L / (G J) or 1 / k, and nobody else's. Where

@@ -1,4 +1,4 @@
-"""What each mode makes a frame's members carry along their length: forces, twist and bending moments.
+"""Section forces of modes along the members of a frame: forces, torque and bending moments.
 
 The flexibility that a softer stretch adds is the integral of its actions squared, the unit-load method: dF_rs =
 sum_k int (1/s - 1) A_kr A_ks / D_k dx, with D = (E A, kappa G A_y, kappa G A_z, G J, E I_y, E I_z).

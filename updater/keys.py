@@ -1,4 +1,4 @@
-"""What is said of a key, or a name, that a structure file may not have."""
+"""Messages on unknown keys and names in a structure file."""
 
 import difflib
 from collections.abc import Collection

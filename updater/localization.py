@@ -1,4 +1,4 @@
-"""Where a mass was added, and how much: the posterior over all positions of one added mass."""
+"""Place and size of one added mass: the posterior over all positions."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which mode of one log is which mode of another, whatever happened to the structure or to a sensor between."""
+"""Matching of the modes of two logs, also across a change of the structure or of a sensor."""
 
 import itertools
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Which modes of a log are new: neither measured before nor the model's own."""
+"""Modes of a log that are new: neither measured before nor modes of the model."""
 
 from dataclasses import fields
 

@@ -1,4 +1,4 @@
-"""Which measurement would tell apart what the data leave open: each one tried on the hypotheses' own predictions.
+"""Choice of the next measurement: each one is tried on the predictions of the remaining hypotheses.
 
 A sensor more, four times the record, a known mass clamped on, a thermometer, a tone of known frequency: for each the
 hypotheses say what would be read, and the distance of what they say in standard deviations is how well it would decide.

@@ -1,4 +1,4 @@
-"""Where along the structure the accepted causes may be: the posterior over all places, as density."""
+"""Posterior density of the accepted causes over all places of the structure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What chosen causes predict together, and how near the measured shapes it is."""
+"""Joint prediction of selected causes, and its agreement with the measured shapes."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How far what a hypothesis predicts is from what was measured."""
+"""Residuals between the prediction of a hypothesis and the measurement."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Where on the structure the model is wrong: forces that are left over when measured modes are put into its equations.
+"""Residual forces of measured modes in the equations of the model, by place on the structure.
 
 A measured mode psi of frequency omega, expanded on the model, leaves r = (K - omega^2 M) psi: nothing where the model
 is right. Sensors are few, so that psi is the smoothest field that agrees with them within their noise: its residual

@@ -1,4 +1,4 @@
-"""Which of very many positions a mass may have, to first order, so that the exact fit looks at hundreds of them only.
+"""First-order screening of very many positions of a mass, so that the exact fit examines hundreds of them only.
 
 A small mass m at a point where mode i moves by u_i changes ln omega_i by -m |u_i|^2 / 2 and turns the mode by
 m (u_i . u_k) omega_i^2 / (omega_k^2 - omega_i^2) towards mode k (Brincker et al., MSSP 45 (2014) 91-104). Whitened as

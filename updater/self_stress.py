@@ -1,4 +1,4 @@
-"""What a structure can bear without any load: its states of self-stress, the redundants of the force method.
+"""States of self-stress of a structure without load: the redundants of the force method.
 
 Where a member or a spring gives, a statically determinate structure bears its loads as before. Any other shifts them to
 where it is stiff. With orthogonal states z of unit elastic energy beside the modes' actions, and the compliance C that

@@ -1,4 +1,4 @@
-"""Which sensors tell most of where a body is, and where one more would help most.
+"""Sensors that contribute most to the location of a body, and the best additional sensor.
 
 A set of sensors is as good as the places of a body are sure with it: the mean logarithm of the Cramér-Rao bound of the
 place, over all places. Sensors are added or left out one at a time, which is within a few per cent of the best set

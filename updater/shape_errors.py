@@ -1,4 +1,4 @@
-"""What errors of shapes have in common: other modes that a change, or a wrong model, brings into them."""
+"""Covariance of mode shape errors: shares of other modes that a change, or a wrong model, brings in."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How large a structure is: lengths that are usual on one of 1.5 m are not on a bridge or on a bracket of 5 cm."""
+"""Length scale of a structure, relative to the frame of 1.5 m on which the length constants were tuned."""
 
 import numpy as np
 

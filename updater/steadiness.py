@@ -1,4 +1,4 @@
-"""Whether windows are of one state: something that slides, thaws or works loose while it is recorded has no mean."""
+"""Test that windows are of one state: a structure that changes during the record has no mean."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What structure.toml says: members, supports, joints, bodies and sensors."""
+"""Entries of structure.toml: members, supports, joints, bodies and sensors."""
 
 import math
 from collections.abc import Iterable

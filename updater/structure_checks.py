@@ -1,4 +1,4 @@
-"""What the entries of a structure must be to each other: names that exist, places on members, partners at joints."""
+"""Consistency of the entries of a structure: existing names, places on members, partners at joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What small changes on top do to the modes of re-analysed alternatives.
+"""Derivatives of the modes of re-analysed alternatives.
 
 With left vectors M' x: d mu_i = (M' x_i)^T dF (M' x_i) + mu_i x_i^T dM x_i, and the component of d x_i along x_k is
 ((M' x_k)^T dF (M' x_i) + mu_k x_k^T dM x_i) / (mu_i - mu_k).

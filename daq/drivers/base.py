@@ -1,4 +1,4 @@
-"""What a driver is: one kind of device, and what one read of it brings."""
+"""Interface of a driver: one kind of device, and the result of one read."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol

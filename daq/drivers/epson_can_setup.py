@@ -1,4 +1,4 @@
-"""What an M-A552 is asked and told by service data before it samples."""
+"""Setup of an M-A552 by service data before it samples."""
 
 import time
 from typing import Any

@@ -1,4 +1,4 @@
-"""Whether a device sends at the rate that is expected of it, told from arrivals that may be seconds late."""
+"""Check that a device sends at the expected rate, from arrival times that may be seconds late."""
 
 from daq.hostclock import HostClock
 from daq.recording import Block, Flag

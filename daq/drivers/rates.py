@@ -1,4 +1,4 @@
-"""What drivers ask of a rate."""
+"""Checks of a sampling rate, common to drivers."""
 
 from collections.abc import Collection
 

@@ -1,4 +1,4 @@
-"""What is done with every device alike: one thread a port, silence, reconnection, gaps told."""
+"""Reading of any device: one thread per port, detection of silence, reconnection, reported gaps."""
 
 import contextlib
 from collections.abc import Callable

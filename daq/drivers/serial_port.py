@@ -1,4 +1,4 @@
-"""What drivers on serial lines do alike."""
+"""Common part of drivers on serial lines."""
 
 import errno
 import sys

@@ -1,4 +1,4 @@
-"""What a poor serial line does to the bytes of an emulated device, and when."""
+"""Transmission faults of a poor serial line, applied to the bytes of an emulated device."""
 
 import time
 from collections.abc import Iterator

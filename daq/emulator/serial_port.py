@@ -1,4 +1,4 @@
-"""What emulated devices on serial lines have in common: a pty, scans that fall due, and a line that may be full."""
+"""Common part of emulated devices on serial lines: a pty, scans that are due, and a line that may be full."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""What emulated hardware has in common: something to measure, and being served in turns."""
+"""Common part of emulated hardware: a signal to measure, served in turns."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""What an emulated WT901 was told: the same commands on a serial line and on a CAN bus."""
+"""Settings of an emulated WT901: the same commands on a serial line and on a CAN bus."""
 
 import numpy as np
 import numpy.typing as npt

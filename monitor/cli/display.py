@@ -1,4 +1,4 @@
-"""What the terminal shows while a demo runs."""
+"""Terminal display of a running demo."""
 
 import threading
 

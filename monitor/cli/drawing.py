@@ -1,4 +1,4 @@
-"""What `diagnose --out` draws: the report, the viewer's recording, and the numbers behind them."""
+"""Output of `diagnose --out`: the report, the recording for the viewer, and their numbers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

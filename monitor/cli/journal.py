@@ -1,4 +1,4 @@
-"""What a run says while it goes on: a line for everything that is found or happens, for people or for programs.
+"""Journal of a run: one line for every result and event, for people or for programs.
 
 Lines are made in the log's thread and written in one of their own: a terminal that stands still stops nothing. Of
 events that repeat, such as the gaps of a loose plug, some a minute are said and the others counted.

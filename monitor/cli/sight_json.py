@@ -1,4 +1,4 @@
-"""What `structure --json` writes for other programs."""
+"""Output of `structure --json` for other programs."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What temperature may do to natural frequencies: a linear law in the air's temperature, its past, and hinges.
+"""Effect of temperature on natural frequencies: a linear law in the air temperature, its past, and hinges.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""What undisturbed windows look like: a law of temperature, and how far windows scatter about it.
+"""Law of undisturbed windows: dependence on temperature, and scatter about it.
 
 Log frequencies are whitened by the deviations that windows state. About the law they scatter in three ways, which
 are kept apart because they average differently over windows:

@@ -1,4 +1,4 @@
-"""What was found over years: a database of windows, modes, alarms and events, beside the logs that hold everything.
+"""Results over years: a database of windows, modes, alarms and events, in addition to the complete logs.
 
 The logs are the record; the database answers questions over long times at once, and can be made anew from them.
 """

@@ -1,4 +1,4 @@
-"""What is logged goes into the database in a thread of its own; what it cannot take waits on disk."""
+"""Writer of logged items to the database, in a thread of its own; what the database does not take waits on disk."""
 
 import json
 import queue

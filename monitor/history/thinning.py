@@ -1,4 +1,4 @@
-"""Which diagnoses stay: an alarm that stands for years is diagnosed with every window, and mostly says the same."""
+"""Choice of diagnoses that are kept: an alarm that lasts for years is diagnosed with every window, mostly alike."""
 
 import math
 from bisect import bisect_left, bisect_right

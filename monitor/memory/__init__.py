@@ -1,4 +1,4 @@
-"""What the watch has learnt and come to, kept in the state folder: a restart goes on where the last run ended."""
+"""State of the watch in the state folder: a restart continues where the last run ended."""
 
 from monitor.memory.codec import CodecError
 from monitor.memory.contents import MEMORY, Memory, matters, memory_text, parse_memory

@@ -1,4 +1,4 @@
-"""What is remembered, as text that says itself whether it is whole, and of which watch it is."""
+"""Contents of the saved state, as text with a check of its completeness and of the watch that it belongs to."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Who is told of what: webhooks, commands and MQTT, with what cannot be delivered kept on disk."""
+"""Notices by webhook, command and MQTT; what cannot be delivered is kept on disk."""
 
 from monitor.notices.courier import Courier
 from monitor.notices.news import News

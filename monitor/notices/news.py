@@ -1,4 +1,4 @@
-"""Which of the things that stand in the log are news to a person: a pure function of what came before."""
+"""Choice of logged items that are news to a person: a pure function of what came before."""
 
 from daq import Block, Event, Item
 from monitor.event_words import event_name, event_said

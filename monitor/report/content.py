@@ -1,4 +1,4 @@
-"""What the report says, section by section: plain values for the template, pictures among them."""
+"""Content of the report, section by section: plain values and pictures for the template."""
 
 import platform
 from importlib.metadata import version

@@ -1,4 +1,4 @@
-"""How the causes were weighed: the evidence of each, and where along the structure one may be."""
+"""Comparison of the causes: evidence of each, and its possible places on the structure."""
 
 import numpy as np
 from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""What an explanation changes: errors of the model before and after, mode by mode, and where its causes are."""
+"""Effect of an explanation: errors of the model before and after, mode by mode, and places of its causes."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""What the report says of measured beside simulated: plain values for the template, pictures among them."""
+"""Measured against simulated values in the report: plain values and pictures for the template."""
 
 from functools import partial
 from typing import Any

@@ -1,4 +1,4 @@
-"""What every part of the report's content is made of: pictures, and numbers that may be missing."""
+"""Common parts of the content of a report: pictures, and numbers that may be missing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where the change is: the likelihood's answer, its profile, and the one-step update's increments beside it."""
+"""Place of the change: best place, profile of the likelihood, and increments of the one-step update."""
 
 import numpy as np
 from matplotlib.axes import Axes

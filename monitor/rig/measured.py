@@ -1,4 +1,4 @@
-"""What a device makes of the motion: it filters, samples by its own clock, scatters in gain, adds noise and rounds."""
+"""Measurement of the motion by a device: filter, own clock, gain error, noise and rounding."""
 
 import zlib
 from typing import Protocol

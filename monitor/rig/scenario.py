@@ -1,4 +1,4 @@
-"""What a virtual rig is and what will happen to it: SCENARIO.toml."""
+"""SCENARIO.toml: description of a virtual rig and of its events."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What all sections of the settings have in common."""
+"""Common part of all sections of the settings."""
 
 from collections.abc import Sequence
 from typing import Annotated

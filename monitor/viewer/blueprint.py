@@ -1,4 +1,4 @@
-"""How the views are laid out: only those that have something to show."""
+"""Layout of the views: only those that have content."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is known, in words and tables (Markdown)."""
+"""Results as text and tables (Markdown)."""
 
 import rerun as rr
 

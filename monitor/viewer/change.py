@@ -1,4 +1,4 @@
-"""Where the mass is: the posterior along the members, and how the answer sharpens."""
+"""Place of the mass: the posterior along the members, and its accuracy over time."""
 
 from functools import partial
 

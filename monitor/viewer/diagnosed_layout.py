@@ -1,4 +1,4 @@
-"""How the views of a diagnosis are laid out."""
+"""Layout of the views of a diagnosis."""
 
 import numpy as np
 import rerun.blueprint as rrb

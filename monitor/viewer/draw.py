@@ -1,4 +1,4 @@
-"""What every drawing needs: the file, the two timelines, series, and a drawing with axes of its own."""
+"""Common part of all drawings: the file, the two timelines, series, and a drawing with axes of its own."""
 
 import errno
 import os

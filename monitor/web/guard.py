@@ -1,4 +1,4 @@
-"""Who may see and do what: loopback may look; acting, and looking from elsewhere, takes the token."""
+"""Access rights: loopback may read; actions, and reading from elsewhere, require the token."""
 
 import base64
 import os

@@ -1,4 +1,4 @@
-"""What the pages are made from: the monitor's file of vitals, and the history; none reaches into the monitor."""
+"""Data of the pages: the state file of the monitor, and the history; no page accesses the monitor itself."""
 
 import time
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""What a cause must be able to do."""
+"""Interface of a cause."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable

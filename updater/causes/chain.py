@@ -1,4 +1,4 @@
-"""What faults of the measuring chain have in common: channels for a place, corrections in the structure file."""
+"""Common part of faults of the measuring chain: channels as places, corrections in the structure file."""
 
 import itertools
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What multiplies every frequency by one factor and leaves the shapes: common part of its four makers.
+"""One factor on all frequencies without a change of shapes: common part of its four causes.
 
 Stiffness, density, temperature and the sampling clock say the very same of one record. Each has the same wide prior, so
 that none is preferred where nothing tells them apart; what is known beside the record (a temperature, a tone) makes a

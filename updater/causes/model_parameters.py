@@ -1,4 +1,4 @@
-"""What the structure file says is a little off in many places: stiffness, feet, bearings, joints, welds, all at once.
+"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, all at once.
 
 A question about a structure file alone, asked where no reference was learnt: a baseline's calibration has answered it.
 All parameters that a calibration would fit have the prior that they have there. Each of them adds compliance, of a

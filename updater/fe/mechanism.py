@@ -1,4 +1,4 @@
-"""What of a structure can move without deforming: the whole of it, or a member that a support or a joint fails to hold.
+"""Mechanisms of a structure: the whole, or a member that a support or a joint fails to hold.
 
 Only asked once a stiffness has turned out singular, to say more than that.
 """

@@ -1,4 +1,4 @@
-"""Which element a point lies on, for many points and many elements."""
+"""Search for the element on which a point lies, for many points and many elements."""
 
 from functools import cached_property
 
