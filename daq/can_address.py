@@ -17,7 +17,7 @@ class CanPlace:
 
     @property
     def bus(self) -> tuple[str, str]:
-        """What devices on one bus have in common."""
+        """Properties that devices on one bus have in common."""
         return self.interface, self.channel
 
 
@@ -41,7 +41,7 @@ class CanAddress(CanPlace):
 
 @dataclass(frozen=True, kw_only=True)
 class DbcSensor:
-    """Which signals of a DBC file are a sensor's; each SIGNAL, or MESSAGE.SIGNAL where several messages have one."""
+    """Signals of a sensor in a DBC file; each SIGNAL, or MESSAGE.SIGNAL where several messages have one."""
 
     file: Path
     signals: tuple[str, ...]  #: of the device's axes x, y, z; at least the first

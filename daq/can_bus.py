@@ -85,7 +85,7 @@ class SlcanBus(can.BusABC):
 
     @property
     def arrived(self) -> int:
-        """When the last read's bytes were here, by time.perf_counter_ns."""
+        """Arrival of the bytes of the last read, by time.perf_counter_ns."""
         return self._bites.arrived
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:

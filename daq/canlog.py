@@ -64,7 +64,7 @@ class LoggedSensor:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedSensor:
-    """What was found of a sensor."""
+    """Scans of a sensor that were found."""
 
     device: str
     scans: int

@@ -16,7 +16,7 @@ from daq.repair import LogState, inspect_log
 
 @dataclass(kw_only=True)
 class DeviceInfo:
-    """What a log holds of one device."""
+    """Contents of a log from one device."""
 
     rate: float  #: nominal scans a second [Hz]
     n_axes: int
@@ -43,7 +43,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LogInfo:
-    """What is in a log."""
+    """Contents of a log."""
 
     state: LogState
     size: int  #: of its files [bytes]

@@ -36,7 +36,7 @@ class Table:
 
 @dataclass(frozen=True)
 class _Layout:
-    """What the header says, and which columns are asked for."""
+    """Header of a file, and the requested columns."""
 
     header: tuple[str, ...]
     delimiter: str

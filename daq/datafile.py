@@ -29,7 +29,7 @@ _DEVICE = "import"
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions:
-    """What is said by hand about a file of measurements."""
+    """Properties of a file of measurements that the user states."""
 
     rate: float | None = None  #: samples a second [Hz], if the file does not say
     factor: float | None = None  #: m/s2 a unit of the file; what its columns' names say, or 1, unless given
@@ -53,7 +53,7 @@ class DataOptions:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measured:
-    """What a file of measurements holds."""
+    """Contents of a file of measurements."""
 
     recording: Recording  #: its temperature is the mean
     temperature: FloatArray  #: (n_samples,) mean of all columns of temperatures [degC], NaN where none tells it

@@ -11,7 +11,7 @@ _EPOCH = date(1970, 1, 1)
 
 @dataclass(frozen=True)
 class Dated:
-    """How the cells of a column are read that holds no plain numbers."""
+    """Format of the cells of a column that holds no plain numbers."""
 
     read: Callable[[str], float]  #: [s]; a ValueError where the text is none
     like: str  #: what is expected

@@ -19,7 +19,7 @@ _LOOK_SECONDS = 60.0  # of wall time between looks at the folder, of years of fi
 
 @dataclass(frozen=True, kw_only=True)
 class Retention:
-    """How much of what was recorded is kept; the first limit that is passed counts."""
+    """Limits on the recorded data that are kept; the first limit that is passed counts."""
 
     seconds: float = math.inf  #: of recording since a file was written last [s]
     size: float = math.inf  #: of all recorded files of the folder [bytes]

@@ -19,7 +19,7 @@ class Found:
 
 @dataclass(frozen=True, kw_only=True)
 class PortAnswer:
-    """What a port turned out to be."""
+    """Result of the search at a port."""
 
     who: str  #: for people
     devices: tuple[Found, ...]  #: none behind an adapter whose bus is silent

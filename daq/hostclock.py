@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class HostClock(Protocol):
-    """What tells the time of data."""
+    """Clock for the times of data."""
 
     @property
     def speed(self) -> float:

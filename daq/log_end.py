@@ -49,7 +49,7 @@ class NotPlainError(Exception):
 
 
 class PlainLog:
-    """What a log without an end holds, up to its last whole chunk.
+    """Contents of a log without an end, up to its last whole chunk.
 
     Parameters
     ----------

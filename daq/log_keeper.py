@@ -59,7 +59,7 @@ class LogKeeper:
 
     @property
     def problem(self) -> str | None:
-        """What is not in the log, and why nothing is written; None if all is well."""
+        """Data that are missing in the log, and the reason why nothing is written; None if all is well."""
         lost = ", ".join(f"{count} of {name}" for name, count in (self.lost + self._lost_now).items())
         return "; ".join(filter(None, (self._stopped, lost and f"lost: {lost}"))) or None
 

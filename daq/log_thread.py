@@ -15,7 +15,7 @@ _PAUSE = 0.05  # s between looks at the queue: to be woken by every item costs m
 
 
 class ItemWriter(Protocol):
-    """What takes items to a disk: a `LogWriter` or a `LogRecorder`."""
+    """Writer of items to a disk: a `LogWriter` or a `LogRecorder`."""
 
     def write(self, item: Item) -> None:
         """Take an item."""
@@ -113,7 +113,7 @@ class LogThread:
 
     @property
     def _due(self) -> float:
-        """When the next flush is [s, monotonic]; where nothing comes, twice as late."""
+        """Time of the next flush [s, monotonic]; twice as late if there are no data."""
         waits = self._waits
         return self._flushed + 2 * self._chunk_seconds if waits is None else waits + self._chunk_seconds
 

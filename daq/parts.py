@@ -9,7 +9,7 @@ PART = "modalwatch.part"  # name of the metadata record
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Which file of which run a log is; it stands in the file as metadata."""
+    """Number of the file and of its run, stored in the log as metadata."""
 
     run: str  #: the same in all files of a run, and in those of no other
     started: int  #: when the run started [ns UTC]

@@ -18,7 +18,7 @@ from daq.view import View, ViewMessage
 
 @dataclass(frozen=True, kw_only=True)
 class Rotation:
-    """When a new file is begun; the first limit that is reached counts."""
+    """Limits at which a new file is begun; the first that is reached counts."""
 
     size: float = math.inf  #: of a file [bytes]
     seconds: float = math.inf  #: of data in a file [s]

@@ -15,7 +15,7 @@ _ROUNDING = 1e-3  # scans
 
 
 class Flag(IntFlag):
-    """What is known to be wrong with a block."""
+    """Known faults of a block."""
 
     NONE = 0
     AFTER_GAP = 1  #: scans are missing between the previous block and this one

@@ -28,7 +28,7 @@ _DAMAGE = (McapError, ZstdError, struct.error, ValueError)
 
 @dataclass(frozen=True, kw_only=True)
 class LogState:
-    """What a log is worth."""
+    """State of a log."""
 
     n_messages: int  #: in whole chunks
     lost_chunks: int  #: damaged, so that what is in them is lost
@@ -60,7 +60,7 @@ class LogState:
 
 @dataclass
 class _Survey:
-    """What is seen on the way through a log."""
+    """Findings of one pass through a log."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)

@@ -26,7 +26,7 @@ Kind = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class AlarmRules:
-    """What raises an alarm, what clears it, and how often that is told."""
+    """Rules that raise, clear and repeat an alarm."""
 
     hold_windows: int = 2  #: windows in a row over the limit that raise it
     clear_windows: int = 2  #: calm windows in a row that clear it
@@ -47,7 +47,7 @@ class AlarmRules:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What a window or a person changed."""
+    """Change of the alarm by a window or a person."""
 
     kind: Kind  #: "state": what `state` says; others leave or repeat it
     state: State  #: from now on
@@ -72,7 +72,7 @@ class Alarm:
 
     @property
     def state(self) -> State:
-        """What the structure is to be taken for."""
+        """Assumed condition of the structure."""
         return self.condition if self.condition in ("normal", "watch") else "alarm"
 
     def consider(self, time: int, level: float) -> tuple["Alarm", tuple[Change, ...]]:

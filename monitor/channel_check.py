@@ -18,7 +18,7 @@ _SAME_WAY = 0.999  # cosine of the angle between two directions
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelCheck:
-    """Which sensors and channels have no counterpart."""
+    """Sensors and channels without a counterpart."""
 
     path: Path  #: settings or log
     n_channels: int
@@ -28,7 +28,7 @@ class ChannelCheck:
 
     @property
     def good(self) -> bool:
-        """Whether every sensor has its channel and every channel its sensor."""
+        """True if every sensor has its channel and every channel its sensor."""
         return not (self.without_sensor or self.without_channel)
 
 

@@ -22,7 +22,7 @@ _MAX_REFUSAL = 500  # characters
 
 @dataclass(frozen=True, kw_only=True)
 class RunReport:
-    """What a run leaves behind."""
+    """Result of a run."""
 
     logs: tuple[Path, ...]  #: the files, in the order of writing
     dropped: int  #: items that the log's queue had no room for

@@ -58,7 +58,7 @@ def site_drivers(devices: Iterable[DeviceSettings], speed: float) -> Drivers:
 
 
 class Devices:
-    """What reads the devices.
+    """Readers of the devices.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ class ModeBeside(_Part):
 
 
 class ChannelHealth(_Part):
-    """How a channel fares against what it was, or against the model, beside the other channels."""
+    """State of a channel relative to the baseline, or to the model, and to the other channels."""
 
     gain: float  #: negative where its polarity is turned [-]
     gain_std: float  #: [-]
@@ -49,7 +49,7 @@ class SensorBeside(_Part):
 
 
 class BalanceResult(_Part):
-    """What the forces left over say of each node, in the reference's order; None where they say nothing."""
+    """Model error at each node from residual forces, in the order of the reference; None where nothing is known."""
 
     loss: tuple[float | None, ...]  #: stiffness that the model has too much, over its own [-]
     loss_std: tuple[float | None, ...]
@@ -86,7 +86,7 @@ class TrendBeside(_Part):
 
 
 class PlaceDensity(_Part):
-    """How probable a cause is along the structure."""
+    """Probability of a cause along the structure."""
 
     cause: str
     member: tuple[str, ...]  #: of each place

@@ -39,7 +39,7 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Event:
-    """What is to be explained."""
+    """Event to be explained."""
 
     measured: ModalMean  #: (n_modes,) all modes of the windows
     modes: ModalMean  #: (n_tracks,) those that are surely paired with the reference's, delays beyond its own included

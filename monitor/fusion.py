@@ -30,7 +30,7 @@ _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are th
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Windows:
-    """What identification made of the windows of a recording."""
+    """Identified windows of a recording."""
 
     estimates: tuple[ModalEstimate, ...]  #: of the windows that gave modes
     harmonics: FloatArray  #: (n_harmonics,) tones seen in most of these windows [Hz]
@@ -50,7 +50,7 @@ class Windows:
 
     @property
     def worst_quality(self) -> WindowQuality:
-        """What the windows that gave modes offer at least."""
+        """Lowest quality among the windows with modes."""
         return WindowQuality(
             complete=min(q.complete for q in self.quality),
             rms_variation=max(q.rms_variation for q in self.quality),

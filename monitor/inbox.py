@@ -27,7 +27,7 @@ Words = Annotated[str, AfterValidator(_one_line)]
 
 
 class Word(BaseModel):
-    """What somebody says."""
+    """Command of a person."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     by: Words = ""
@@ -41,7 +41,7 @@ class Acknowledgement(Word):
 
 
 class Acceptance(Word):
-    """What raised the alarm is intended, or explained, and is the new normal."""
+    """Acceptance: the change that raised the alarm is intended, or explained, and becomes the new reference."""
 
     kind: Literal["accept"] = "accept"
     cause: Annotated[Words, Field(min_length=1)]  #: what it is, in a person's words
@@ -96,7 +96,7 @@ def _give(path: Path, state: Path) -> None:
 
 
 class Inbox:
-    """What was left for a monitor.
+    """Commands left for a monitor.
 
     Parameters
     ----------

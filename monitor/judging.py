@@ -38,7 +38,7 @@ from updater import NO_DELAYS, DeviceDelays, Structure, UpdaterError
 
 
 class Judge:
-    """What is known of a structure, window by window.
+    """Evaluation of a structure, window by window.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Judge:
 
     @property
     def memory(self) -> Memory:
-        """What to go on from after a restart."""
+        """State to continue from after a restart."""
         watch = self._watch
         return Memory(
             matters=matters(self._structure, self._settings),
@@ -97,7 +97,7 @@ class Judge:
 
     @property
     def phase(self) -> Phase:
-        """What a window is for."""
+        """Purpose of a window."""
         return "learning" if self._watch is None else "alarm" if self._alarm.state == "alarm" else "watching"
 
     @property

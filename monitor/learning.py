@@ -40,12 +40,12 @@ class Identified(Protocol):
 
     @property
     def delays(self) -> Mapping[str, float]:
-        """What has been taken out of them already: device -> delay [s]."""
+        """Delays that have been removed already: device -> delay [s]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Watch:
-    """What watching needs once a baseline is learnt."""
+    """Learnt baseline, with everything needed to watch."""
 
     baseline: tuple[Window, ...]
     accepted: tuple[Accepted, ...]  #: changes of the structure since, in order

@@ -40,7 +40,7 @@ def live_urls(port: int) -> tuple[str, str]:
 
 
 class LiveView:
-    """What a running monitor shows.
+    """Live view of a running monitor.
 
     Parameters
     ----------

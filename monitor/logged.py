@@ -46,7 +46,7 @@ _VIEW_RATE = 500.0  # Hz: signals that are faster are drawn at this rate at the 
 
 @dataclass(kw_only=True)
 class DeviceQuality:
-    """What one device delivered."""
+    """Data delivered by one device."""
 
     device: str
     rate: float = 0.0  #: nominal [Hz]
@@ -164,7 +164,7 @@ def _standing(log: AnyLog) -> list[Result]:
 
 @dataclass
 class _Reading:
-    """What is gathered while a log is read once."""
+    """Data gathered in one pass through a log."""
 
     results: list[Result] = field(default_factory=list)
     devices: dict[str, DeviceQuality] = field(default_factory=dict)

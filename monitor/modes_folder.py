@@ -26,7 +26,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Results:
-    """What there is to write."""
+    """Results to be written."""
 
     estimate: ModalEstimate  #: of all windows
     windows: Sequence[ModalEstimate]

@@ -37,7 +37,7 @@ _YEAR = 365.25 * 86400  # s
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DetectorState:
-    """What judging windows has come to."""
+    """State of the evaluation of windows."""
 
     watched: Watched
     before: int  #: start of the last window [ns UTC]
@@ -65,7 +65,7 @@ class Detector:
 
     @property
     def state(self) -> DetectorState:
-        """What to go on from."""
+        """State to continue from."""
         return DetectorState(
             watched=self._watched,
             before=self._before,

@@ -111,7 +111,7 @@ class Outlets:
 
     @property
     def problems(self) -> dict[str, Any]:
-        """What is wrong with each, None if nothing is."""
+        """Fault of each output, None if it has none."""
         troubled = "; ".join(courier.problem for courier in self._couriers if courier.problem)
         return {
             "history": self._history.problem,

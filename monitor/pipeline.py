@@ -48,7 +48,7 @@ class Pipeline:
 
     @property
     def memory(self) -> Memory:
-        """What to go on from after a restart."""
+        """State to continue from after a restart."""
         memory = self._judge.memory
         return replace(memory, thermometer_offset=self._weather.offset) if self._weather else memory
 

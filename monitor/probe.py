@@ -19,7 +19,7 @@ _RATE_TOLERANCE = 0.1  # of the rate seen: reads come in bursts, on a busy machi
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Probe:
-    """What was seen of a device."""
+    """Observations of a device."""
 
     identity: dict[str, Any]
     rate: float  #: scans a second of data [Hz]

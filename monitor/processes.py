@@ -63,7 +63,7 @@ def spare_what_is_loaded() -> None:
 
 
 class _Malloc(ctypes.Structure):
-    """What glibc's mallinfo2 tells."""
+    """Result of glibc's mallinfo2."""
 
     _names = ("arena", "ordblks", "smblks", "hblks", "mapped", "usmblks", "fsmblks", "used", "free", "keepcost")
     _fields_ = tuple((name, ctypes.c_size_t) for name in _names)

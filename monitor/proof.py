@@ -66,7 +66,7 @@ class Scale:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Proof:
-    """What the drill showed."""
+    """Result of the drill."""
 
     mass: float  #: that was hung on [kg]
     place: FloatArray  #: (3,) on a member's axis [m]
@@ -83,7 +83,7 @@ class Proof:
 
     @property
     def passed(self) -> bool:
-        """Whether all that had to be was."""
+        """True if every requirement was met."""
         return all(check.passed for check in self.checks)
 
     @property
@@ -103,7 +103,7 @@ class Proof:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """What a watch knows of the change that stands."""
+    """Knowledge of a watch about the active change."""
 
     structure: Structure
     watch: Watch
@@ -117,7 +117,7 @@ class Evidence:
 
     @property
     def place(self) -> FloatArray:
-        """Where the mass was found (3,) [m]."""
+        """Position at which the mass was found (3,) [m]."""
         return next(m for m in self.structure.member if m.name == self.found.member).point(self.found.distance)
 
 

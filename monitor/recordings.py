@@ -64,7 +64,7 @@ def log_rate(log: AnyLog) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """How much a log holds of a device."""
+    """Amount of data of a device in a log."""
 
     seconds: float  #: in all
     record: float  #: in the usual one of its records, between pauses; all of it where it does not pause

@@ -40,7 +40,7 @@ _WAITING = 2000  # items that may wait for the analysis
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReplayReport:
-    """What a replay found, beside what the log says was found live."""
+    """Results of a replay, with the live results in the log."""
 
     found: list[Result]
     logged: list[Result]

@@ -51,7 +51,7 @@ class ModeResult(_Result):
 
 
 class DetectorFigure(_Result):
-    """What one detector says of a window."""
+    """Result of one detector for a window."""
 
     detector: DetectorName
     value: Number  #: squared distance from what the law predicts, over the number of modes [-]
@@ -60,7 +60,7 @@ class DetectorFigure(_Result):
 
 
 class Unsure(_Result):
-    """What a window could tell where the law is unsure of itself, as at temperatures not seen."""
+    """Result of a window where the law is uncertain, as at temperatures not seen before."""
 
     least_percent: float  #: smallest change of all frequencies alike that would have been a jump [%]
     temperature: Number  #: of the window [degC]
@@ -156,7 +156,7 @@ class OtherPlace(_Result):
 
 
 class MassAnswer(_Result):
-    """Where a mass was added and how much, from all windows since the change."""
+    """Place and size of an added mass, from all windows since the change."""
 
     member: str
     position: Vector  #: on the member's axis [m]
@@ -281,12 +281,12 @@ class ReferenceResult(_Result):
 
     @property
     def late(self) -> dict[str, float]:
-        """How much earlier than arrivals tell each device's scans were taken [s]."""
+        """Time by which each device's scans were taken earlier than their arrivals indicate [s]."""
         return {device: delay for device, (delay, _) in self.delays.items()}
 
 
 class SelfTestResult(_Result):
-    """Whether a mass would be noticed: put into copies of the newest windows, at random places."""
+    """Test that a mass would be noticed: it is put into copies of the newest windows, at random places."""
 
     time: int  #: [ns UTC]
     mass: float  #: [kg]

@@ -134,7 +134,7 @@ class Running:
 
     @property
     def signs(self) -> SignsOfLife:
-        """What tells that it works."""
+        """Signs that the run works."""
         disk = time.monotonic() - self.logs.turned
         return SignsOfLife(data=self.vitals.silence, disk=disk, losing=self.logs.losing)
 

@@ -28,14 +28,14 @@ _PASSED = 0.5  # of them must raise the alarm: at a support no mass is heard
 
 @dataclass(frozen=True, kw_only=True)
 class Tested:
-    """What is remembered of self-tests."""
+    """State of the self-tests."""
 
     last: int | None  #: when one was [ns UTC]
     passed: int | None  #: when one has passed [ns UTC]
 
     @property
     def failed(self) -> bool:
-        """Whether the last one has."""
+        """True if the last one has failed."""
         return self.passed != self.last
 
 

@@ -69,7 +69,7 @@ class ServiceManager:
 
 @dataclass(frozen=True, kw_only=True)
 class SignsOfLife:
-    """What tells a run that works from one that only exists; ages in s."""
+    """Signs that distinguish a run that works from one that only exists; ages in s."""
 
     data: float  #: since a block of any device was logged
     disk: float  #: since the log's thread was done with the disk
@@ -77,7 +77,7 @@ class SignsOfLife:
 
     @property
     def standing(self) -> str | None:
-        """What stands still, so that a restart may be the cure; None if all moves.
+        """Part that is stuck, so that a restart may help; None if all parts progress.
 
         A disk that takes nothing is no reason as long as memory keeps what comes: a restart would lose that.
         """

@@ -10,7 +10,7 @@ MOST = 3  #: windows in a row from which on it is
 
 @dataclass(frozen=True)
 class Sight:
-    """How many windows in a row have said nothing by now, and why the last did not."""
+    """Number of consecutive windows without a usable result, and the reason of the last one."""
 
     dark: int = 0
     why: str = ""
@@ -22,7 +22,7 @@ class Sight:
 
     @property
     def blind(self) -> str | None:
-        """What is to be told of it; None while all is well."""
+        """Text to be reported; None while all is well."""
         return f"no usable result from the last {self.dark} windows: {self.why}" if self.dark >= MOST else None
 
 

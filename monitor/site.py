@@ -28,12 +28,12 @@ class Site:
 
     @property
     def name(self) -> str:
-        """What it is called in notices: the structure file's name."""
+        """Name in notices: that of the structure file."""
         return Path(self.settings.structure).stem
 
     @property
     def source(self) -> Source:
-        """Where others find its state."""
+        """Path of its state for other programs."""
         return Source(name=self.name, state=self.state, url=database_url(self.settings.history.url, self.state))
 
     @property

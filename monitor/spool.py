@@ -32,7 +32,7 @@ class Spool:
 
     @property
     def size(self) -> int:
-        """What waits [bytes]."""
+        """Size of the waiting items [bytes]."""
         try:
             return self.path.stat().st_size
         except OSError:

@@ -15,7 +15,7 @@ _MOST_DRAWN = 300  # windows whose spectrum and posterior are kept in the file
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Story:
-    """What is drawn, in the order of time."""
+    """Results that are drawn, in the order of time."""
 
     name: str
     reference: ReferenceResult | None
@@ -78,7 +78,7 @@ class Story:
 
     @cached_property
     def mass_unit(self) -> tuple[float, str]:
-        """How many of the unit are a kilogram, and its name: grams unless the masses are large."""
+        """Number of units per kilogram, and the name of the unit: grams unless the masses are large."""
         largest = max((abs(a.mass) for _, a in self.answers), default=0.0)
         return (1.0, "kg") if largest >= _LARGE else (1000.0, "g")
 

@@ -25,7 +25,7 @@ _REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is 
 
 @dataclass(frozen=True, kw_only=True)
 class FinishedLog:
-    """What is asked of a log that is closed; its keeper holds all that was written in front of each file."""
+    """Contents of a log that is closed; its keeper holds all that was written in front of each file."""
 
     paths: tuple[Path, ...]
     problem: str | None
@@ -130,7 +130,7 @@ class Succession:
 
     @property
     def learnt(self) -> bool:
-        """Whether there is anything to go on from."""
+        """True if there is anything to continue from."""
         return bool(self._kept)
 
     @property
@@ -145,22 +145,22 @@ class Succession:
 
     @property
     def turned(self) -> float:
-        """When the log's thread was done with the disk last [s, monotonic]."""
+        """Time of the last completed write of the log's thread [s, monotonic]."""
         return self._log.turned
 
     @property
     def losing(self) -> bool:
-        """Whether anything is lost now because the disk takes nothing."""
+        """True if data are being lost because the disk cannot be written."""
         return self._analysis.keeper.losing
 
     @property
     def disk_failure(self) -> str | None:
-        """What is not in the logs, and why."""
+        """Data that are not in the logs, and the reason."""
         return "; ".join(filter(None, map(self._problem, self._logs))) or None
 
     @property
     def state(self) -> dict[str, Any]:
-        """What is well or not."""
+        """Signs of health of the parts."""
         return {
             "dropped": self._log.dropped,
             "disk": self._problem(self._analysis.keeper),

@@ -33,7 +33,7 @@ class SensorSet:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan:
-    """What finding the target takes."""
+    """Requirements for locating the target."""
 
     target: Target
     outlook: Outlook

@@ -11,7 +11,7 @@ LASTING = 2  #: windows in a row from which on a channel is told: a gap, or a bl
 
 @dataclass(frozen=True)
 class Unheard:
-    """Which channels the last windows did not hear, and what is to be told of that."""
+    """Channels without data in the last windows, and the reports on them."""
 
     windows: Mapping[str, int] = field(default_factory=dict)  #: channel -> in how many windows in a row by now
     lasting: Mapping[str, str] = field(default_factory=dict)  #: channel that is told -> why it was not heard at first
@@ -33,5 +33,5 @@ class Unheard:
 
     @property
     def texts(self) -> list[str]:
-        """What is to be told while it lasts, one for each reason."""
+        """Reports while it lasts, one for each reason."""
         return left_out_texts(self.lasting)

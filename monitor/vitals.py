@@ -63,7 +63,7 @@ class DeviceVitals:
 
 @dataclass(frozen=True, kw_only=True)
 class Pace:
-    """How often windows come, in wall time."""
+    """Interval of windows in wall time."""
 
     step: float  #: from one to the next [s]
     window: float  #: their length: the first takes that long [s]
@@ -149,7 +149,7 @@ class Vitals:
 
     @property
     def line(self) -> str:
-        """How it is, in a line."""
+        """State in one line."""
         with self._lock:
             lost = [name for name, device in self._devices.items() if device.lost]
             state = self._window.get("phase", "no window yet")

@@ -33,7 +33,7 @@ _KEPT = {"MALLOC_MMAP_THRESHOLD_": "1000000000", "MALLOC_TRIM_THRESHOLD_": "4000
 
 @dataclass(frozen=True)
 class Kept:
-    """What to go on from after a restart, once the results before it are logged."""
+    """State to continue from after a restart, once the results before it are logged."""
 
     text: str
 
@@ -142,7 +142,7 @@ class _Shared(Protocol):
 
 @dataclass(frozen=True)
 class _Task:
-    """What the process is to do; fields as the parameters of `Worker`."""
+    """Task of the process; fields as the parameters of `Worker`."""
 
     structure: str
     site: str

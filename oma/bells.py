@@ -34,7 +34,7 @@ _LEAST_FLOOR = 1e-6  # of the median line
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Windowed:
-    """What turns poles into spectral lines."""
+    """Operator from poles to spectral lines."""
 
     window: FloatArray  #: (n_fft,) autocorrelation of the segments' windows, 1 at lag 0 [-]
     rate: float  #: [Hz]

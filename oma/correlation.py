@@ -100,7 +100,7 @@ class CorrelationAccumulator:
 
     @property
     def sums(self) -> CorrelationSums:
-        """What the blocks held add up to."""
+        """Sum of the blocks."""
         sums, counts = zip(*self.blocks, strict=True)
         return CorrelationSums(sums=sums, counts=np.array(counts))
 

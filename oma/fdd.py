@@ -34,7 +34,7 @@ _STORE = 1 << 27  # bytes that the blocks' spectra may take
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reading:
-    """What a method reads off a resonance, and what each block of time moves it by."""
+    """Result of a method at a resonance, and the influence of each block of time on it."""
 
     frequency: float  #: [Hz]
     damping: float  #: [-]

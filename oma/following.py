@@ -31,7 +31,7 @@ _DOUBT = 4.0  # of the cost, -2 ln likelihood: an exchange of two identities tha
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Followed:
-    """What one window's modes are."""
+    """Tracks of the modes of one window."""
 
     tracks: Tracks  #: to hand in with the next window
     identity: IndexArray  #: (n_modes,) of each mode of the estimate

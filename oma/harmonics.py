@@ -51,7 +51,7 @@ _STEADIEST = np.array([0.016, 0.058, 0.109, 0.211, 0.357, 0.461, 0.577, 0.667, 0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LineClasses:
-    """Which modes of an estimate are tones."""
+    """Modes of an estimate that are tones."""
 
     tone: BoolArray  #: (n_modes,) taken for tones
     uncertain: BoolArray  #: (n_modes,) tone and lightly damped mode explain the record alike

@@ -13,7 +13,7 @@ from oma.stabilization import Stabilization
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LevelModes:
-    """What one rate shows in its band."""
+    """Identification at one sampling rate, in its band."""
 
     poles: Stabilization
     modes: Sequence[Mode]  #: candidates: what is no mode is told from their uncertainty later
@@ -52,7 +52,7 @@ class Method(Protocol):
 
     @property
     def selection(self) -> Selection:
-        """What passes for a mode."""
+        """Criteria of a mode."""
 
     def least_samples(self, n_channels: int) -> int:
         """Return how many samples at one rate are the least to identify anything from."""

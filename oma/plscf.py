@@ -131,7 +131,7 @@ class PLSCFLevel:
 
 
 class _Influences:
-    """What each block of time moves any pole by; shapes of all orders move as those of a middle one that has them."""
+    """Influence of each block of time on any pole; shapes of all orders move as those of a middle one that has them."""
 
     def __init__(
         self, models: Sequence[FractionModel], spectrum: HalfSpectrum, seen: Windowed, scale: FloatArray

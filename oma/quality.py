@@ -13,7 +13,7 @@ _FEW_CYCLES = 300.0  # with 1 % damping the law leaves 23 % of the damping then
 
 @dataclass(frozen=True, kw_only=True)
 class WindowQuality:
-    """What a window offers, and what it lacks."""
+    """Quality of a window, and its defects."""
 
     complete: float  #: share of samples that all channels in use have [-]
     rms_variation: float  #: standard deviation of the blocks' rms over its mean; steady forces leave below 0.3 [-]
@@ -21,7 +21,7 @@ class WindowQuality:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to do better, in words; empty for a good window."""
+        """Advice in words; empty for a good window."""
         said = []
         if self.complete < _LEAST_COMPLETE:
             said.append(f"only {self.complete:.0%} of the samples are complete")
@@ -34,7 +34,7 @@ class WindowQuality:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BlockQuality:
-    """What one block of time tells."""
+    """Statistics of one block of time."""
 
     length: int  #: [samples]
     n_complete: int  #: samples that all channels have

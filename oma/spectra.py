@@ -160,7 +160,7 @@ class SpectrumAccumulator:
 
     @property
     def sums(self) -> SpectralSums:
-        """What the blocks held add up to."""
+        """Sum of the blocks."""
         return SpectralSums(
             rate=self._rate,
             n_fft=self.n_fft,

@@ -15,7 +15,7 @@ _EXACT = 3e-4  # of ln f: what identification errs beyond the deviation it state
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tracks:
-    """What is remembered of the modes seen so far."""
+    """State of the modes identified so far."""
 
     channels: tuple[str, ...]
     time: int  #: of the last window [ns UTC]
@@ -31,12 +31,12 @@ class Tracks:
 
     @property
     def frequency(self) -> FloatArray:
-        """Where each mode is expected (n_tracks,) [Hz]."""
+        """Expected frequency of each mode (n_tracks,) [Hz]."""
         return np.exp(self.log_frequency)
 
     @property
     def frequency_std(self) -> FloatArray:
-        """How surely (n_tracks,) [Hz]."""
+        """Standard deviations of the expected frequencies (n_tracks,) [Hz]."""
         return np.asarray(self.frequency * np.sqrt(np.diag(self.covariance)))
 
     def to_json(self) -> str:

@@ -26,7 +26,7 @@ from oma.realisation import Realisation, Subspace
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Perturbation:
-    """What each block of time changes in the shift-invariance equations, to first order."""
+    """First-order influence of each block of time on the shift-invariance equations."""
 
     cross: FloatArray  #: (n_blocks, rank, rank) of up^T down
     gram: FloatArray  #: (n_blocks, rank, rank) of up^T up
@@ -35,7 +35,7 @@ class Perturbation:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoleInfluence:
-    """What each block of time moves a pole by, to first order."""
+    """First-order influence of each block of time on a pole."""
 
     frequency: FloatArray  #: (n_blocks,) [Hz]
     damping: FloatArray  #: (n_blocks,) [-]

@@ -25,7 +25,7 @@ _NAMED = re.compile(r"(?P<stem>.*?)_?(?P<sign>[+-]?)(?P<axis>[xyz])", re.IGNOREC
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Place:
-    """Where a channel measures."""
+    """Place and direction of a channel."""
 
     node: int  #: number, from 1 on
     direction: tuple[float, float, float]  #: unit vector

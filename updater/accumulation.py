@@ -39,7 +39,7 @@ class Sharpening:
 
     @property
     def said(self) -> str:
-        """What it means for whoever waits."""
+        """Meaning for the user."""
         least = f"{1e3 * self.least_distance_std:.0f} mm and {1e3 * self.least_mass_std:.0f} g"
         if self.limited_by == "windows":
             return f"more windows sharpen it as their square root until about {self.enough}, to no less than {least}"

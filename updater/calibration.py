@@ -80,7 +80,7 @@ class Calibration:
 
     @property
     def fitted(self) -> bool:
-        """Whether anything was."""
+        """True if anything was fitted."""
         return bool(self.parameters)
 
     def flexibility_std(self, connection: Support | Joint, axis: Axis) -> float:

@@ -124,7 +124,7 @@ class Weighing:
 
     @cached_property
     def nothing(self) -> Fit[Nothing]:
-        """What it is if nothing has changed."""
+        """Fit of no change."""
         return fit(self.data, Nothing(comparison=self.data))
 
     @cached_property

@@ -20,7 +20,7 @@ _LEAST_DAMPING = 1e-6
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trend:
-    """How a tracked mode's frequency and damping go with the vibration's rms from window to window."""
+    """Trends of the frequency and damping of tracked modes with the rms of the vibration, over windows."""
 
     slope: FloatArray  #: (n_tracks,) d ln f / d rms [s2/m], NaN where it is not known
     slope_std: FloatArray  #: (n_tracks,) [s2/m]

@@ -43,7 +43,7 @@ class NewModes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FiledModes:
-    """What a structure file says of the modes compared, where these are set beside a nearer model's."""
+    """Modes of the structure file in the place of those compared, where a nearer model is used."""
 
     log_ratio: FloatArray  #: (n,) of its frequencies to the baseline's
     shape: FloatArray  #: (n, n_channels) unit norm

@@ -138,7 +138,7 @@ class Outlook:
 
     @cached_property
     def _of_modes(self) -> FloatArray:
-        """What a share of each mode does to measured unit shapes, over their errors (n, n_rows, n_modes).
+        """Effect of a share of each mode on measured unit shapes, over their errors (n, n_rows, n_modes).
 
         Of more channels than modes as many rows are left, by an orthogonal transformation of the channels: shapes err
         along modes and in all channels alike.

@@ -107,7 +107,7 @@ class Explained:
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """What is to be explained, and every cause weighed alone."""
+    """Data to be explained, and every cause fitted alone."""
 
     reference: Reference
     event: ModalMean

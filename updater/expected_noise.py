@@ -24,7 +24,7 @@ _YEAR = 365.25 * 86400  # s
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """How long the structure is listened to, before and again after a change, and what must not be an alarm."""
+    """Length of the records before and after a change, and the permitted rate of false alarms."""
 
     seconds: float = 600.0  #: of each of the two records [s]
     damping: float = 0.005  #: of all modes, which a structure file does not tell [-]

@@ -41,7 +41,7 @@ class Hypotheses(Protocol):
 
     @property
     def start(self) -> FloatArray:
-        """Where the fit begins (n_alternatives, n_parameters)."""
+        """Start of the fit (n_alternatives, n_parameters)."""
         ...
 
     @property
@@ -51,7 +51,7 @@ class Hypotheses(Protocol):
 
     @property
     def drifting(self) -> bool:
-        """Whether a drift common to all frequencies may come on top: not where the structure itself is as it was."""
+        """True if a drift common to all frequencies is allowed: not if the structure itself is unchanged."""
         ...
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
@@ -165,7 +165,7 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]
 
 @dataclass(eq=False)
 class Point:
-    """Where the fit of some alternatives stands."""
+    """State of the fit of some alternatives."""
 
     theta: FloatArray
     effect: Effect

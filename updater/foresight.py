@@ -30,7 +30,7 @@ _LONGEST = 86400.0  # s, of the longest
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """What is to be found."""
+    """Body that is to be located."""
 
     mass: float  #: [kg]
     within: float = 0.05  #: largest distance of the answer from the truth [m]
@@ -48,7 +48,7 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class _Signatures:
-    """What the body does, and what parameters change of that, at each place it may be."""
+    """Effect of the body, and its derivatives, at each possible place."""
 
     rows: IndexArray  #: (n,) places of the outlook
     log_ratio: FloatArray  #: (n_parameters, n, n_modes)
@@ -93,7 +93,7 @@ class Foresight:
 
     @property
     def target(self) -> Target:
-        """What is to be found."""
+        """Body that is to be located."""
         return self._target
 
     @property

@@ -37,7 +37,7 @@ Method = Callable[[ModalMean, ModalMean, IndexArray], Increments]
 
 
 class NullDistribution:
-    """What the baseline says of increments in which nothing has changed.
+    """Distribution of increments without a change, learnt from the baseline.
 
     Parameters
     ----------

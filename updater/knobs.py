@@ -79,7 +79,7 @@ class Knob:
 
     @property
     def start(self) -> float:
-        """Where a fit begins."""
+        """Start of a fit."""
         return self.mean if self.mean or np.isinf(self.lower) else min(_START * self.prior, self.upper / 2)
 
 

@@ -44,7 +44,7 @@ class Alternative:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyShape:
-    """What the located body is besides a point mass; what the data do not show stays at its prior and is not known."""
+    """Properties of the located body besides its mass; those that the data do not determine stay at their prior."""
 
     offset: FloatArray  #: (3,) of its centre from the member's axis, global axes [m]
     offset_std: FloatArray  #: (3,) [m], 0 along the member
@@ -80,7 +80,7 @@ class MassChange:
 
     @property
     def told(self) -> bool:
-        """Whether the data leave one place only."""
+        """True if the data leave one place only."""
         return len(self.alternatives) == 1
 
 

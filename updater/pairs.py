@@ -24,7 +24,7 @@ _FARTHEST = 3.0  # prior standard deviations that a fit begins from
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """What a unit of each parameter of each alternative does to the data, beside a drift common to all frequencies."""
+    """Effect of a unit of each parameter of each alternative on the data, besides a drift common to all frequencies."""
 
     names: list[str]  #: of the causes
     effect: FloatArray  #: (n, n_data) whitened

@@ -22,7 +22,7 @@ _GOOD = 1e-3  # rms of ln f: how well a good model answers to the baseline
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reference:
-    """What the structure was when nothing had changed."""
+    """Structure before the change."""
 
     calibration: Calibration
     baseline: ModalMean
@@ -52,7 +52,7 @@ class Reference:
 
     @property
     def doubt(self) -> float:
-        """How much more the model may be wrong about a change than one that answers to the baseline as it should.
+        """Factor on the model error, relative to a model that agrees with the baseline as it should.
 
         At least 1. What it gets wrong about the structure as it was says so: a body that nobody told it of, say. A
         baseline that is not known well says little for it.
@@ -63,7 +63,7 @@ class Reference:
 
     @property
     def shadowed(self) -> npt.NDArray[np.bool_]:
-        """Which tracks (n_tracks,) have a mode of the model near that sensors hardly see, but where the two mix."""
+        """Mask of tracks (n_tracks,) near a mode of the model that sensors hardly see, but where the two mix."""
         moves = np.linalg.norm(self.at_channels(self.baseline.channels), axis=0)
         hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[self.paired])), self.paired)
         apart = np.abs(np.log(self.frequency[self.paired, None] / self.frequency[hidden]))
@@ -88,7 +88,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Filed:
-    """What a structure file says that is so far off that causes are sought about a model nearer to what was measured.
+    """Structure file that is so far off that causes are sought about a model nearer to the measurement.
 
     Modes pair wrongly there, and what little causes do to them is not what they do to the structure's.
     """

@@ -11,7 +11,7 @@ from updater.shape_errors import beside, turned_back
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What alternatives say would be measured."""
+    """Measurement predicted by alternatives."""
 
     log_ratio: FloatArray  #: (n_alternatives, n) of frequency to the baseline's
     shape: FloatArray  #: (n_alternatives, n, n_channels) of any norm and sign

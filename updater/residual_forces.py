@@ -43,7 +43,7 @@ _QUIET = 0.05  # of the mean strain or motion, added everywhere: a place without
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ForceBalance:
-    """What is wrong at each node by the forces left over, all modes together; NaN where nothing can be said.
+    """Model error at each node from the residual forces of all modes; NaN where nothing is known.
 
     Both readings are averages over a stretch as long as the sensors and modes can resolve: a short one shows with a
     part of its loss, at its place. Standard deviations are those of noise.
@@ -164,7 +164,7 @@ class _Expansion:
 
 @dataclass(frozen=True, eq=False)
 class _Readers:
-    """What reads strain or motion of the model's modes, and at which node."""
+    """Rows that read strain or motion of the model's modes, and their nodes."""
 
     rows: FloatArray  #: (n_rows, n_modes) weighed by the root of stiffness or mass
     nodes: sparse.csr_array  #: (n_nodes, n_rows) shares of each row

@@ -38,7 +38,7 @@ _ENOUGH = 1e-6  # of the cost: an iteration that gains less is the last
 
 
 class Problem(Protocol):
-    """What is to be explained."""
+    """Data to be explained."""
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return whitened residuals (n_data,) at parameters (n,)."""
@@ -51,7 +51,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prior:
-    """What is known of parameters (n,) before anything is measured."""
+    """Prior of parameters (n,)."""
 
     mean: FloatArray  #: what the prior draws to
     std: FloatArray
@@ -74,7 +74,7 @@ class SensitivityFit:
 
     @property
     def converged(self) -> bool:
-        """Whether a minimum was reached."""
+        """True if a minimum was reached."""
         return self.reason != _REASONS[0]
 
 

@@ -33,7 +33,7 @@ class Sensor(Entry):
 
 
 class Correction(Entry):
-    """What a sensor's channel was found to do to its signal; it stands beside the sensor, which stays as mounted."""
+    """Correction of the signal of a sensor's channel; the entry of the sensor stays as mounted."""
 
     gain: Number = 1.0  #: what the channel says over what it should, beside the sensor's own; 0: nothing [-]
     sign: Literal[1, -1] = 1  #: -1 where plus and minus are exchanged

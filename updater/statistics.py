@@ -183,7 +183,7 @@ def _std_of_mean(std: FloatArray, n: IndexArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scatter:
-    """How much windows scatter about their mean, while nothing changes.
+    """Scatter of windows about their mean without a change.
 
     Each window states a standard deviation; what the baseline really scatters over what was stated is one factor for
     all frequencies (and one for all shapes), pooled over modes and windows, so that few windows give many degrees

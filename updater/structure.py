@@ -112,7 +112,7 @@ class Member(Entry):
 
 
 class Mesh(Entry):
-    """How members are cut into elements that do not say it themselves."""
+    """Mesh of members that state no number of elements."""
 
     element_length: Positive  #: at most [m]
 
@@ -193,7 +193,7 @@ class Oscillator(Entry):
 
 
 class Recorder(Entry):
-    """What records the sensors."""
+    """Recorder of the sensors."""
 
     clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
 
@@ -272,7 +272,7 @@ class Structure(Entry):
 
     @property
     def delays(self) -> dict[str, float]:
-        """How late each channel is known to be [s]."""
+        """Known delay of each channel [s]."""
         known = {s.channel: self.sensors.get(s.channel) for s in self.sensor}
         return {h.channel: c.delay if c else 0.0 for h, c in zip(self.heard, known.values(), strict=True)}
 

@@ -55,7 +55,7 @@ class ParameterChange(_Part):
 
     @property
     def significant(self) -> bool:
-        """Whether it differs from `before` by more than two standard deviations.
+        """True if it differs from `before` by more than two standard deviations.
 
         The deviation of a connection's flexibility, which is 0 where it is rigid, is relatively that of its stiffness.
         """
@@ -156,7 +156,7 @@ class CalibrationSummary(_Part):
 
 
 class Diagnosis(_Part):
-    """What the simulation gets wrong, or what has changed."""
+    """Errors of the simulation, or changes of the structure."""
 
     verdict: Verdict
     causes: tuple[Cause, ...]

@@ -119,7 +119,7 @@ def _gapless(recording: Recording, channels: tuple[str, ...]) -> tuple[int, Floa
 
 @dataclass(frozen=True, eq=False)
 class _Modes:
-    """What the signals are predicted by."""
+    """Predictor of the signals."""
 
     frequency: FloatArray  #: (n,) [Hz]
     damping: FloatArray  #: (n,) [-]

@@ -8,7 +8,7 @@ from daq.recording import IndexArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """What one read brought."""
+    """Result of one read."""
 
     counts: IntArray  #: (n, n_axes) [-]
     #: (n,) as the device counts, wrapping; as `clock` counts, for good, if it has one [-]

@@ -43,7 +43,7 @@ for _name in ("can", "canopen"):
 
 @dataclass(frozen=True)
 class SyncPart:
-    """What a device has to do with the SYNC of its bus."""
+    """Part of a device in the SYNC of its bus."""
 
     rate: float  #: of SYNC frames [Hz]
     produces: bool  #: it sends them itself
@@ -51,7 +51,7 @@ class SyncPart:
 
 @dataclass(frozen=True, eq=False)
 class Share(Chunk):
-    """What is one device's of a chunk."""
+    """Frames of one device in a chunk."""
 
     syncs: IndexArray  #: (n,) number of the last SYNC before each frame, if the device samples on it
     clock: str  #: that these numbers are of

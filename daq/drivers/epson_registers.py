@@ -12,7 +12,7 @@ _FILTER_SECONDS = 2.0
 
 
 class EpsonRegisters:
-    """What a device is asked and told while it does not sample.
+    """Access to the registers of a device that does not sample.
 
     Each call may raise OSError, where the port is gone, or ValueError, where what answers is not an answer.
 

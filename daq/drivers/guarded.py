@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class StumbledError(DriverError):
-    """What no driver should raise: it loses its device, and must not end it for good."""
+    """Error that no driver should raise: the device is lost, and must not be lost for good."""
 
     def __init__(self, device: str, error: Exception) -> None:
         super().__init__(device, str(error))

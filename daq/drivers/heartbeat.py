@@ -18,7 +18,7 @@ _FULL_SECONDS = 2.0  # without a heartbeat, though scans come, until that is tol
 
 
 class HeartbeatConsumer:
-    """What one node's heartbeats say, from the time on that it was told to become operational.
+    """Heartbeats of one node, from the time at which it was told to become operational.
 
     Frames come in the bus's thread, questions in the driver's.
 
@@ -49,7 +49,7 @@ class HeartbeatConsumer:
 
     @property
     def alive(self) -> bool:
-        """Whether heartbeats come."""
+        """True if heartbeats arrive."""
         return time.monotonic() - self._heard < PATIENCE
 
     @property

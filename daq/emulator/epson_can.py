@@ -74,12 +74,12 @@ class EmulatedEpsonCan:
 
     @property
     def synced(self) -> bool:
-        """Whether it samples on SYNC."""
+        """True if it samples on SYNC."""
         return self._objects[epson.TRANSMISSION] == epson.BY_SYNC
 
     @property
     def _delay(self) -> float:
-        """How long after the motion a scan is that its filter lets through [s]."""
+        """Delay of a scan by the device's filter [s]."""
         return group_delay(self._objects[epson.FILTER])
 
     @property

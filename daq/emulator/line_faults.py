@@ -12,7 +12,7 @@ What = Literal["lost", "repeated", "cut", "silent"]
 
 @dataclass(frozen=True, kw_only=True)
 class LineSpell:
-    """What happens to all frames for a while."""
+    """Fault of all frames for a while."""
 
     what: What  #: never arrive; arrive twice; their first half arrives; or the device is dead, and hears nothing either
     at: float  #: since the device first sampled [s of data]

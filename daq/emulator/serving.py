@@ -12,7 +12,7 @@ PORT_BUFFER = 640 * 1024  # bytes that Linux keeps of a real port's before it lo
 
 
 class SampleSource(Protocol):
-    """What an emulated device measures."""
+    """Signal that an emulated device measures."""
 
     def start(self, time: int, rate: float) -> None:
         """Begin: scan k is taken at time + k / rate [ns UTC, Hz]."""
@@ -48,7 +48,7 @@ class EmulatedBusNode(Protocol):
 
     @property
     def synced(self) -> bool:
-        """Whether it samples on SYNC."""
+        """True if it samples on SYNC."""
         ...
 
     def hear(self, can_id: int, data: bytes) -> list[Frame]:
@@ -113,7 +113,7 @@ def serve_all(ports: Sequence[EmulatedPort], turn: int) -> None:
 
 
 class SilentNode:
-    """What a node on a CAN bus has that sends scans by a timer of its own, and nothing else."""
+    """Node on a CAN bus that sends scans by a timer of its own, and nothing else."""
 
     synced = False
 

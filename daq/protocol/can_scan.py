@@ -25,7 +25,7 @@ class ScanMessage:
 
 @dataclass(frozen=True, kw_only=True)
 class ScanLayout:
-    """What a scan looks like on the bus.
+    """Layout of a scan on the bus.
 
     Signals are given with the place of their message in `messages`.
     """

@@ -19,7 +19,7 @@ _FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uin
 
 @dataclass(frozen=True, kw_only=True)
 class CanSignal:
-    """Where a number stands in a frame, and what it means: physical = factor * raw + offset.
+    """Position of a number in a frame, and its meaning: physical = factor * raw + offset.
 
     Parameters
     ----------

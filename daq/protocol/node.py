@@ -43,7 +43,7 @@ _LONGEST = _HELLO.itemsize + _STUFFING
 
 @dataclass(frozen=True, kw_only=True)
 class Hello:
-    """Who a node is."""
+    """Identity of a node."""
 
     product: str  #: at most 12 characters of ASCII
     serial: str  #: at most 12 characters of ASCII
@@ -100,7 +100,7 @@ def encode_command(command: int, rate: float | None = None) -> bytes:
 
 
 class NodeDecoder:
-    """What a node says, out of a byte stream that may begin anywhere and be damaged anywhere."""
+    """Decoder of a node's messages from a byte stream that may begin anywhere and be damaged anywhere."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -157,7 +157,7 @@ def _hello(row: np.void) -> Hello:
 
 
 class CommandDecoder:
-    """What a host says, in its order; commands are few."""
+    """Decoder of a host's commands, in their order; commands are few."""
 
     def __init__(self) -> None:
         self._rest = b""

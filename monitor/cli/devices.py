@@ -26,7 +26,7 @@ Seen = PortAnswer | str | None  #: an answer, why there is none, or silence
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What was asked for."""
+    """Requested search."""
 
     ports: tuple[str, ...]  #: to look at; those of the machine unless given
     probe: bool  #: whether to ask who answers

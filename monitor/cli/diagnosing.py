@@ -48,7 +48,7 @@ _EXTENDED = "found by modalwatch diagnose"  # comment beside what an extended mo
 
 @dataclass(frozen=True, kw_only=True)
 class Logs:
-    """What the command line names."""
+    """Arguments of the command line."""
 
     current: Sequence[Path]
     reference: Sequence[Path] = ()

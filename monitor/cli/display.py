@@ -13,7 +13,7 @@ from monitor.results import AlarmResult, Result, WindowResult
 
 
 class Display:
-    """What the terminal shows while the monitor watches."""
+    """Terminal display while the monitor runs."""
 
     def __init__(self, console: Console, n_windows: int, stop: threading.Event) -> None:
         self._planned, self._stop, self._console = n_windows, stop, console

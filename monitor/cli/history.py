@@ -31,7 +31,7 @@ _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:
-    """How many windows there are, and how near to the limit they came."""
+    """Number of windows, and their highest novelty relative to the limit."""
 
     number: int
     judged: int
@@ -41,7 +41,7 @@ class Windows:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """What a span holds."""
+    """Contents of a span."""
 
     span: Span
     newest: int  #: end of the newest window, which may be before the span [ns UTC]

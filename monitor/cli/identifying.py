@@ -30,7 +30,7 @@ from updater import Structure, StructureError, UpdaterError, load_structure, par
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What the command line asks for."""
+    """Arguments of the command line."""
 
     method: str = "ssi-data"
     window: float | None = None  #: [s]; the log's settings', else the whole log

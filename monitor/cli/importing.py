@@ -36,7 +36,7 @@ console = Terminal()
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """What the command line says about a file of measurements."""
+    """Arguments of the command line about a file of measurements."""
 
     rate: float | None = None  #: [Hz], if it has no times
     unit: str | None = None  #: of the numbers; what the columns say, else m/s2

@@ -38,7 +38,7 @@ _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What the command's options say."""
+    """Options of the command."""
 
     n_modes: int
     seconds: float

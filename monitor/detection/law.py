@@ -52,7 +52,7 @@ _TAILS_PRIOR = np.array([-12.0, -11.0, -10.0, -9.0, -8.0, -7.0, -5.0, -3.0, 0.0]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sums:
-    """What is kept of all windows learnt from; adding windows adds to it."""
+    """Sums over all windows of the baseline; further windows are added to them."""
 
     information: FloatArray  #: (..., 2, q, q) of the coefficients: common, own
     moment: FloatArray  #: (..., q, n_tracks) of whitened frequencies, already weighted: common and own parts together

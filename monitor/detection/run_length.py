@@ -26,7 +26,7 @@ _NODES = 120  # of integrals over a distance
 
 @dataclass(frozen=True)
 class Watching:
-    """How windows are judged."""
+    """Rules by which windows are judged."""
 
     rate: float  #: false alarms a window that a detector may give [-]
     overlap: float  #: share of a window that the next one repeats [-]

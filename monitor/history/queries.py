@@ -27,7 +27,7 @@ class Span:
 
     @property
     def every(self) -> Every:
-        """How finely a trend over it is told."""
+        """Resolution of a trend over it."""
         return "window" if self.end - self.start <= _FINE_DAYS * schema.DAY else "day"
 
     @property

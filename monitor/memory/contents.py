@@ -24,7 +24,7 @@ VERSION = 9  # of what is written here, or of how modes are identified: another 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Memory:
-    """Where a watch stands between two windows."""
+    """State of a watch between two windows."""
 
     matters: dict[str, str]  #: what it depends on, each as words (see `matters`)
     n_windows: int  #: so far

@@ -22,7 +22,7 @@ _SETTLE = 1.0  # s after an item was logged: log, history and notices have it on
 
 @dataclass(frozen=True, kw_only=True)
 class Recalled:
-    """What a start finds of the run before."""
+    """State of the run before, found at a start."""
 
     text: str | None = None  #: the memory
     refused: str | None = None  #: why one that is there is of no use

@@ -21,7 +21,7 @@ _LAGRANGE = np.linalg.inv(np.vander(_NODES.astype(float), increasing=True))
 
 
 class Motion(Protocol):
-    """What a device needs of the world."""
+    """Interface of the world to a device."""
 
     @property
     def rate(self) -> float:
@@ -38,7 +38,7 @@ class Motion(Protocol):
 
 
 class DeviceSource:
-    """What one device measures of the world, as the `SampleSource` of its emulator.
+    """Measurement of the world by one device, as the `SampleSource` of its emulator.
 
     Scan k is the filtered motion at start + k / rate, between simulated samples where its clock says so. The filter
     passes 0.35 of the rate within 0.001 dB, stops -80 dB from 0.51 of it on, and being of linear phase delays every

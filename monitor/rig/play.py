@@ -30,7 +30,7 @@ Emulated = EmulatedEpson | EmulatedEpsonCan
 
 @dataclass(frozen=True, kw_only=True)
 class PlayReport:
-    """What the rig did."""
+    """Actions of the rig."""
 
     sent: int  #: scans handed to the ptys
     dropped: int  #: scans that found a full pty

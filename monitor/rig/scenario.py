@@ -29,7 +29,7 @@ class RigDevice(Table):
 
 
 class Truth(Table):
-    """What nobody tells the monitor about the structure itself."""
+    """True properties of the structure, unknown to the monitor."""
 
     stiffness_factor: Factor = 1.0  #: of E and G
     density_factor: Factor = 1.0

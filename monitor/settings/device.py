@@ -18,7 +18,7 @@ def _known_interface(interface: str) -> str:
 
 
 class CanSettings(Section):
-    """Which CAN bus a device is on, instead of `port`."""
+    """CAN bus of a device, instead of `port`."""
 
     interface: Annotated[str, AfterValidator(_known_interface), Field(examples=["slcan"])]
     """`slcan` for an adapter on a serial port; or any that python-can knows: `socketcan`, `socketcand`, .."""
@@ -33,7 +33,7 @@ class CanSettings(Section):
 
 
 class DbcSettings(Section):
-    """Which signals of a DBC file are a device's, beside `can`."""
+    """Signals of a device in a DBC file, in addition to `can`."""
 
     file: Annotated[str, Field(examples=["imu.dbc"])]
     """DBC file that describes what the device sends (daq)"""
@@ -63,7 +63,7 @@ class DbcSettings(Section):
 
 
 class LogSettings(Section):
-    """Where a recorded device is, to be played again by the driver `replay`, instead of `port`."""
+    """Recorded device to be played again by the driver `replay`, instead of `port`."""
 
     file: Annotated[str, Field(examples=["log"])]
     """log, or folder of its files, that the driver `replay` plays"""
@@ -127,17 +127,17 @@ class DeviceSettings(Section):
 
     @property
     def delay(self) -> float | None:
-        """How long after the motion a scan is [s], None if the driver knows."""
+        """Delay of a scan after the motion [s]; None for the driver's value."""
         return None if self.delay_ms is None else 1e-3 * self.delay_ms
 
     @property
     def waits_for_sync(self) -> bool:
-        """Whether it samples only once another device has been opened."""
+        """True if it samples only once another device has been opened."""
         return self.can is not None and self.can.sync == "consumer"
 
     @property
     def place(self) -> str | CanPlace | LogAddress:
-        """Where it is connected."""
+        """Connection of the device."""
         if self.log is not None:
             return LogAddress(path=Path(self.log.file), device=self.log.device)
         if self.can is None:

@@ -18,7 +18,7 @@ _MOST_WINDOWS = 100_000  # two years of windows of 10 minutes
 
 
 class RecorderSettings(Section):
-    """Where the log goes, and how much of it is kept."""
+    """Place of the log, and the part of it that is kept."""
 
     folder: str = "log"
     """where logs go"""
@@ -39,7 +39,7 @@ class RecorderSettings(Section):
 
 
 class AnalysisSettings(Section):
-    """How windows are cut and analysed."""
+    """Windows and their analysis."""
 
     window_seconds: Annotated[float, Field(ge=1, le=1e6)] = 600.0
     """length of a window"""
@@ -68,7 +68,7 @@ class AnalysisSettings(Section):
 
 
 class AlarmSettings(Section):
-    """When to wake somebody."""
+    """Rules of the alarm."""
 
     false_alarms_per_year: Annotated[float, Field(gt=0, le=1000)] = 1.0
     """that all detectors together may give; sets their limits"""
@@ -141,7 +141,7 @@ class TemperatureSettings(Section):
 
 
 class HistorySettings(Section):
-    """Where what was found is kept for years."""
+    """Database of results over years."""
 
     url: Annotated[SecretStr | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
     """`postgresql://USER@HOST/NAME`; a SQLite file in the state folder unless given"""
@@ -197,7 +197,7 @@ class ClockSettings(Section):
 
 
 class Settings(Section):
-    """What is connected where, and how it is watched."""
+    """Devices and their connections, and the settings of the monitor."""
 
     structure: Annotated[str, Field(examples=["t_structure.toml"])]
     """structure file"""

@@ -21,7 +21,7 @@ _PLOTS_A_COLUMN = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Live:
-    """How a running monitor is followed."""
+    """Settings for following a running monitor."""
 
     seconds: float  #: of the past that the trends show [s]
     channels: tuple[str, ...]  #: whose signals are streamed

@@ -20,7 +20,7 @@ _EVENTS = 12  # that are shown
 
 @dataclass(frozen=True, kw_only=True)
 class Past:
-    """What the history holds of late."""
+    """Recent contents of the history."""
 
     windows: list[WindowRow]
     trends: dict[int, list[TrendPoint]]
@@ -36,7 +36,7 @@ TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "tempe
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Where a site's state stands."""
+    """Paths of a site's state."""
 
     name: str
     state: Path  #: folder

@@ -28,7 +28,7 @@ class Cause(Hypotheses, Protocol):
 
     @property
     def place_free(self) -> bool:
-        """Whether it acts on the whole structure alike."""
+        """True if it acts on the whole structure alike."""
         ...
 
     @property
@@ -38,7 +38,7 @@ class Cause(Hypotheses, Protocol):
 
     @property
     def idle(self) -> FloatArray:
-        """Where a fit beside other causes begins (n_alternatives, n_parameters): what has a place does nothing yet."""
+        """Start of a joint fit with other causes (n_alternatives, n_parameters): what has a place has no effect yet."""
         ...
 
     def where(self, fit: "Fit[Cause]") -> Where | None:
@@ -121,7 +121,7 @@ class Discrete:
 
     @property
     def idle(self) -> FloatArray:
-        """What has no place begins as it does alone."""
+        """Start as alone, for a cause without a place."""
         return self.start
 
     @property

@@ -35,7 +35,7 @@ class Bodies:
 
     @property
     def n_bodies(self) -> int:
-        """How many there are."""
+        """Number of bodies."""
         return int(self.member.shape[1])
 
     def beside(self, free: AddedMass) -> Beside[AddedMass]:

@@ -37,7 +37,7 @@ class CommonFactor(Discrete):
 
     @property
     def informed(self) -> bool:
-        """Whether something beside the modes says what the factor is."""
+        """True if data other than the modes determine the factor."""
         return self.spread < COMMON_FACTOR_STD
 
     def log_factor(self, theta: FloatArray) -> FloatArray:

@@ -300,7 +300,7 @@ class Stretches:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Spread(Stretches):
-    """What is summed over a stretch."""
+    """Effect that is summed over a stretch."""
 
     def matrix(self, summed: FloatArray, share: FloatArray, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the modal matrices (len(rows), n_modes, n_modes) of stretches.

@@ -25,7 +25,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Line:
-    """What lies between two nodes."""
+    """Line between two nodes."""
 
     length: float  #: [m]
     turns: bool  #: whether its nodes have rotations

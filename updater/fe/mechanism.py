@@ -25,7 +25,7 @@ _MOST = 7  # motions looked for: the rigid ones and one more
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FreeMotion:
-    """What moves without strain."""
+    """Motion without strain."""
 
     whole: tuple[str, ...]  #: ways in which all of it moves together, such as `along x`
     node: int | None  #: that moves most where parts move by themselves, None if none does

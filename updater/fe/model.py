@@ -21,7 +21,7 @@ from updater.structure import Body, Joint, Member, Structure
 
 
 class Interpolation(Protocol):
-    """What lies between two nodes: displacements along it."""
+    """Interpolation between two nodes: displacements along the element."""
 
     @property
     def length(self) -> float:
