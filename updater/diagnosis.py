@@ -30,6 +30,7 @@ from updater.candidates import OF_THE_FILE, Candidate, Weighing, allowed_causes,
 from updater.causes.added_mass import AddedMass
 from updater.causes.attached_oscillator import hides
 from updater.causes.base import Cause, Parametric
+from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.causes.local_stiffness import LocalStiffness
 from updater.causes.one_sided_stiffness import propose_one_sided_stiffness
@@ -71,7 +72,6 @@ _PLACE_CONVERGED = 2e-3  # ... and its place by no more than this share of the s
 _MOST_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
-_OF_ALL_MEMBERS = ("global_stiffness", "global_density")
 _STREWN = (
     "Mass changed at several places that these modes cannot resolve. Inspect the structure, or measure with more "
     "sensors and up to higher modes."
@@ -236,9 +236,13 @@ def _diagnosed(
 
 
 def _worn(best: Candidate) -> bool:
-    """Tell whether stiffness has changed along most of several members: of two, or of one and of all together."""
+    """Tell whether stiffness has changed along most of several members: of two, or of one and of all together.
+
+    A factor on all frequencies that only the modes show may be one on all stiffness, whatever it is named.
+    """
     along = sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in best.parts)
-    return along + any(name in _OF_ALL_MEMBERS for name in best.names) > 1
+    of_all = any(isinstance(p.hypotheses, CommonFactor) and not p.hypotheses.informed for p in best.parts)
+    return along + of_all > 1
 
 
 def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, list[Candidate]]:

@@ -27,6 +27,7 @@ THOROUGH = [
     ("added_mass + added_mass", 3170573339005),  # a stretch with a factor for each axis fits them at p = 0.1
     ("one_sided + added_mass", 586223721002),  # likewise mass along a quarter of the column
     ("corroded", 3346821278003),  # a whole column with a factor on all stiffness
+    ("corroded", 3346821278008),  # likewise, as a clock that is off
     ("attached_oscillator", 9400021),  # its own mode moves no sensor
     ("added_mass", 301),  # from accelerations in test_sealed_records.py
     ("local_stiffness", 303),  # likewise
