@@ -24,6 +24,8 @@ _SPELLINGS = str.maketrans({"²": "2", "µ": "u", "μ": "u", "^": "", "*": "", "
 _FLOAT_SCALE = 1e-6  # m/s2 a count of signals without a step of their own: a tenth of a microgravity, up to 219 g
 _LARGEST_MODULUS = 1 << LONGEST_COUNTER
 _MESSAGE, _SIGNAL = re.compile(r"\s*BO_\s+(\d+)\s"), re.compile(r"\s*SG_\s")
+_PLACE = re.compile(r"\bSG_\s[^:\n]*:\s*(-?\d+)\s*\|\s*(-?\d+)\s*@|\bBO_\s+\d+\s[^:\n]*:\s*(-?\d+)\s")
+_MAX_BYTES = 1785  # of a message: what J1939 sends in several frames
 _NOBODYS = 0xC0000000  # the number of a message that holds the signals of none, which cantools leaves out
 _Found = tuple[Message, Signal]
 
@@ -65,6 +67,7 @@ def _parsed(path: Path) -> Database:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("cp1252", "replace")  # what older programs write
+    _check_sizes(path, text)
     try:
         database = load_string(text, "dbc")
     except (Error, ValueError, KeyError, IndexError) as error:  # the last ones: of a file that refers to nothing
@@ -73,6 +76,15 @@ def _parsed(path: Path) -> Database:
         raise DbcError(path, "holds no messages")
     _check_whole(path, text, database)
     return database
+
+
+def _check_sizes(path: Path, text: str) -> None:
+    """Refuse signals and messages longer than any: cantools takes memory for every bit before it looks at them."""
+    for found in _PLACE.finditer(text):
+        start, length, size = (0 if digits is None else int(digits[:9]) for digits in found.groups())
+        if not (min(start, length, size) >= 0 and max(start, length) < 8 * _MAX_BYTES and size <= _MAX_BYTES):
+            line = text.count("\n", 0, found.start()) + 1
+            raise DbcError(path, f"line {line}: expected a message of up to {_MAX_BYTES} bytes and signals within it")
 
 
 def _check_whole(path: Path, text: str, database: Database) -> None:

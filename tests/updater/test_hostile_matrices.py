@@ -48,3 +48,18 @@ def test_stated_sizes(sound: Path, body: str) -> None:
     wrong.write_text(f"%%MatrixMarket matrix coordinate real symmetric\n%\n{body}\n")
     with pytest.raises(StructureError, match="stiffness: no matrix can be read"):
         read_matrices(wrong, sound, sound)
+
+
+@pytest.mark.parametrize(("field", "value"), [(4, 255), (6, 0x41)], ids=["version", "encrypted"])
+def test_archive_that_cannot_be_unpacked(sound: Path, field: int, value: int) -> None:
+    """Each entry states the version needed to extract it and its flags; the directory at the end, two bytes later."""
+    content = bytearray(sound.read_bytes())
+    for signature, at in ((b"PK\x03\x04", field), (b"PK\x01\x02", field + 2)):
+        begin = content.find(signature)
+        while begin >= 0:
+            content[begin + at] = value
+            begin = content.find(signature, begin + 4)
+    wrong = sound.with_name("wrong.npz")
+    wrong.write_bytes(content)
+    with pytest.raises(StructureError, match=r"wrong\.npz: "):
+        read_matrices(wrong, wrong, wrong)

@@ -24,7 +24,7 @@ _MAX_ROWS = 10_000_000
 _BLANK, _NEWLINE = ord(" "), ord("\n")
 _DAMAGED = (
     *(OSError, ValueError, KeyError, TypeError, IndexError, EOFError, ArithmeticError, MemoryError),
-    *(BadZipFile, zlib.error, DataError),
+    *(BadZipFile, zlib.error, NotImplementedError, DataError),
 )
 _SYMMETRIC = 1e-8  # of the largest entry: what digits cut off in a text file may leave
 _ROUNDING = 1e-8  # of a DOF's own mass: what digits cut off leave of an eigenvalue that is zero
