@@ -4,9 +4,11 @@ python-can reads the files (candump's .log, Vector's .asc and .blf, PCAN's .trc)
 the same decoder, the same blocks, gaps by the counter; the file's time stamps are the arrivals.
 """
 
+import logging
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +42,8 @@ _BACK_SECONDS = 1.0  # that time stamps may go back: of two buses in one file, n
 _MAX_BYTES = {False: 8, True: 64}  # of a frame of CAN, of CAN FD
 _MAX_SECONDS = 4.6e9  # of a time stamp since 1970
 _RATE_TOLERANCE = 0.05
+_TRC_LOGGER = logging.getLogger("can.io.trc")
+_MAX_MESSAGE = 200  # characters
 _DAMAGED = (
     ValueError,
     KeyError,
@@ -202,7 +206,7 @@ def _messages(path: Path) -> Iterator[can.Message]:
     make, mode = _READERS[path.suffix.lower()]
     number, last = 0, -np.inf
     try:
-        with path.open(mode) as file:  # python-can leaves what it cannot read open
+        with path.open(mode) as file, _strict(_TRC_LOGGER):  # python-can leaves what it cannot read open
             for number, message in enumerate(make(file), 1):
                 if message.timestamp < last - _BACK_SECONDS:
                     why = f"frame {number}: its clock runs backwards, from {last:.6f} s to {message.timestamp:.6f} s"
@@ -216,6 +220,22 @@ def _messages(path: Path) -> Iterator[can.Message]:
         raise DataError(path, f"cannot be read: {error.strerror}") from error
     except _DAMAGED as error:
         raise DataError(path, f"is no CAN log, or is damaged after frame {number}: {error}") from error
+
+
+@contextmanager
+def _strict(logger: logging.Logger) -> Iterator[None]:
+    """Raise ValueError where a reader of python-can warns that it leaves out a line, which the others refuse."""
+
+    def refuse(record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.WARNING:
+            raise ValueError(record.getMessage()[:_MAX_MESSAGE])
+        return True
+
+    logger.addFilter(refuse)
+    try:
+        yield
+    finally:
+        logger.removeFilter(refuse)
 
 
 def _impossible(message: can.Message) -> str:

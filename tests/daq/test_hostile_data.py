@@ -115,6 +115,7 @@ _TRC = b";$FILEVERSION=2.1\n;$STARTTIME=46023.0\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
         ("remote.log", b"(1767225600.0) can0 006#R67489\n", "67489 bytes"),
         ("wide.asc", _ASC + b" 0.5 1  9223372036854775808  Rx   d 2 01 3D\n", "29 bits, found 76"),
         ("less.trc", _TRC + b"      1         0.000 DT  1     0006 Rx -  -29    00 00\n", "-29 bytes"),
+        ("odd.trc", _TRC + b" " + b"x" * 5000 + b"\n", "Failed to parse message"),
         ("late.log", b"(1e300) can0 006#0000\n", "are none of CAN"),
     ],
 )
