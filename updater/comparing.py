@@ -17,6 +17,7 @@ from updater.self_stress import self_stress
 from updater.shape_errors import (
     SHAPE_BIAS,
     foreign_modes,
+    mixed_by_change,
     nearer_modes,
     own_phases,
     shape_whiteners,
@@ -77,7 +78,7 @@ def compare(
         **_frequencies_of(base, event, model_error),
         **_shapes_of(base, event, sign, reference, circumstances, foreign),
         **lags_of(base, event, sign, reference.scatter, nearer, unsure_of(reference, base, event, circumstances)),
-        **dampings_of(base, event),
+        **dampings_of(base, event, mixed_by_change(reference, tracks, ratio)),
         filed=_filed_modes(reference, tracks, channels, base),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,

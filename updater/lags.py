@@ -13,6 +13,7 @@ from updater.statistics import ModalMean, Scatter
 
 _PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
 _LARGEST_DAMPING_STD = 1.0  # of log damping: from there on it was not measured, and is no datum
+_DAMPING_SPREAD = 0.7  # of log damping, between modes of one structure
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
 
 
@@ -73,14 +74,21 @@ def without_mode(whitener: FloatArray, mode: int, n_channels: int) -> FloatArray
     return found
 
 
-def dampings_of(base: ModalMean, event: ModalMean) -> dict[str, Any]:
-    """Return what a comparison says of damping."""
+def dampings_of(base: ModalMean, event: ModalMean, mixed: FloatArray) -> dict[str, Any]:
+    """Return what a comparison says of damping.
+
+    Parameters
+    ----------
+    base, event : (n,) of the modes compared
+    mixed : (n,) share of other modes that the change may have mixed into each, with their damping
+    """
     known = (base.damping > 0) & (event.damping > 0)
     now, before = np.where(known, event.damping, 1.0), np.where(known, base.damping, 1.0)
     std = np.hypot(event.damping_std / now, base.damping_std / before)
     known &= std < _LARGEST_DAMPING_STD
+    whole = np.sqrt(np.where(known, std, 1.0) ** 2 + _DAMPING_BIAS**2 + (_DAMPING_SPREAD * mixed) ** 2)
     return {
         "log_damping": np.where(known, np.log(now / before), 0.0),
         "log_damping_std": np.where(known, std, np.nan),
-        "damping_weight": np.where(known, 1 / np.hypot(np.where(known, std, 1.0), _DAMPING_BIAS), 0.0),
+        "damping_weight": np.where(known, 1 / whole, 0.0),
     }

@@ -39,6 +39,21 @@ def foreign_modes(
     return _towards(np.minimum(coupling * closeness, _MOST_TURNED), paired, at_channels)
 
 
+def mixed_by_change(reference: Reference, tracks: IndexArray, ratio: FloatArray) -> FloatArray:
+    """Return the share (n,) of other modes that a change of this size may have mixed into each compared one.
+
+    To first order, a body that lowers modes i and k by d_i and d_k turns one towards the other by 2 (d_i d_k)^1/2
+    omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. The share is the square of that, at most one: modes
+    that are farther apart than they have moved keep their own.
+    """
+    paired, shift = reference.paired[tracks], np.abs(ratio)
+    shifts = np.full(len(reference.frequency), shift.mean())
+    shifts[paired] = shift
+    closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
+    turned = 2 * np.sqrt(shifts[paired, None] * shifts) * closeness
+    return np.asarray(np.minimum((turned**2).sum(1), 1.0))
+
+
 def nearer_modes(
     reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, damping: FloatArray
 ) -> FloatArray:

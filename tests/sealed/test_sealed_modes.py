@@ -20,6 +20,7 @@ CASES = [
     ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
 ]
 THOROUGH = [
+    ("bridge: distributed_mass", 2318511296001),  # mixes two modes 1 % apart, whose damping differs
     ("added_mass + support_stiffness", 1131743107009),  # two stretches, one at the foot, fit at p = 0.07
     ("added_mass + support_stiffness", 1131743107016),  # one stretch at the foot with a factor for each axis: p = 0.16
     ("portal: local_stiffness", 3529803145001),  # of a length between two kinds: was told as two that overlap

@@ -1,16 +1,20 @@
 """Errors of shapes, told where they are known: beside the baseline's."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
+import scipy.linalg
 from diagnosis_helpers import CHANNELS, TRACK, Change, learnt
 
 from daq import FloatArray
 from oma import ComplexArray
 from updater import Body
 from updater.delays import split_shape
-from updater.shape_errors import beside, own_phases, turned_back, turned_by_noise
+from updater.reference import Reference
+from updater.shape_errors import beside, mixed_by_change, own_phases, turned_back, turned_by_noise
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -84,3 +88,25 @@ def test_a_reference_that_fits_badly_is_believed_less() -> None:
     laden, _, _ = learnt(611, Change(bodies=(Body(at=(0, 0, 0.7), mass=0.4),)))
     assert plain.doubt == 1.0
     assert laden.doubt > 2.0
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.1, 0.3])
+def test_share_of_another_mode_is_that_of_a_body_on_two(gap: float) -> None:
+    """Unit modal displacements at the body: exact modes of K b = omega^2 (1 + m J) b, where they turn little."""
+    frequency, mass = np.array([10.0, 10.0 * (1 + gap)]), 0.004
+    stiffness = np.diag((2 * np.pi * frequency) ** 2)
+    value, vector = scipy.linalg.eigh(stiffness, np.eye(2) + mass)
+    ratio = np.log(np.sqrt(value) / (2 * np.pi) / frequency)
+    reference = cast("Reference", SimpleNamespace(frequency=frequency, paired=np.arange(2)))
+    found = mixed_by_change(reference, np.arange(2), ratio)
+    turned = vector / np.linalg.norm(vector, axis=0)
+    np.testing.assert_allclose(found, [turned[1, 0] ** 2, turned[0, 1] ** 2], rtol=0.35)
+
+
+def test_close_modes_may_mix_wholly_and_unchanged_ones_do_not() -> None:
+    reference = cast("Reference", SimpleNamespace(frequency=np.array([10.0, 10.05, 40.0]), paired=np.arange(3)))
+    tracks = np.arange(3)
+    changed = mixed_by_change(reference, tracks, np.array([-0.01, -0.01, -0.01]))
+    np.testing.assert_allclose(changed[:2], 1.0)
+    assert changed[2] < 1e-3
+    np.testing.assert_allclose(mixed_by_change(reference, tracks, np.zeros(3)), 0.0)
