@@ -42,9 +42,10 @@ class Sharpening:
         """Meaning for the user."""
         least = f"{1e3 * self.least_distance_std:.0f} mm and {1e3 * self.least_mass_std:.0f} g"
         if self.limited_by == "windows":
-            return f"more windows sharpen it as their square root until about {self.enough}, to no less than {least}"
+            until = f"up to about {self.enough} windows: {least} at best"
+            return f"more windows reduce the deviation with their square root, {until}"
         what = {"baseline": "a longer baseline", "model": "a better model or another sensor"}[self.limited_by]
-        return f"more windows will not sharpen it under {least}, {what} would"
+        return f"more windows will not reduce the deviation under {least}; {what} would"
 
 
 def sharpening(reference: Reference, event: ModalMean) -> Sharpening:

@@ -76,7 +76,7 @@ def increments_figure(reference: ReferenceResult, increments: MassIncrements) ->
             frame.draw_increments(axes, values[:, column], float(seen.max(initial=0.0)) or 1.0)
             frame.draw_flags(axes, increments, direction, values[:, column])
             axes.set_title(f"{direction}, {name}: {_total(increments, values, column, name)}", fontsize=8.5)
-            text = f"largest {1000 * seen.max():.1f} g a node" if len(seen) else "says nothing in this direction"
+            text = f"largest {1000 * seen.max():.1f} g per node" if len(seen) else "nothing known in this direction"
             axes.annotate(text, (0.5, -0.02), xycoords="axes fraction", ha="center", fontsize=7, color=SOFT)
     return figure
 

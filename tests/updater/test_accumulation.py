@@ -51,10 +51,10 @@ def test_it_says_when_more_windows_are_of_no_use(rig: Rig) -> None:
     twice = found.distance_std**2 > 2 * found.least_distance_std**2
     np.testing.assert_array_equal(twice, found.n < found.enough)
     assert (found.windows, found.limited_by) == (2, "windows")
-    assert f"until about {found.enough}" in found.said
+    assert f"up to about {found.enough}" in found.said
     later = sharpening(rig.reference, rig.event(4 * found.enough))
     assert later.limited_by != "windows"
-    assert "more windows will not sharpen it" in later.said
+    assert "more windows will not reduce the deviation" in later.said
 
 
 def test_a_short_baseline_limits_before_the_model_does(rig: Rig) -> None:

@@ -242,7 +242,7 @@ def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_outlook_stands_on_the_page_where_there_is_one(tmp_path: Path) -> None:
-    said = "more windows sharpen it as their square root until about 4, to no less than 4 mm and 8 g"
+    said = "more windows reduce the deviation with their square root, up to about 4 windows: 4 mm and 8 g at best"
     last = WHOLE["windows"][-1]
     told = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": said})})
     found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], told]}, tmp_path)
