@@ -84,7 +84,7 @@ def _replacement(old: bytes, tokens: list[re.Match[bytes]], random: Random) -> b
     """Return another token: a scaled number for a number, an extreme value, or a token from elsewhere."""
     kind = random.random()
     if kind < 0.4:
-        with suppress(ValueError):
+        with suppress(ValueError, OverflowError):
             number = float(old) * random.choice((-1, 1, 1, 1)) * 10 ** random.uniform(-9, 9)
             return f"{number:.6g}".encode() if b"." in old or random.random() < 0.3 else str(round(number)).encode()
     return random.choice(NASTY) if kind < 0.85 else random.choice(tokens)[0]
