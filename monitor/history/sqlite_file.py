@@ -26,7 +26,7 @@ class SqliteFile:
 
     Parameters
     ----------
-    path : of the file, which is there
+    path : of the file, which was there a moment ago
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,9 +36,9 @@ class SqliteFile:
     def displacement(self) -> str | None:
         """Return how the path no longer leads to the file that was opened; None if it does."""
         now = _identity(self.path)
-        if now == self._identity:
-            return None
-        return "the file was moved or deleted" if now is None else "the file was replaced by another one"
+        if now is None:  # also if it was gone when its identity was to be read
+            return "the file was moved or deleted"
+        return None if now == self._identity else "the file was replaced by another one"
 
     @property
     def due(self) -> bool:

@@ -139,7 +139,7 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
         vitals.write(WELL)
         found = Client(source).get("/healthz").json()
         assert found["healthy"] == well, found
-        assert well or "no mode that is watched is seen" in found["problems"][0]
+        assert well or "no watched mode was identified" in found["problems"][0]
 
 
 def test_page_says_what_could_be_told_where_the_law_is_unsure(source: Source) -> None:

@@ -178,6 +178,12 @@ def test_file_that_is_deleted_twice_within_the_pause_is_restored(
             until(all_gaps_are_there)
 
 
+def test_file_that_is_gone_before_its_identity_is_read_is_missed_all_the_same(tmp_path: Path) -> None:
+    """As where it is deleted while it is being opened."""
+    found = sqlite_file.SqliteFile(tmp_path / "history.sqlite")
+    assert found.displacement() == "the file was moved or deleted"
+
+
 def test_rows_written_to_a_server_are_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are written again into a new file only: a server's database is none."""
     HistoryStore(sqlite_url(tmp_path)).__exit__()
