@@ -23,6 +23,7 @@ def _off(reference: Reference) -> float:
     return float(np.sqrt(np.mean((calibrated - reference.baseline.log_frequency) ** 2)))
 
 
+@pytest.mark.thorough
 def test_what_a_weld_takes_of_flexibility_is_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half of the 0.2 % that calibration allows for a beam model is left, and half of what is left without welds."""
     seeds = range(7000, 7006)

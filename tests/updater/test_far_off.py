@@ -55,6 +55,7 @@ def test_what_is_told_of_before_is_the_file_s_own() -> None:
     assert found.reference is found.sought.file
 
 
+@pytest.mark.thorough
 def test_a_body_is_found_beside_it() -> None:
     case = draw("built frame: added_mass", 1)
     [true] = case.done.hidden

@@ -53,6 +53,7 @@ def test_claimed_places_hold_the_body(frame: str, fewest: int) -> None:
     assert sum(held) >= len(held) - 2
 
 
+@pytest.mark.thorough
 def test_the_region_holds_a_heavy_body_near_the_top_of_a_mast() -> None:
     """Bodies that move close modes so much that a mass fitted to first order rules out the place where they are."""
     one = specimen("mast", 531)

@@ -1,6 +1,7 @@
 """A bracket of 5 cm is diagnosed as a frame of 1.5 m is: no length is taken for usual on every structure."""
 
 import numpy as np
+import pytest
 from updater_helpers import measure
 
 from oma import ModalEstimate
@@ -43,6 +44,7 @@ def bracket(youngs_modulus: float, density: float, elements: int, axes: str = "x
     )
 
 
+@pytest.mark.thorough
 def test_fifty_milligrams_are_found_on_a_bracket_of_five_centimetres() -> None:
     """Of 1.1 g; a body's centre lies millimetres beside such an axis, and places a centimetre apart would be four."""
     given, true = bracket(70e9, 2700, 25), bracket(68.5e9, 2730, 50)

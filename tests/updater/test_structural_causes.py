@@ -37,6 +37,7 @@ def off(cause: Cause, place: tuple[float, float, float]) -> float:
     return float(np.linalg.norm(np.subtract(cause.where.position, place))) / cause.where.position_std
 
 
+@pytest.mark.thorough
 def test_snow_on_the_crossbeam() -> None:
     """0.4 kg in beads a centimetre apart over half of it; 4 deviations."""
     beads = tuple(Body(at=(x, 0, 1.48), mass=0.01) for x in np.linspace(-0.195, 0.195, 40))
