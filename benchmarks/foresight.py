@@ -34,7 +34,7 @@ from updater import (
 )
 from updater.expected_noise import shape_errors
 from updater.fe.modes import Modes
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 PLACES_A_FRAME = 10
 CASES = ((0.02, 60.0), (0.05, 60.0), (0.15, 60.0), (0.02, 600.0), (0.05, 600.0), (0.15, 600.0))

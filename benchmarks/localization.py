@@ -20,7 +20,7 @@ from daq import FloatArray
 from oma import ModalEstimate
 from updater import Modes, Reference, learn_reference, learn_scatter, locate_mass, mean_modes, stack_tracks
 from updater.reference import first_stage
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 FRAMES, N_BASELINE, N_EVENT, N_MODES = 10, 8, 4, 8
 SEED = 2026

@@ -24,7 +24,7 @@ from monitor.diagnosing import Observation, observe
 from oma import identify, uncertainty_law
 from updater import Reference, learn_reference, locate_mass, matched, parse_structure, stack_tracks, t_structure_toml
 from updater.errors import UpdaterError
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 FRAMES, N_BASELINE, SEED = 10, 8, 50000
 SHARES = (0.005, 0.01, 0.02, 0.04)

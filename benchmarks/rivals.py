@@ -19,7 +19,7 @@ from updater import MassUpdater, Reference, locate_mass, spread_mass
 from updater.comparing import compare
 from updater.comparison import Comparison
 from updater.reanalysis import no_effect, picked, predict, reanalyse
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from daq.expand import expand_log
 from daq.found import Found, PortAnswer
 from daq.headings import ACCELERATIONS, acceleration
 from daq.hostclock import HostClock, ScaledClock, SystemClock
-from daq.log import Event, Item, LogWriter, log_span, read_attachments, read_events, read_log
+from daq.log import LogWriter, log_span, read_attachments, read_events, read_log
 from daq.log_address import LogAddress
 from daq.log_keeper import LogKeeper
 from daq.log_names import as_logs, newest_log
@@ -38,7 +38,7 @@ from daq.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
 from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.reading import DEVICE_LOST, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
 from daq.recorder import LogRecorder, Rotation
-from daq.recording import Block, Channel, Flag, FloatArray, Gap, IndexArray, IntArray, Recording
+from daq.recording import Block, Channel, Event, Flag, FloatArray, Gap, IndexArray, IntArray, Item, Recording
 from daq.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.repair import LogState, has_end, inspect_log, repair_log
 from daq.scan_clocks import ScanClock, ScanClocks

@@ -8,9 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from daq.log import Event
-from daq.recording import Block, Channel, Flag, FloatArray, Recording, find_gaps
-from daq.sampling import BoolArray
+from daq.recording import Block, BoolArray, Channel, Event, Flag, FloatArray, Recording, find_gaps
 from daq.timebase import ClockFit
 
 _HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid

@@ -24,10 +24,10 @@ from daq.dbc import read_layout
 from daq.drivers.base import Scans
 from daq.drivers.blocks import Blocks
 from daq.errors import DataError
-from daq.log import Event, Item, LogWriter
+from daq.log import LogWriter
 from daq.protocol.can_scan import ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, CanFrames, concatenate
-from daq.recording import Block, Channel, IndexArray
+from daq.recording import Block, Channel, Event, IndexArray, Item
 
 _READERS: dict[str, tuple[Callable[..., Iterable[can.Message]], str]] = {
     ".asc": (can.ASCReader, "r"),

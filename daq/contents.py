@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from daq.errors import LogError
-from daq.log import Item, read_attachments, read_log
+from daq.log import read_attachments, read_log
 from daq.parts import AnyLog, files_of
-from daq.recording import Block, Flag
+from daq.recording import Block, Flag, Item
 from daq.repair import LogState, inspect_log
 
 

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, TypeVar, cast
+from typing import IO, TYPE_CHECKING, Literal, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
@@ -40,6 +40,7 @@ from daq.view import ViewMessage
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
+from daq.recording import Event, Item
 
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
@@ -52,18 +53,6 @@ SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of th
 T = TypeVar("T")
 _KINDS: dict[str, type[int] | type[float]] = {"missing": int, "exact": int, "index": int, "celsius": float}
 MAGIC = b"\x89MCAP0\r\n"
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Event:
-    """Anything that is not a block: it happened, and replay needs to know."""
-
-    topic: str
-    time: int  #: [ns UTC]
-    payload: dict[str, Any]  #: JSON values
-
-
-Item = Block | Event
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from daq.disk_guard import DiskGuard, Surplus
 from daq.errors import ItemError, LogError
-from daq.log import Displacement, Event, Item
+from daq.log import Displacement
 from daq.recorder import LogRecorder
-from daq.recording import Block
+from daq.recording import Block, Event, Item
 from daq.repair import repair_log
 from daq.supervision import error_text
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
-from daq.log import Item
+from daq.recording import Item
 from daq.supervision import FAILURES, SupervisedThread
 
 _LONGEST_PAUSE_SECONDS = 5.0  # before the thread is restarted: the queue holds a little more than that

@@ -9,9 +9,9 @@ import numpy as np
 from daq.assembly import NO_DELAYS, Assembler
 from daq.channelmap import CHANNELS, ChannelMap, parse_channel_map
 from daq.errors import LogError
-from daq.log import Event, read_attachments, read_log
+from daq.log import read_attachments, read_log
 from daq.parts import BEGINNING, AnyLog, LogExcerpt, files_of
-from daq.recording import Block, Channel, Recording, find_gaps
+from daq.recording import Block, Channel, Event, Recording, find_gaps
 
 DEVICE_LOST = "/event/device_lost"
 HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an imported log

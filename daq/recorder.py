@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.log import Displacement, Item, LogWriter
+from daq.log import Displacement, LogWriter
 from daq.log_names import log_path
 from daq.parts import Part
-from daq.recording import Block
+from daq.recording import Block, Item
 from daq.supervision import FAILURES
 from daq.view import View, ViewMessage
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import IntFlag
 from math import ceil
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 IndexArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
 _ROUNDING = 1e-3  # scans
 
 
@@ -134,3 +136,15 @@ def _find_gaps(channels: tuple[Channel, ...], missing: npt.NDArray[np.bool_]) ->
         edges = np.flatnonzero(np.diff(np.r_[False, missing[:, own].any(1), False].astype(np.int8)))
         for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             yield Gap(device=device, start=start, stop=stop)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Event:
+    """Anything that is not a block: it happened, and replay needs to know."""
+
+    topic: str
+    time: int  #: [ns UTC]
+    payload: dict[str, Any]  #: JSON values
+
+
+Item = Block | Event

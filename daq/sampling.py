@@ -3,11 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from daq.recording import FloatArray, IndexArray
-
-BoolArray = npt.NDArray[np.bool_]
+from daq.recording import BoolArray, FloatArray, IndexArray
 
 TOLERANCE = 0.1  #: of a sample's time from the even grid, as a share of the period: a quarter radian at 0.4 of the rate
 _NICE, _NICE_SHARE = 0.02, 1e-5  # a rounder rate may be off: periods at the end of the record, and relative

@@ -18,12 +18,12 @@ from oma.estimate import ComplexArray
 from oma.mac import normalise
 from oma.methods import LevelModes
 from oma.modes import Mode
+from oma.pole_uncertainty import block_std, normalised_move, pole_moves
 from oma.pyramid import Level
 from oma.resonances import Resonance, residue_weight, resonances
 from oma.selection import Selection, uncertainty_law
 from oma.spectra import SpectrumAccumulator
 from oma.stabilization import Stabilization
-from oma.uncertainty import block_std, normalised_move, pole_moves
 
 _LONGEST, _SHORTEST = 2048, 64  # samples a segment
 _ROUNDING = 0.2  # of the logarithm of a length, upwards

@@ -9,9 +9,9 @@ from daq import FloatArray
 from oma.conditioning import BoolArray
 from oma.estimate import ComplexArray, ModalEstimate
 from oma.mac import mac_matrix, normalise
+from oma.pole_uncertainty import PoleInfluence, block_std
 from oma.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_law
 from oma.stabilization import Stabilization
-from oma.uncertainty import PoleInfluence, block_std
 
 _CHANCE = 2.0  # standard deviations that may lie between two groups of one mode
 

@@ -25,10 +25,10 @@ from oma.mac import mac_matrix, normalise
 from oma.matrix_fraction import HalfSpectrum, half_spectrum, matrix_fractions
 from oma.methods import LevelModes
 from oma.modes import candidates
+from oma.pole_uncertainty import PoleInfluence, normalised_move, pole_moves
 from oma.pyramid import Level
 from oma.selection import Selection
 from oma.stabilization import stabilization
-from oma.uncertainty import PoleInfluence, normalised_move, pole_moves
 
 _LINES = (0.058, 0.46)  # that are fitted, as a share of the rate: the band of any level and a margin
 _SHORTEST = 24  # lags

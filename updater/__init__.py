@@ -13,6 +13,7 @@ from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delay
 from updater.detectability import Outlook, foresee, with_sensors
 from updater.diagnosis import Explained, diagnose
 from updater.discrepancy import Discrepancy, as_before, as_extended, as_written, set_beside
+from updater.entries import Body, External, Joint, Material, Member, Oscillator, Recorder, Segment, Support, Updating
 from updater.errors import (
     MechanismError,
     ModalDataError,
@@ -46,40 +47,21 @@ from updater.nodal_masses import NodalMasses, spread_mass
 from updater.nominal import nominal_reference
 from updater.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
 from updater.place_density import Density, densities
+from updater.quantities import ParameterChange, Quantity, Where
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.residual_forces import ForceBalance, force_balance
+from updater.scatter import Scatter, learn_scatter
 from updater.section import Section
 from updater.sensitivity import Prior, SensitivityFit, fit_parameters
 from updater.sensor import Correction, Sensor
 from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
 from updater.several import MassChanges, locate_masses
-from updater.statistics import (
-    ModalMean,
-    Scatter,
-    TrackedModes,
-    learn_scatter,
-    mean_modes,
-    novelty,
-    novelty_limit,
-    stack_tracks,
-)
 from updater.steadiness import is_steady
 from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
-from updater.structure import (
-    Body,
-    External,
-    Joint,
-    Material,
-    Member,
-    Oscillator,
-    Recorder,
-    Segment,
-    Structure,
-    Support,
-    Updating,
-)
+from updater.structure import Structure
 from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
+from updater.tracked import ModalMean, TrackedModes, mean_modes, stack_tracks
 from updater.verdict import (
     CalibrationSummary,
     Cause,
@@ -89,12 +71,9 @@ from updater.verdict import (
     Gain,
     ModeFit,
     Pair,
-    ParameterChange,
-    Quantity,
     ReferenceStep,
     Rejected,
     Verdict,
-    Where,
 )
 from updater.virtual_sensors import VirtualSensing, virtual_sensing
 
@@ -227,8 +206,6 @@ __all__ = [
     "motion",
     "no_effect",
     "nominal_reference",
-    "novelty",
-    "novelty_limit",
     "one_more",
     "open_question",
     "parameter_sensitivities",

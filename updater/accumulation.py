@@ -18,7 +18,7 @@ from updater.first_order import linearised
 from updater.fit import Fit
 from updater.localization import MassChange, fit_mass, mass_change
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _MOST = 1 << 16  # windows: two months of a window a minute and a half; more are as good as endless
 Limit = Literal["windows", "baseline", "model"]

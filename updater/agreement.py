@@ -16,7 +16,7 @@ from updater.causes.nothing import Nothing
 from updater.comparison import Comparison
 from updater.fit import fit
 from updater.prediction import prediction
-from updater.statistics import COMMON_STD
+from updater.tracked import COMMON_STD
 
 _SHARE = 0.2  # of the model error of frequencies: five times as close
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept

@@ -10,13 +10,15 @@ from daq import IndexArray
 from oma import ModalEstimate, mac_matrix
 from updater.calibration import UNLIKE, Calibration, Parameter, calibrate, share_within
 from updater.delays import NO_DELAYS, DeviceDelays
+from updater.entries import Body
 from updater.errors import ModalDataError, PairingError
 from updater.filed import answers_of_file
 from updater.knobs import Knob, with_springs
 from updater.recalibration import Measured, Recalibrated, is_far, model_reference, parameters_of, recalibrated
 from updater.reference import NEAR, SAME_SHAPE, Reference, first_stage
-from updater.statistics import ModalMean, learn_scatter, mean_modes, stack_tracks, stated_scatter
-from updater.structure import Body, Structure
+from updater.scatter import learn_scatter, stated_scatter
+from updater.structure import Structure
+from updater.tracked import ModalMean, mean_modes, stack_tracks
 
 _LEAST_P = 1e-3  # of data and prior, under which the file's parameters are believed less
 

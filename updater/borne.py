@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from daq import FloatArray
+from updater.entries import Axis, Joint, Support
 from updater.internal_actions import weighted_actions
 from updater.reference import Reference
 from updater.self_stress import self_stress
-from updater.structure import Axis, Joint, Support
 
 
 def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:

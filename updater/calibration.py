@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from oma import mac_of_moving, pair_modes
+from updater.entries import AXES, Axis, Joint, Support
 from updater.errors import PairingError
 from updater.fe.assembly import build_model
 from updater.fe.model import Model
@@ -34,10 +35,10 @@ from updater.knobs import (
     welded,
 )
 from updater.modal_checks import check_baseline, check_unit
+from updater.quantities import ParameterChange
 from updater.sensitivity import Convergence, Prior, fit_parameters, frequency_slope
-from updater.statistics import ModalMean
-from updater.structure import AXES, Axis, Joint, Structure, Support
-from updater.verdict import ParameterChange
+from updater.structure import Structure
+from updater.tracked import ModalMean
 
 FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model

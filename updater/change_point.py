@@ -20,7 +20,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import f as f_distribution
 
 from daq import FloatArray, IndexArray
-from updater.statistics import COMMON_STD, TrackedModes
+from updater.tracked import COMMON_STD, TrackedModes
 
 SHORTEST = 3  #: windows of the shortest change that is looked for
 FALSE_POSITIVE = 1e-3  #: probability at which windows of one state are found to contain a change

@@ -27,7 +27,7 @@ from updater.comparison import Comparison
 from updater.fit import fit
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _WIDE = (2.0, 5e-3)  # of a gain about one, and of a delay [s]: while the data speak for themselves
 _USUAL = (0.02, 5e-5)  # the same, of most channels

@@ -10,7 +10,7 @@ import numpy as np
 
 from daq import FloatArray
 from oma import ChannelFault
-from updater.statistics import ModalMean, TrackedModes
+from updater.tracked import ModalMean, TrackedModes
 
 _SAME_TONE = 0.05  # of ln f: tones farther apart are different ones
 _LEAST_LEVELS = 4  # windows that a slope over amplitude needs

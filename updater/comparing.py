@@ -23,7 +23,7 @@ from updater.shape_errors import (
     shape_whiteners,
     turned_by_noise,
 )
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
 _BIAS_OF_BANDWIDTH = 0.1  # of what a mode's half bandwidth has changed by: how far identification errs otherwise then

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
 from updater.circumstances import NOTHING_KNOWN, Circumstances
-from updater.statistics import COMMON_STD
+from updater.tracked import COMMON_STD
 
 BoolArray = npt.NDArray[np.bool_]
 

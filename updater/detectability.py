@@ -24,8 +24,8 @@ from updater.fe.modes import Modes
 from updater.reference import Reference
 from updater.sensor import Sensor
 from updater.shape_errors import SHAPE_BIAS
-from updater.statistics import COMMON_STD
 from updater.structure import Structure
+from updater.tracked import COMMON_STD
 
 _N_MODES = 30
 _USUAL = 0.01  # m between places

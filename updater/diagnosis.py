@@ -38,6 +38,7 @@ from updater.circumstances import NOTHING_KNOWN, Circumstances
 from updater.comparing import MODEL_ERROR, compare
 from updater.comparison import Comparison
 from updater.compositions import Compositions, common
+from updater.entries import Body
 from updater.errors import SelectionError
 from updater.fit import Fit, fit, freedom_of_frequencies
 from updater.further_modes import with_further_modes
@@ -46,9 +47,9 @@ from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.significance import significant_only
 from updater.size import size
-from updater.statistics import ModalMean
-from updater.structure import Body, Structure
+from updater.structure import Structure
 from updater.touching import merged
+from updater.tracked import ModalMean
 from updater.verdict import Diagnosis, Failed, Verdict
 from updater.wording import LEAST_P, as_written, calibration_summary, modes_of, named_causes, oddest, rejected_causes
 from updater.written_gain import WindowModes, fit_of_compared, written_gain

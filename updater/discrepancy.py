@@ -21,8 +21,8 @@ from updater.calibration import best_model, channel_rows
 from updater.errors import ModalDataError
 from updater.matching import match_modes
 from updater.reference import Reference
-from updater.statistics import ModalMean
 from updater.structure import Structure
+from updater.tracked import ModalMean
 
 _ROOM = 1.1  # of the highest measured frequency: up to here a simulated mode should have been seen
 _MODAL = tuple(field.name for field in fields(ModalMean) if field.name != "channels")

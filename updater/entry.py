@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 _LARGEST = 1e30  # of any figure: products of them stay numbers
 _SMALLEST = 1e-30  # of a positive one: their quotients too
 _FARTHEST = 1e6  # m
+ON_MEMBER = 1e-4  #: distance from the axis of a member within which a point is on it [m]
 
 
 def _no_truth_value(given: object) -> object:

@@ -10,7 +10,8 @@ from updater.expected_noise import Record, shape_errors
 from updater.fe.model import Model
 from updater.fe.modes import Modes
 from updater.reference import Reference
-from updater.statistics import ModalMean, Scatter, TrackedModes
+from updater.scatter import Scatter
+from updater.tracked import ModalMean, TrackedModes
 
 UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
 _STILL = 1e-6  # of a typical motion, 1 / sqrt(total mass): what moves less only turns, a bar about its axis

@@ -19,7 +19,7 @@ from updater.errors import ModalDataError, ModelError
 from updater.posterior import likeliest_place
 from updater.reanalysis import picked, predict, reanalyse
 from updater.residual import Prediction
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _DRAWS = 200
 _SEED = 7  # the same question has the same answer

@@ -14,7 +14,7 @@ from updater.comparison import Comparison
 from updater.own_modes import FREQUENCY_STD
 from updater.prediction import effect_of
 from updater.reanalysis import reanalyse
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _NEAR = 0.03  # of ln f, between what is measured and what the causes predict
 _ALIKE = 0.8  # MAC, likewise

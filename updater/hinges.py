@@ -11,10 +11,10 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
+from updater.entries import AXES
 from updater.errors import ModelError
 from updater.fe.model import Model
 from updater.fe.solver import factorise
-from updater.structure import AXES
 
 _TURNS = AXES[3:]
 _MOST_ELEMENTS = 1000  # whose hinges are read; of more every n-th, between which increments are smooth

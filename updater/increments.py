@@ -12,7 +12,7 @@ from updater.expansion import LARGEST_CLUSTER, ExpandedChange, expand_change, ex
 from updater.flags import moderated_variance, z_limit
 from updater.modal_checks import check_event
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _WORST_CONDITION = 30.0  # of [A B2]: beyond it noise decides, and smaller clusters are taken
 _NEGLIGIBLE = 1e-9  # of the largest: a deviation, or a singular value of what inputs err, that is rounding

@@ -9,10 +9,10 @@ from collections import defaultdict
 import numpy as np
 
 from daq import FloatArray
+from updater.entries import Member
 from updater.fe.element import Element
 from updater.fe.model import Model
 from updater.fe.modes import Modes
-from updater.structure import Member
 
 N_ACTIONS = 6  # axial force, shear along y and z, twist, bending about y and z
 _TOTAL = (3, 4, 5)  # that follow from dynamic equilibrium at an element's ends

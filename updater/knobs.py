@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray
-from updater.entry import Vector
+from updater.entries import AXES, Axis, Joint, Member, Segment, Support
+from updater.entry import ON_MEMBER, Vector
 from updater.errors import SelectionError
-from updater.structure import AXES, Axis, Joint, Member, Segment, Structure, Support
-from updater.structure_checks import ON_MEMBER
+from updater.structure import Structure
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection

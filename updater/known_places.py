@@ -23,7 +23,7 @@ from updater.errors import ModalDataError
 from updater.fit import BoolArray, evaluate, slopes
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.statistics import COMMON_STD, ModalMean
+from updater.tracked import COMMON_STD, ModalMean
 
 _MOST_SETS = 2000  # sets of candidates that are compared
 _SCATTER, _SCATTER_SPREAD = 1e-3, 1.5  # median of the scatter of ln f, and standard deviation of its logarithm

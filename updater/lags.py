@@ -8,8 +8,9 @@ from scipy.linalg import block_diag
 from daq import FloatArray
 from updater.circumstances import Circumstances
 from updater.reference import Reference
+from updater.scatter import Scatter
 from updater.shape_errors import beside, shape_covariances
-from updater.statistics import ModalMean, Scatter
+from updater.tracked import ModalMean
 
 _PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
 _LARGEST_DAMPING_STD = 1.0  # of log damping: from there on it was not measured, and is no datum

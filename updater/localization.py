@@ -11,8 +11,8 @@ from updater.fe.element import local_axes
 from updater.fit import Fit, fit
 from updater.posterior import Place, credible
 from updater.reference import Reference
-from updater.statistics import ModalMean
 from updater.structure import Structure
+from updater.tracked import ModalMean
 
 MODEL_ERRORS = (0.01, 0.03)  # of a mode's typical displacement: what the reference gets wrong at best, and at worst
 FITS = 0.05  # of chi-square, under which the larger one is tried

@@ -23,7 +23,7 @@ from updater.increments import (
 from updater.one_step import mass_slope, normalised_increments, scale_by_stiffness, update_mass
 from updater.particles import lump
 from updater.reference import Reference
-from updater.statistics import COMMON_STD, ModalMean
+from updater.tracked import COMMON_STD, ModalMean
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from daq import FloatArray, IndexArray
 from oma import mac_matrix
 from updater.modal_checks import check_unit
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _FARTHEST = 0.3  # of ln f
 _LEAST_MAC = 0.5

@@ -1,16 +1,11 @@
 """Measured modes that cannot be right, refused by name before anything is computed from them."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from oma import ModalEstimate, mac_matrix, pair_modes
+from oma import mac_matrix, pair_modes
 from updater.errors import ModalDataError
-
-if TYPE_CHECKING:
-    from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _UNITS = {  # what one hertz is called in units that frequencies are taken in by mistake
     "rad/s": 2 * np.pi,
@@ -22,41 +17,7 @@ _SAME_STD = 3.0  # standard deviations within which two frequencies may be one
 _SAME_MAC = 0.95  # of two shapes that may be one mode's
 
 
-def check_windows(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> None:
-    """Refuse windows whose modes are no modes.
-
-    Parameters
-    ----------
-    estimates : modes of each window
-    tracks : (n_tracks,) indices into each window's modes, or -1
-
-    Raises
-    ------
-    ModalDataError
-        Naming the window and the mode: one on two tracks, no positive frequency, a shape of zeros or with gaps.
-    """
-    for number, (estimate, track) in enumerate(zip(estimates, tracks, strict=True)):
-        used = track[track >= 0]
-        twice = np.flatnonzero(np.bincount(used, minlength=1) > 1)
-        if len(twice):
-            raise ModalDataError(f"window {number}: mode {twice[0]} is on more than one track")
-        for mode in used:
-            fault = _fault(estimate, int(mode))
-            if fault:
-                raise ModalDataError(f"window {number}, mode {mode}: {fault}")
-
-
-def _fault(estimate: ModalEstimate, mode: int) -> str:
-    frequency, shape = estimate.frequency[mode], estimate.shape[mode]
-    if not (np.isfinite(frequency) and frequency > 0):
-        return f"expected a frequency over 0 Hz, found {frequency:g} (a rigid-body mode?)"
-    if not np.isfinite(shape).all():
-        channel = estimate.channels[int(np.argmin(np.isfinite(shape)))]
-        return f"the shape at {frequency:.4g} Hz has no value at channel {channel}"
-    return "" if shape.any() else f"the shape at {frequency:.4g} Hz is zero at every channel"
-
-
-def check_baseline(modes: "ModalMean") -> None:
+def check_baseline(modes: ModalMean) -> None:
     """Refuse a baseline that has one mode on two tracks.
 
     Raises
@@ -68,7 +29,7 @@ def check_baseline(modes: "ModalMean") -> None:
         _refuse_doubled(modes, one, other)
 
 
-def doubles(modes: "ModalMean") -> IndexArray:
+def doubles(modes: ModalMean) -> IndexArray:
     """Return the tracks that are another one's mode once more, of both the one whose shape is known less well.
 
     Identification may take one of two close modes for two where the other is hardly shaken.
@@ -77,7 +38,7 @@ def doubles(modes: "ModalMean") -> IndexArray:
     return np.unique([max(pair, key=lambda track: unknown[track]) for pair in _alike(modes)]).astype(np.intp)
 
 
-def check_event(baseline: "ModalMean", event: "ModalMean") -> None:
+def check_event(baseline: ModalMean, event: ModalMean) -> None:
     """Refuse an event that is not of the baseline's structure, or not in its unit.
 
     Parameters
@@ -105,14 +66,14 @@ def check_event(baseline: "ModalMean", event: "ModalMean") -> None:
             _refuse_doubled(event, one, other)
 
 
-def _refuse_doubled(modes: "ModalMean", one: int, other: int) -> None:
+def _refuse_doubled(modes: ModalMean, one: int, other: int) -> None:
     both = np.exp(modes.log_frequency[[one, other]])
     raise ModalDataError(
         f"tracks {one} and {other} are one mode twice: {both[0]:.5g} and {both[1]:.5g} Hz with the same shape"
     )
 
 
-def _alike(modes: "ModalMean") -> list[tuple[int, int]]:
+def _alike(modes: ModalMean) -> list[tuple[int, int]]:
     """Return pairs of tracks that agree in frequency and shape."""
     shaped = np.flatnonzero(np.isfinite(modes.shape).all(1) & np.isfinite(modes.log_frequency))
     frequency, std, shape = modes.log_frequency[shaped], modes.log_frequency_std[shaped], modes.shape[shaped]

@@ -14,8 +14,8 @@ from daq import FloatArray, IndexArray
 from updater.calibration import UNLIKE, best_model, share_within
 from updater.matching import match_modes
 from updater.own_modes import own_modes
-from updater.statistics import ModalMean
 from updater.structure import Structure
+from updater.tracked import ModalMean
 
 _LEAST_P = 1e-3  # of residuals by measurement noise alone, under which they are more than noise
 _NEAR = 0.02  # of ln f: a mode of the structure that is the one expected

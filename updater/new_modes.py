@@ -8,7 +8,7 @@ from daq import FloatArray, IndexArray
 from oma import mac_matrix
 from updater.matching import match_modes, matched, may_answer, without_fault
 from updater.reference import NEAR, SAME_SHAPE, Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with
 _ALIKE = 0.8  # share of a shape that is of them

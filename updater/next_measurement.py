@@ -22,7 +22,7 @@ from updater.reanalysis import Changed, Effect, picked, reanalyse
 from updater.reference import Reference
 from updater.residual import residual
 from updater.size import size
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _DECIDES = 3.0  # standard deviations
 _NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good as another

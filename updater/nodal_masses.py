@@ -20,8 +20,8 @@ from updater.reanalysis import Effect, no_effect, picked, predict, reanalyse
 from updater.reference import Reference
 from updater.residual import residual
 from updater.sensitivity import Convergence, Prior, SensitivityFit, fit_parameters
-from updater.statistics import ModalMean
 from updater.tangent import Tangent
+from updater.tracked import ModalMean
 
 _STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # prior of one node's mass, of the structure's
 _STEP = 1e-5  # kg, of the derivatives of residuals

@@ -11,8 +11,9 @@ from dataclasses import replace
 from updater.knobs import as_filed, with_springs
 from updater.recalibration import Measured, is_far, model_reference, recalibrated
 from updater.reference import Filed, Reference
-from updater.statistics import TrackedModes, learn_scatter, stated_scatter
+from updater.scatter import learn_scatter, stated_scatter
 from updater.structure import Structure
+from updater.tracked import TrackedModes
 
 
 def nominal_reference(

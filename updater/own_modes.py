@@ -6,7 +6,7 @@ from daq import FloatArray, IndexArray
 from updater.calibration import channel_rows, enough_modes
 from updater.fe.model import Model
 from updater.fe.modes import Modes
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 FREQUENCY_STD = 2e-3  #: of ln f: model error of a beam model, whatever its parameters
 SHAPE_STD = 0.01  #: of a unit shape's components: gains are known to half a per cent, places to millimetres

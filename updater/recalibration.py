@@ -23,8 +23,9 @@ from updater.matching import match_modes, matched, without_fault
 from updater.modal_checks import check_unit
 from updater.own_modes import own_modes
 from updater.reference import Filed, Reference
-from updater.statistics import ModalMean, Scatter, TrackedModes
+from updater.scatter import Scatter
 from updater.structure import Structure
+from updater.tracked import ModalMean, TrackedModes
 
 FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind

@@ -12,7 +12,8 @@ from updater.delays import DeviceDelays
 from updater.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.fe.model import Model
 from updater.fe.modes import Modes
-from updater.statistics import ModalMean, Scatter, TrackedModes
+from updater.scatter import Scatter
+from updater.tracked import ModalMean, TrackedModes
 
 SAME_SHAPE = 0.9  #: MAC, and
 NEAR = 0.05  #: of ln f: modes that may be taken for each other

@@ -32,7 +32,7 @@ from updater.errors import ModelError
 from updater.fe.model import Model
 from updater.hinges import flexibility, hinges_of
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 Reading = Literal["stiffness", "mass"]
 _SIZES = np.geomspace(1e-4, 1.0, 41)  # of a relative error of K or M between two modes, that the data may choose

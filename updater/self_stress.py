@@ -16,11 +16,11 @@ from functools import lru_cache
 import numpy as np
 
 from daq import FloatArray
+from updater.entries import AXES, Axis, Joint, Member, Support
 from updater.fe.assembly import build_model
 from updater.fe.element import Element
 from updater.fe.model import Model
 from updater.internal_actions import N_ACTIONS
-from updater.structure import AXES, Axis, Joint, Member, Support
 
 _MOST = 30  # states: of more than that none are kept, and what gives is taken to bear its loads as before
 _LEAST = 1e-10  # of the largest singular value: what is less is none

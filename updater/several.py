@@ -16,7 +16,7 @@ from updater.fit import Fit, fit
 from updater.localization import FITS, MODEL_ERRORS, MassChange, mass_change
 from updater.mass_scans import same_places, starts
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 _SAME = 0.02  # m: two ends nearer than this are one maximum, or nearer than two of its standard deviations
 _ROUGH = 0.1  # of a mode's displacement: the search's model error, since masses act to first order only in its scans

@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.reference import Reference
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 SHAPE_BIAS = 6e-4  #: of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error

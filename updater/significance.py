@@ -6,7 +6,7 @@ from updater.candidates import Candidate, Weighing, ranked
 from updater.causes.base import Sized
 from updater.compositions import Compositions
 from updater.fit import Fit
-from updater.verdict import SIGNIFICANT
+from updater.quantities import SIGNIFICANT
 
 
 def is_significant(part: Fit[Any]) -> bool:

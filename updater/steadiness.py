@@ -3,7 +3,8 @@
 import numpy as np
 
 from daq import FloatArray
-from updater.statistics import Scatter, TrackedModes
+from updater.scatter import Scatter
+from updater.tracked import TrackedModes
 
 _FAR = 3.0  # standard deviations from the median of the windows
 _LARGEST_FACTOR = 3.0  # of real over stated deviations: where the same windows taught it, a slide did

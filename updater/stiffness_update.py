@@ -18,7 +18,7 @@ from updater.increments import Increments, NullDistribution, expand_changes, see
 from updater.one_step import normalised_increments
 from updater.particles import Particles, lump
 from updater.reference import Reference
-from updater.statistics import COMMON_STD, ModalMean
+from updater.tracked import COMMON_STD, ModalMean
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

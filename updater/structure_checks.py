@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from updater.entry import ON_MEMBER
+
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from daq import FloatArray
-    from updater.structure import Joint, Member, Structure
+    from updater.entries import Entries, Joint, Member
 
-ON_MEMBER = 1e-4  # m
 MAX_ELEMENTS = 20_000  #: of a structure: some 120,000 degrees of freedom
 MAX_SENSORS = 1000  #: covariances of all pairs of channels are held in memory
 _SHORTEST = 1e-3  # of its member's length, extent of a segment
 _ROUNDING = 1e-9  # of a factor that is 0
 
 
-def check_size(structure: Structure) -> None:
+def check_size(structure: Entries) -> None:
     """Check that a structure's matrices fit into memory.
 
     Raises
@@ -37,7 +38,7 @@ def check_size(structure: Structure) -> None:
         raise ValueError(f"sensor: expected up to {MAX_SENSORS}, found {len(structure.sensor)}")
 
 
-def check_names(structure: Structure) -> None:
+def check_names(structure: Entries) -> None:
     """Check that names which are referred to are there, once.
 
     Raises
@@ -69,7 +70,7 @@ def _known(kind: str, name: str, field: str, value: str, known: Collection[str])
         raise ValueError(f"{kind} {name}: {field} {value!r} is not defined; there are {sorted(known)}")
 
 
-def check_places(structure: Structure) -> None:
+def check_places(structure: Entries) -> None:
     """Check that what is fixed to members lies on them, and that joints have something to join.
 
     Raises
@@ -101,7 +102,7 @@ def check_places(structure: Structure) -> None:
     _check_bodies(structure)
 
 
-def _check_bodies(structure: Structure) -> None:
+def _check_bodies(structure: Entries) -> None:
     """Refuse bodies of negative mass that leave the structure none."""
     own = [
         structure.material[m.material].density * structure.section[m.section].area * m.length for m in structure.member
@@ -117,7 +118,7 @@ def _check_bodies(structure: Structure) -> None:
         )
 
 
-def _check_segments(structure: Structure) -> None:
+def _check_segments(structure: Entries) -> None:
     for segment in structure.segment:
         member = structure.member_named(segment.member)
         axis = np.subtract(member.end, member.start) / member.length
@@ -137,7 +138,7 @@ def _check_segments(structure: Structure) -> None:
         _check_weight(structure, member)
 
 
-def _check_weight(structure: Structure, member: Member) -> None:
+def _check_weight(structure: Entries, member: Member) -> None:
     """Refuse segments that take off all the mass that a stretch has."""
     ends = sorted({end for start, stop, _ in structure.segments_of(member) for end in (start, stop)})
     for start, stop in pairwise(ends):
@@ -162,7 +163,7 @@ def _distance(point: FloatArray, start: FloatArray, along: FloatArray) -> FloatA
     return np.asarray(np.linalg.norm(away - share[:, None] * along, axis=1))
 
 
-def _check_joint(joint: Joint, structure: Structure, passing: npt.NDArray[np.bool_]) -> None:
+def _check_joint(joint: Joint, structure: Entries, passing: npt.NDArray[np.bool_]) -> None:
     there = [member.name for member, passes in zip(structure.member, passing, strict=True) if passes]
     if joint.member not in there:
         raise ValueError(f"joint of {joint.member}: {list(joint.at)} does not lie on it")

@@ -8,12 +8,7 @@ import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from daq import parse_toml
-from updater.errors import StructureError
-from updater.keys import not_known
-from updater.knobs import check_updating
-from updater.section import Section
-from updater.sensor import Correction, Sensor
-from updater.structure import (
+from updater.entries import (
     Body,
     External,
     Joint,
@@ -23,10 +18,15 @@ from updater.structure import (
     Oscillator,
     Recorder,
     Segment,
-    Structure,
     Support,
     Updating,
 )
+from updater.errors import StructureError
+from updater.keys import not_known
+from updater.knobs import check_updating
+from updater.section import Section
+from updater.sensor import Correction, Sensor
+from updater.structure import Structure
 from updater.structure_rewrite import rewrite
 
 _ENTRIES: dict[str, type[BaseModel]] = {

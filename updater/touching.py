@@ -10,7 +10,7 @@ from updater.causes.base import Cause
 from updater.causes.composite import Beside, Chosen
 from updater.causes.local_stiffness import LocalStiffness
 from updater.fit import Fit, fit
-from updater.verdict import SIGNIFICANT
+from updater.quantities import SIGNIFICANT
 
 
 @dataclass(frozen=True, kw_only=True)

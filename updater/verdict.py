@@ -2,69 +2,12 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from updater.quantities import ParameterChange, PlainValue, Quantity, Where
 
-from daq import FloatArray
-
-Vector = tuple[float, float, float]
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
 
 
-SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
-
-
-def vector(values: FloatArray) -> Vector:
-    """Return three plain numbers."""
-    x, y, z = (float(v) for v in values)
-    return x, y, z
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
-
-
-class Quantity(_Part):
-    """An estimated parameter of a cause."""
-
-    value: float
-    std: float
-    unit: str
-
-
-class Where(_Part):
-    """Place of a cause on the structure, or the channels of one that sits in the measuring chain."""
-
-    member: str | None = None
-    position: Vector | None = None  #: on the member's axis [m]
-    position_std: float | None = None  #: along the member [m]
-    region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
-    channels: tuple[str, ...] = ()
-
-
-class ParameterChange(_Part):
-    """A parameter of the model that a cause changes, in the units of engineers."""
-
-    name: str  #: as `modalwatch structure --parameters` lists it, such as `steel.E` or `support 0.ry`
-    quantity: str  #: such as `Young's modulus` or `rotational stiffness about y`
-    of: str  #: material, support or joint that it belongs to
-    position: Vector | None  #: of the support, the joint or the weld [m]
-    unit: str  #: Pa, N m/rad, N/m, or - for a factor of stiffness
-    before: float | None  #: None for a connection that was rigid
-    after: float
-    std: float  #: of `after`
-
-    @property
-    def significant(self) -> bool:
-        """True if it differs from `before` by more than two standard deviations.
-
-        The deviation of a connection's flexibility, which is 0 where it is rigid, is relatively that of its stiffness.
-        """
-        if self.before is None:
-            return self.after > SIGNIFICANT * self.std
-        return abs(self.after - self.before) > SIGNIFICANT * self.std
-
-
-class Cause(_Part):
+class Cause(PlainValue):
     """One accepted cause."""
 
     cause: str
@@ -75,7 +18,7 @@ class Cause(_Part):
     changes: tuple[ParameterChange, ...] = ()  #: of the model's own parameters, for causes that are made of them
 
 
-class Rejected(_Part):
+class Rejected(PlainValue):
     """One cause that was tried and refused."""
 
     cause: str
@@ -83,14 +26,14 @@ class Rejected(_Part):
     why: str
 
 
-class Failed(_Part):
+class Failed(PlainValue):
     """One cause, several together, or another part of the answer, left out because of an internal fault."""
 
     part: str
     error: str  #: type and message of the fault
 
 
-class FrequencyFit(_Part):
+class FrequencyFit(PlainValue):
     """A frequency as measured, and as predicted without and with the causes [Hz]."""
 
     measured: float | None
@@ -99,21 +42,21 @@ class FrequencyFit(_Part):
     after: float | None
 
 
-class Pair(_Part):
+class Pair(PlainValue):
     """A figure without and with the causes."""
 
     before: float | None
     after: float | None
 
 
-class ModeFit(_Part):
+class ModeFit(PlainValue):
     """One mode, without and with the causes."""
 
     frequency: FrequencyFit
     mac: Pair
 
 
-class Gain(_Part):
+class Gain(PlainValue):
     """The gain of the written model over the same model without the causes, on data that were not used if `heldout`."""
 
     heldout: bool
@@ -127,7 +70,7 @@ class Gain(_Part):
     exceeds_noise: bool = False  #: whether what the written model leaves is more than that
 
 
-class ReferenceStep(_Part):
+class ReferenceStep(PlainValue):
     """Windows of the reference logs that are left out because the structure was in another state."""
 
     start: int  #: of the first of them [ns UTC]
@@ -140,14 +83,14 @@ class ReferenceStep(_Part):
     p_value: float  #: probability of as clear a step in windows of one state [-]
 
 
-class PairedModes(_Part):
+class PairedModes(PlainValue):
     """Numbers of measured modes that have a partner in the model, as filed and as calibrated."""
 
     before: int
     after: int
 
 
-class CalibrationSummary(_Part):
+class CalibrationSummary(PlainValue):
     """Calibration of the model that causes are sought about, to the reference or to the measured modes."""
 
     modes_measured: int
@@ -155,7 +98,7 @@ class CalibrationSummary(_Part):
     frequency_error_percent: Pair  #: root mean square over the modes that are paired afterwards
 
 
-class Diagnosis(_Part):
+class Diagnosis(PlainValue):
     """Errors of the simulation, or changes of the structure."""
 
     verdict: Verdict

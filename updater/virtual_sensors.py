@@ -25,7 +25,7 @@ from daq import FloatArray, IndexArray, Recording
 from updater.discrepancy import known
 from updater.errors import ModalDataError
 from updater.matching import match_modes
-from updater.statistics import ModalMean
+from updater.tracked import ModalMean
 
 ComplexArray = npt.NDArray[np.complex128]
 _MOST = 1 << 16  # samples that are looked at

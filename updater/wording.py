@@ -14,27 +14,18 @@ from updater.causes.base import Parametric, Placed
 from updater.causes.common_factor import CommonFactor
 from updater.causes.composite import Chosen
 from updater.comparison import Comparison
+from updater.entries import Joint, Support
 from updater.filed import answers_of_file
 from updater.model_fit import ModelFit
 from updater.prediction import mac_of, prediction
+from updater.quantities import ParameterChange, Quantity, Vector
 from updater.reference import Reference
 from updater.residual import residual
 from updater.shape_errors import beside
 from updater.size import size
-from updater.statistics import ModalMean
-from updater.structure import Joint, Structure, Support
-from updater.verdict import (
-    CalibrationSummary,
-    Cause,
-    FrequencyFit,
-    ModeFit,
-    Pair,
-    PairedModes,
-    ParameterChange,
-    Quantity,
-    Rejected,
-    Vector,
-)
+from updater.structure import Structure
+from updater.tracked import ModalMean
+from updater.verdict import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
 
 if TYPE_CHECKING:
     from updater.candidates import Candidate

@@ -14,9 +14,9 @@ from updater.gain import Gained, change_gain_left_out, change_gain_on, gain_of
 from updater.model_fit import ModelFit, fit_of_model
 from updater.prediction import prediction
 from updater.reference import Reference
-from updater.statistics import ModalMean
 from updater.structure import Structure
 from updater.structure_file import dump_structure, parse_structure
+from updater.tracked import ModalMean
 
 
 @dataclass(frozen=True, eq=False)

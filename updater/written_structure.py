@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from updater.entries import AXES, Axis, Joint, Material, Segment, Support
 from updater.entry import Vector
 from updater.knobs import (
     Knob,
@@ -13,7 +14,7 @@ from updater.knobs import (
     is_rigid,
     weld_segments,
 )
-from updater.structure import AXES, Axis, Joint, Material, Segment, Structure, Support
+from updater.structure import Structure
 
 _Connection = TypeVar("_Connection", Support, Joint)
 _NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid, which changes frequencies by 2e-5

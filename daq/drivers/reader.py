@@ -10,8 +10,7 @@ from daq.drivers.guarded import guarded
 from daq.drivers.pace import Pace
 from daq.errors import DeviceLost, DriverError
 from daq.hostclock import HostClock
-from daq.log import Event, Item
-from daq.recording import Block, Flag
+from daq.recording import Block, Event, Flag, Item
 from daq.supervision import SupervisedThread
 
 _RETRY_SECONDS = 0.1

@@ -15,7 +15,7 @@ from oma.fraction_poles import FractionModel, Windowed, continuous, fraction_mod
 from oma.fraction_shapes import shape_moves
 from oma.mac import normalise
 from oma.matrix_fraction import half_spectrum, matrix_fractions
-from oma.uncertainty import normalised_move
+from oma.pole_uncertainty import normalised_move
 
 SEEDS = range(6)
 BAND = (0.058, 0.46)

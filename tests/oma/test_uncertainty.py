@@ -12,8 +12,9 @@ from thorough_helpers import few_of
 from daq import FloatArray
 from oma import ComplexArray, ModalEstimate, identify, normalise
 from oma.correlation import CorrelationSums
+from oma.pole_uncertainty import block_std, normalised_move, pole_moves
 from oma.realisation import Realisation, Subspace, realisations
-from oma.uncertainty import block_std, normalised_move, perturbation, pole_influence, pole_moves
+from oma.uncertainty import perturbation, pole_influence
 
 RATE, LAGS, ROWS, FIRST, BLOCKS = 20.0, 12, 5, 1, 4
 PAST = (0, 2)  # references among three channels

@@ -3,7 +3,8 @@
 import pytest
 from updater_helpers import t_frame
 
-from updater.verdict import Cause, Quantity, Where
+from updater.quantities import Quantity, Where
+from updater.verdict import Cause
 from updater.wording import as_written
 
 

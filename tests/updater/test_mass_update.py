@@ -22,7 +22,7 @@ from updater import (
     stack_tracks,
 )
 from updater.particles import lump
-from updater.statistics import COMMON_STD
+from updater.tracked import COMMON_STD
 
 
 @pytest.fixture(scope="module")

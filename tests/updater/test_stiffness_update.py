@@ -11,7 +11,7 @@ from thorough_helpers import few_of
 from updater import ModalMean, StiffnessUpdater, Structure, build_model, hinges_of, mean_modes, stack_tracks
 from updater.expansion import orthonormal, orthonormal_slope
 from updater.hinges import flexibility
-from updater.statistics import COMMON_STD
+from updater.tracked import COMMON_STD
 
 
 @pytest.fixture(scope="module")

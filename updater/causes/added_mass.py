@@ -15,15 +15,16 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
 from updater.comparison import Comparison
+from updater.entries import Body, Member
 from updater.fe.element import local_axes
 from updater.posterior import Place, credible, places
+from updater.quantities import Quantity, Vector, Where, vector
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.removed_mass import mass_outside_model
 from updater.screening import most_likely
 from updater.size import fineness, size
-from updater.structure import Body, Member, Structure
-from updater.verdict import Quantity, Vector, Where, vector
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -20,10 +20,10 @@ from updater.causes.common_factor import stiffened
 from updater.causes.springs import LOOSE, Springs, propose_joint_stiffness, propose_support_stiffness
 from updater.circumstances import Trend
 from updater.comparison import Comparison
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

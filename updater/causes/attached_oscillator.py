@@ -18,15 +18,16 @@ from scipy.special import gammaln
 from daq import FloatArray, IndexArray
 from updater.causes.magnitude import Magnitude, log_uniform
 from updater.comparison import Comparison, NewModes
+from updater.entries import Oscillator
 from updater.fe.element import local_axes
 from updater.fit import fit as fit_all
 from updater.hanging import hung, not_known, shaking, translations
 from updater.posterior import credible, places
+from updater.quantities import Quantity, Where, vector
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.size import fineness, size
-from updater.structure import Oscillator, Structure
-from updater.verdict import Quantity, Where, vector
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

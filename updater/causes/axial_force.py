@@ -17,11 +17,12 @@ from updater.causes.base import Discrete
 from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import may_be_cut
 from updater.comparison import Comparison
+from updater.entries import Member
 from updater.fe.element import Element
+from updater.quantities import Quantity, Where, vector
 from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
-from updater.structure import Member, Structure
-from updater.verdict import Quantity, Where, vector
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -8,9 +8,9 @@ import numpy as np
 from daq import FloatArray
 from updater.comparison import Comparison
 from updater.fit import Fit, Hypotheses
+from updater.quantities import ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import ParameterChange, Quantity, Where
 
 
 class Cause(Hypotheses, Protocol):

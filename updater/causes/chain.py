@@ -9,10 +9,10 @@ import numpy as np
 
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
+from updater.quantities import Quantity, Where
 from updater.reference import Reference
 from updater.sensor import Correction
 from updater.structure import Structure
-from updater.verdict import Quantity, Where
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

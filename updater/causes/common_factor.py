@@ -14,10 +14,11 @@ from daq import FloatArray, IndexArray
 from updater.borne import borne_by_spring
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
+from updater.entries import AXES
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.self_stress import self_stress
-from updater.structure import AXES, Structure
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -12,10 +12,10 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

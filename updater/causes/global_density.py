@@ -9,10 +9,10 @@ from daq import FloatArray, IndexArray
 from updater.calibration import best_model
 from updater.causes.common_factor import CommonFactor, standard_score, stiffened
 from updater.comparison import Comparison
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -17,10 +17,11 @@ from updater.causes.cells import Cells, cut
 from updater.causes.magnitude import log_uniform
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
 from updater.comparison import Comparison
+from updater.entries import Segment
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.structure import Segment, Structure
-from updater.verdict import Quantity
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

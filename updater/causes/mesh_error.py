@@ -16,10 +16,10 @@ from updater.calibration import best_model
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
 from updater.fe.model import Model
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

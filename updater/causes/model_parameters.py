@@ -28,10 +28,10 @@ from updater.knobs import (
     physical_value,
     welded,
 )
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import SIGNIFICANT, ParameterChange, Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

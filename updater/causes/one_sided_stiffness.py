@@ -17,9 +17,10 @@ from updater.causes.cells import Cells
 from updater.causes.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, first_order
 from updater.causes.stretches import Kinds, begun, everywhere, may_be_cut
 from updater.comparison import Comparison
+from updater.entries import Segment
+from updater.quantities import Quantity
 from updater.reference import Reference
-from updater.structure import Segment, Structure
-from updater.verdict import Quantity
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

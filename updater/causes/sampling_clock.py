@@ -12,9 +12,10 @@ import numpy as np
 from daq import FloatArray
 from updater.causes.common_factor import COMMON_FACTOR_STD, CommonFactor, standard_score
 from updater.comparison import Comparison
+from updater.entries import Recorder
+from updater.quantities import Quantity
 from updater.reference import Reference
-from updater.structure import Recorder, Structure
-from updater.verdict import Quantity
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -8,11 +8,11 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.chain import Chain, corrected, groups_of
 from updater.comparison import Comparison
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, no_effect, picked, predict, reanalyse
 from updater.reference import Reference
 from updater.residual import residual
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from daq import FloatArray, IndexArray
 from updater.causes.chain import Chain, groups_of
 from updater.comparison import Comparison
+from updater.quantities import Quantity
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.sensor import sensor_axes
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -16,11 +16,12 @@ from daq import FloatArray, IndexArray
 from updater.borne import borne_by_spring
 from updater.causes.base import Discrete
 from updater.comparison import Comparison
+from updater.entries import AXES, Axis, Joint, Support
 from updater.knobs import all_knobs, flexibility_unit, is_of
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.structure import AXES, Axis, Joint, Structure, Support
-from updater.verdict import SIGNIFICANT, ParameterChange, Quantity, Where
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -9,9 +9,9 @@ from daq import FloatArray, IndexArray
 from updater.causes.cells import Cells, weighed
 from updater.comparison import Comparison
 from updater.posterior import credible, places
+from updater.quantities import Vector, Where, vector
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Vector, Where, vector
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

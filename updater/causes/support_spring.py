@@ -24,11 +24,12 @@ from updater.causes.stretches import (
     strength,
 )
 from updater.comparison import Comparison
+from updater.entries import AXES, Support
 from updater.hinges import flexibility
+from updater.quantities import Quantity, vector
 from updater.reanalysis import Effect, in_modes, no_effect
 from updater.reference import Reference
-from updater.structure import AXES, Structure, Support
-from updater.verdict import Quantity, vector
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

@@ -18,9 +18,9 @@ import numpy as np
 from daq import FloatArray
 from updater.causes.common_factor import COMMON_FACTOR_STD, OwnFactor, ground_compliance, standard_score, stiffened
 from updater.comparison import Comparison
+from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-from updater.verdict import Quantity
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

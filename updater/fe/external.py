@@ -13,12 +13,13 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray, IntArray
+from updater.entries import AXES, External, Member, Support
+from updater.entry import ON_MEMBER
 from updater.errors import ModelError
 from updater.fe.element import local_axes
 from updater.fe.matrices import Matrices, read_matrices
 from updater.fe.model import Model
-from updater.fe.spans import ON_MEMBER
-from updater.structure import AXES, External, Member, Structure, Support
+from updater.structure import Structure
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -17,8 +17,8 @@ from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
 from daq import DataError, FloatArray, IndexArray, IntArray, check_archive
+from updater.entries import AXES
 from updater.errors import StructureError
-from updater.structure import AXES
 
 _MAX_ROWS = 10_000_000
 _BLANK, _NEWLINE = ord(" "), ord("\n")

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from daq import FloatArray, IntArray
+from updater.entries import AXES, Joint, Member
 from updater.errors import ModelError
-from updater.structure import AXES, Joint, Member, Structure
+from updater.structure import Structure
 
 COINCIDENT = 1e-6  # m: points nearer than this are the same node
 _MISS = 1e-3  # m: points nearer to a member than this were meant to be on it

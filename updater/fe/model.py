@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
+from updater.entries import Body, Joint, Member
 from updater.errors import MechanismError, ModelError
 from updater.fe.body import body_mass
 from updater.fe.mechanism import free_motion
@@ -17,7 +18,7 @@ from updater.fe.mesh import COINCIDENT
 from updater.fe.modes import Modes, NegativeMassError, lowest_modes
 from updater.fe.spans import SpanIndex
 from updater.sensor import sensor_axes
-from updater.structure import Body, Joint, Member, Structure
+from updater.structure import Structure
 
 
 class Interpolation(Protocol):

@@ -6,9 +6,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray
+from updater.entry import ON_MEMBER
 from updater.errors import ModelError
-
-ON_MEMBER = 1e-4  # m
 
 
 class SpanIndex:

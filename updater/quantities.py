@@ -1,0 +1,63 @@
+"""Quantities, places and parameters as plain values, in the units of engineers."""
+
+from pydantic import BaseModel, ConfigDict
+
+from daq import FloatArray
+
+Vector = tuple[float, float, float]
+
+
+SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
+
+
+def vector(values: FloatArray) -> Vector:
+    """Return three plain numbers."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+class PlainValue(BaseModel):
+    """Base model of values that are written to files and logs: frozen, unknown keys are errors."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+
+class Quantity(PlainValue):
+    """An estimated parameter of a cause."""
+
+    value: float
+    std: float
+    unit: str
+
+
+class Where(PlainValue):
+    """Place of a cause on the structure, or the channels of one that sits in the measuring chain."""
+
+    member: str | None = None
+    position: Vector | None = None  #: on the member's axis [m]
+    position_std: float | None = None  #: along the member [m]
+    region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
+    channels: tuple[str, ...] = ()
+
+
+class ParameterChange(PlainValue):
+    """A parameter of the model that a cause changes, in the units of engineers."""
+
+    name: str  #: as `modalwatch structure --parameters` lists it, such as `steel.E` or `support 0.ry`
+    quantity: str  #: such as `Young's modulus` or `rotational stiffness about y`
+    of: str  #: material, support or joint that it belongs to
+    position: Vector | None  #: of the support, the joint or the weld [m]
+    unit: str  #: Pa, N m/rad, N/m, or - for a factor of stiffness
+    before: float | None  #: None for a connection that was rigid
+    after: float
+    std: float  #: of `after`
+
+    @property
+    def significant(self) -> bool:
+        """True if it differs from `before` by more than two standard deviations.
+
+        The deviation of a connection's flexibility, which is 0 where it is rigid, is relatively that of its stiffness.
+        """
+        if self.before is None:
+            return self.after > SIGNIFICANT * self.std
+        return abs(self.after - self.before) > SIGNIFICANT * self.std
