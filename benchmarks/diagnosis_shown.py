@@ -23,7 +23,7 @@ from monitor.discrepancy import DiscrepancyResult
 from monitor.report import beside
 from monitor.report.evidence import evidence_figure
 from monitor.report.svg import styled
-from monitor.words import diagnosis_text
+from monitor.verdict_words import diagnosis_text
 from updater import (
     Body,
     Diagnosis,

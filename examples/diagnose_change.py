@@ -5,7 +5,8 @@ from pathlib import Path
 
 from daq import load_recordings, read_attachments
 from monitor.diagnosing import explain_change, observe
-from monitor.words import cause_text, plain
+from monitor.stretches import plain
+from monitor.words import cause_text
 from updater import parse_structure
 
 folder = Path(__file__).parents[1] / "replay_data"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from monitor.logged import load_run
 from monitor.report import run_report
-from monitor.words import headline
+from monitor.verdict_words import headline
 
 folder = Path(__file__).parents[1] / "replay_data"
 run = load_run(folder / "t_frame_added_mass.mcap")

@@ -6,6 +6,7 @@ import numpy as np
 
 from daq import IndexArray
 from monitor.detection import Shift
+from monitor.results import AcceptedShift
 from monitor.window import Window
 
 
@@ -27,6 +28,20 @@ class Accepted:
         """Return the tracks that are not watched, since no window of the change shows them."""
         return np.flatnonzero(np.isnan(self.shift.log_frequency))
 
+    @property
+    def result(self) -> AcceptedShift:
+        """Return the change as it is written to the log."""
+        return AcceptedShift(
+            time=self.time,
+            raised=self.raised,
+            cause=self.cause,
+            by=self.by,
+            found=self.found,
+            n_windows=len(self.windows),
+            shift_percent=[_finite(value) for value in 100 * np.expm1(self.shift.log_frequency)],
+            shift_std_percent=[_finite(value) for value in 100 * self.shift.std],
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
@@ -34,3 +49,7 @@ class Wanted:
 
     cause: str
     by: str
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -3,16 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from daq import IndexArray
-from monitor.accepted import Accepted
 from monitor.alarms import Change
-from monitor.detection import Shift
-from monitor.results import WindowResult
-from monitor.words import change_text, increment_text, utc
-
-_UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
+from monitor.results import AcceptedShift, WindowResult
+from monitor.stretches import duration_text, utc
+from monitor.words import change_text, increment_text
 
 
 def change_said(change: Change, result: WindowResult) -> str:
@@ -49,48 +43,42 @@ def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
     return f"watching goes on, by the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
 
 
-def accepted_said(change: Accepted) -> str:
+def accepted_said(change: AcceptedShift) -> str:
     """Say what has become the reference, and what the courses of the modes jump by."""
-    seen = np.flatnonzero(np.isfinite(change.shift.log_frequency))
-    moved = ", ".join(_moved(change.shift, mode) for mode in seen)
+    shown = [mode for mode, shift in enumerate(change.shift_percent) if shift is not None]
+    hidden = _hidden(change)
+    moved = ", ".join(_moved(change, mode) for mode in shown)
     by = f" by {change.by}" if change.by else ""
-    learnt = f"the reference from now on, learnt from {len(change.windows)} windows"
-    gone = f"; {_modes(change.hides)} not seen, and not watched until seen in most windows again"
-    hidden = gone if len(change.hides) else ""
-    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{hidden}"
+    learnt = f"the reference from now on, learnt from {change.n_windows} windows"
+    gone = f"; {_modes(hidden)} not seen, and not watched until seen in most windows again" if hidden else ""
+    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{gone}"
 
 
-def seen_again_said(before: Accepted, now: Accepted) -> str:
+def seen_again_said(before: AcceptedShift, now: AcceptedShift) -> str:
     """Say which modes that an accepted change hid are watched again, and what they had moved by."""
-    again = np.setdiff1d(before.hides, now.hides)
-    moved = ", ".join(_moved(now.shift, mode) for mode in again)
+    again = sorted(set(_hidden(before)) - set(_hidden(now)))
+    moved = ", ".join(_moved(now, mode) for mode in again)
     return f"{_modes(again)} watched again, not seen since {now.cause!r} was accepted: frequency moved by {moved}"
 
 
-def _moved(shift: Shift, mode: np.intp) -> str:
-    return f"{100 * np.expm1(shift.log_frequency[mode]):+.2f} ± {100 * shift.std[mode]:.2f} %"
+def _hidden(change: AcceptedShift) -> list[int]:
+    return [mode for mode, shift in enumerate(change.shift_percent) if shift is None]
 
 
-def _modes(tracks: IndexArray) -> str:
+def _moved(change: AcceptedShift, mode: int) -> str:
+    return f"{change.shift_percent[mode]:+.2f} ± {change.shift_std_percent[mode]:.2f} %"
+
+
+def _modes(tracks: list[int]) -> str:
     """Name modes by their numbers."""
-    return f"{'mode' if len(tracks) == 1 else 'modes'} {', '.join(map(str, tracks + 1))}"
+    return f"{'mode' if len(tracks) == 1 else 'modes'} {', '.join(str(track + 1) for track in tracks)}"
 
 
-def undone_said(change: Accepted, said: Mapping[str, Any]) -> str:
+def undone_said(change: AcceptedShift, said: Mapping[str, Any]) -> str:
     """Say what is no longer accepted; a person may have left name and note."""
     by, note = (str(said.get(name) or "") for name in ("by", "note"))
     who, why = f" by {by}" if by else "", f": {note}" if note else ""
     return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"
-
-
-def duration_text(seconds: float) -> str:
-    """Return a duration in its largest two units, such as 3 h 20 min."""
-    for (unit, name), (smaller, below) in zip(_UNITS, (*_UNITS[1:], (1.0, "s")), strict=True):
-        if seconds >= unit:
-            whole = int(seconds // unit)
-            rest = int((seconds - whole * unit) // smaller)
-            return f"{whole} {name} {rest} {below}" if rest else f"{whole} {name}"
-    return f"{seconds:.0f} s"
 
 
 _FLAPPING = {

@@ -11,8 +11,9 @@ from monitor.extras import Extras
 from monitor.lateness import InTime
 from monitor.learning import Watch
 from monitor.results import MassAnswer, MassIncrements
+from monitor.verdict_words import is_one_mass
 from monitor.window import Window
-from monitor.words import failed_text, is_one_mass
+from monitor.words import failed_text
 from updater import (
     Explained,
     ModalDataError,

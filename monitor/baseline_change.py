@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from monitor.stretches import utc
 from monitor.window import Window
-from monitor.words import utc
 from updater import ChangePoint, TrackedModes, find_change
 
 MAX_RESTARTS = 3  #: of learning; then a baseline that contains a change is accepted, which is reported

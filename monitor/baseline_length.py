@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray
-from monitor.alarm_words import duration_text
 from monitor.detection import effective_number
 from monitor.settings import Settings
+from monitor.stretches import duration_text
 from monitor.window import Window
 from updater import TrackedModes
 

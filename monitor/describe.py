@@ -6,7 +6,6 @@ from typing import Any, Literal
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
-from monitor.accepted import Accepted
 from monitor.results import (
     AcceptedShift,
     FlaggedDof,
@@ -80,7 +79,7 @@ def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | No
 
 
 def reference_result(
-    reference: Reference, time: int, tracks: IndexArray, accepted: Sequence[Accepted] = ()
+    reference: Reference, time: int, tracks: IndexArray, accepted: Sequence[AcceptedShift] = ()
 ) -> ReferenceResult:
     """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline.
 
@@ -115,19 +114,7 @@ def reference_result(
         calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
         delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
         delay_wander=reference.delays.wander,
-        accepted=[
-            AcceptedShift(
-                time=change.time,
-                raised=change.raised,
-                cause=change.cause,
-                by=change.by,
-                found=change.found,
-                n_windows=len(change.windows),
-                shift_percent=[_known(value) for value in 100 * np.expm1(change.shift.log_frequency)],
-                shift_std_percent=[_known(value) for value in 100 * change.shift.std],
-            )
-            for change in accepted
-        ],
+        accepted=list(accepted),
     )
 
 

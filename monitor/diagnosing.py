@@ -12,10 +12,11 @@ from daq import FloatArray, IndexArray, Recording
 from monitor.acting import with_acting
 from monitor.errors import RecordLengthError, State, StateError
 from monitor.event import Conditions, Event, event_of
-from monitor.fusion import Windows, choose_tracks, identify_windows
+from monitor.fusion import choose_tracks
 from monitor.lateness import NOT_LATE, InTime, in_time, without_known
 from monitor.reference_windows import of_one_state
 from oma import ChannelFault, IdentificationError, ModalEstimate, aligned
+from oma.windows import Windows, identify_windows
 from updater import (
     Circumstances,
     Explained,

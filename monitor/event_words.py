@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from monitor.words import utc
+from monitor.stretches import utc
 
 _TIMES = ("alarm",)  # fields that are times [ns UTC]
 

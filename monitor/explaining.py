@@ -8,10 +8,11 @@ from daq import IndexArray
 from monitor.beside import discrepancy_result
 from monitor.discrepancy import ChannelHealth, DiscrepancyResult
 from monitor.event import Conditions, Event, event_of
-from monitor.fusion import choose_tracks, common_tones
+from monitor.fusion import choose_tracks
 from monitor.lateness import InTime
 from monitor.sensors_said import health_result
 from monitor.window import Window
+from oma.windows import common_tones
 from updater import (
     Circumstances,
     Explained,

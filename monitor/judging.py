@@ -31,9 +31,9 @@ from monitor.novelty import MOST_OUT
 from monitor.results import AlarmResult, ModeResult, Phase, ReferenceResult, Result, WindowResult
 from monitor.self_test import NEVER_TESTED, SelfTests
 from monitor.settings import Settings
+from monitor.stretches import utc
 from monitor.trend_words import trend_text
 from monitor.window import Window
-from monitor.words import utc
 from updater import NO_DELAYS, DeviceDelays, Structure, UpdaterError
 
 
@@ -244,7 +244,7 @@ class Judge:
         self._watch, self._out, self._calm = watch, [], []
         self._alarm, change = self._alarm.accept(time)
         yield self._reference(watch, time)
-        yield self._changed(time, change, accepted_said(watch.accepted[-1]))
+        yield self._changed(time, change, accepted_said(watch.accepted[-1].result))
 
     def _watch_again(self, time: int, watch: Watch, calm: list[Window]) -> Iterator[Result]:
         """Watch modes again that an accepted change hid, if as many windows as a baseline has show them."""
@@ -257,7 +257,7 @@ class Judge:
         self._watch = again
         self._tests.forget()
         yield self._reference(again, time)
-        yield self._notice(time, "seen_again", seen_again_said(watch.accepted[-1], again.accepted[-1]))
+        yield self._notice(time, "seen_again", seen_again_said(watch.accepted[-1].result, again.accepted[-1].result))
 
     def _undo(self, event: Event) -> Iterator[Result]:
         """Watch by what was the reference before the last acceptance; or take one back that waits for windows."""
@@ -273,10 +273,10 @@ class Judge:
         self._out, self._calm = [], []
         self._tests.forget()
         yield self._reference(self._watch, event.time)
-        yield self._notice(event.time, "undone", undone_said(watch.accepted[-1], event.payload))
+        yield self._notice(event.time, "undone", undone_said(watch.accepted[-1].result, event.payload))
 
     def _reference(self, watch: Watch, time: int) -> ReferenceResult:
-        return reference_result(watch.reference, time, watch.watched, watch.accepted)
+        return reference_result(watch.reference, time, watch.watched, [change.result for change in watch.accepted])
 
     def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
         """Return what is said without a change of the alarm."""

@@ -29,12 +29,11 @@ from daq import (
     read_log,
 )
 from monitor.errors import ResultsError, SettingsError
-from monitor.result_events import event_result
+from monitor.result_events import TOPIC_STOPPED, event_result
 from monitor.results import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, attachable, parse_attached
 from monitor.story import Story
 from monitor.time_range import WHOLE, TimeRange
-from monitor.worker import TOPIC_STOPPED
 from oma import aligned
 from updater import StructureError, parse_structure
 

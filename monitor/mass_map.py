@@ -15,10 +15,11 @@ from daq import FloatArray
 from monitor.frame_axes import frame_axes, size
 from monitor.results import Vector
 from monitor.sight import Sight
-from monitor.stretches import duration_words, heaviest, mass_words
+from monitor.stretches import duration_words, mass_words
 from monitor.target import Plan
 from monitor.unrolled import Unrolled
 from updater import Outlook
+from updater.detectability import heaviest
 
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"

@@ -22,8 +22,9 @@ from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory
 from monitor.self_test import with_mass
 from monitor.settings import Settings
+from monitor.verdict_words import is_one_mass
 from monitor.window import Window
-from monitor.words import change_text, is_one_mass
+from monitor.words import change_text
 from updater import (
     Diagnosis,
     MassChange,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from monitor.words import utc
+from monitor.stretches import utc
 from updater import ReferenceStep, windows_of_one_state
 
 if TYPE_CHECKING:

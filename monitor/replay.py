@@ -28,11 +28,11 @@ from daq import (
 )
 from monitor.memory import MEMORY, NOTHING, fitting
 from monitor.replay_comparison import ReplayComparison, compare_results
-from monitor.result_events import event_result, result_event
+from monitor.result_events import TOPIC_STOPPED, event_result, result_event
 from monitor.results import TOPIC_WINDOW, Result, WindowResult
 from monitor.settings import Override, attachable, overridden, parse_settings
 from monitor.site import Site
-from monitor.worker import TOPIC_STOPPED, Kept, Told, Worker
+from monitor.worker import Kept, Told, Worker
 from updater import parse_structure
 
 _WAITING = 2000  # items that may wait for the analysis

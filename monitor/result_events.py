@@ -32,3 +32,6 @@ def event_result(event: Event) -> Result | None:
     """Return the result that an event of the log stands for, None if it is none."""
     kind = _TYPES.get(event.topic)
     return kind.model_validate(event.payload) if kind else None
+
+
+TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor.fusion import FusedModes, Windows, common_band
+from monitor.fusion import FusedModes
 from oma import ChannelFault, merge
+from oma.windows import Windows, common_band
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones of two set-ups are the same one
 

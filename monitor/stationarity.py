@@ -20,8 +20,9 @@ import numpy as np
 from scipy import stats
 
 from daq import FloatArray, IndexArray, Recording
-from monitor.fusion import Windows, fuse, identify_windows
+from monitor.fusion import fuse
 from oma import IdentificationError, Method, ModalEstimate, identify_all, mac_matrix
+from oma.windows import Windows, identify_windows
 
 _MAX_COLUMNS = 120  # blocks of time in a series; neighbours are averaged down to that
 _EDGE = 2  # least blocks on each side of a change

@@ -1,36 +1,21 @@
-"""Stretches of members on which something holds, and quantities in words."""
+"""Quantities in words: numbers with their deviations, times, durations, masses, stretches of members."""
 
-from updater import Outlook
+import math
 
-_HEAVY = 0.1  # of the structure's mass: where not even so much is noticed, the rig is blind
-Stretches = list[tuple[float, float]]
+import numpy as np
 
+from updater.detectability import Stretches
 
-def heaviest(outlook: Outlook) -> float:
-    """Return the mass [kg] beyond which nobody would call it a weak one: where only that shows the rig is blind."""
-    return _HEAVY * outlook.reference.calibration.model.total_mass()
-
-
-def blind(outlook: Outlook, weakest: list[float], member: int) -> Stretches:
-    """Return the stretches of a member [m] on which a tenth of the structure's mass raises no alarm.
-
-    Parameters
-    ----------
-    outlook : of the structure
-    weakest : (n_places,) mass that raises the alarm [kg]
-    member : its index
-    """
-    found: Stretches = []
-    going = False
-    for here, position, mass in zip(outlook.member, outlook.places.position, weakest, strict=True):
-        if here != member or mass <= heaviest(outlook):
-            going = False
-        elif going:
-            found[-1] = found[-1][0], float(position)
-        else:
-            found.append((float(position), float(position)))
-            going = True
-    return found
+_CERTAIN = 0.999
+_NAMES = {
+    "sensor_polarity": "sensor sign turned",
+    "sensor_swap": "sensors exchanged",
+    "sensor_orientation": "sensor direction",
+    "sensor_dead": "dead sensor",
+    "amplitude_softening": "softening with amplitude",
+    "damping_change": "change of damping",
+}  # others are their own words
+_UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
 
 def stretches_text(found: Stretches) -> str:
@@ -50,3 +35,41 @@ def duration_words(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
+
+
+def plain(name: str) -> str:
+    """Return a name of a cause or parameter as words."""
+    return _NAMES.get(name, name.replace("_", " "))
+
+
+def number_text(value: float, std: float) -> str:
+    """Return a value and its standard deviation, rounded to its first digit, or its second if the first is 1 or 2."""
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:.4g}"
+    power = math.floor(math.log10(std))
+    digits = -power + (std < 2.95 * 10.0**power)
+    shown = max(0, digits)
+    return f"{round(value, digits):.{shown}f} ± {round(std, digits):.{shown}f}"
+
+
+def share_text(probability: float) -> str:
+    """Return a probability in per cent, never rounded to certainty."""
+    if probability > _CERTAIN:
+        return f"over {100 * _CERTAIN:g} %"
+    return f"{100 * probability:.1f} %"
+
+
+def utc(time: int, *, date: bool = True) -> str:
+    """Return a time [ns UTC] to the second."""
+    text = str(np.datetime64(time, "ns"))[:19].replace("T", " ")
+    return f"{text} UTC" if date else text[11:]
+
+
+def duration_text(seconds: float) -> str:
+    """Return a duration in its largest two units, such as 3 h 20 min."""
+    for (unit, name), (smaller, below) in zip(_UNITS, (*_UNITS[1:], (1.0, "s")), strict=True):
+        if seconds >= unit:
+            whole = int(seconds // unit)
+            rest = int((seconds - whole * unit) // smaller)
+            return f"{whole} {name} {rest} {below}" if rest else f"{whole} {name}"
+    return f"{seconds:.0f} s"

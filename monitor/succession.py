@@ -11,10 +11,10 @@ from typing import Any, Self
 from daq import FAILURES, Event, HostClock, Item, LogKeeper, LogThread
 from monitor.analysing import Analysis, blocks_a_second, most_waiting, new_analysis
 from monitor.memory import MEMORY, MemoryFile, Recalled, fitting
-from monitor.result_events import result_event
+from monitor.result_events import TOPIC_STOPPED, result_event
 from monitor.results import Result
 from monitor.site import Site
-from monitor.worker import TOPIC_STOPPED, AnalysisError, Kept, Told, Worker
+from monitor.worker import AnalysisError, Kept, Told, Worker
 from updater import parse_structure
 
 _POLL = 0.2  # s

@@ -13,8 +13,8 @@ from urllib.parse import unquote, urlsplit
 from daq import Event, HostClock, SupervisedThread, SystemClock, parse_json
 from monitor.redaction import revealed, shown_address
 from monitor.settings import TemperatureSettings
+from monitor.stretches import utc
 from monitor.weather import reading
-from monitor.words import utc
 
 _POLL = 1.0  # s
 _TAIL = 65536  # bytes: of a file that is there already, the last reading is enough

@@ -23,8 +23,8 @@ from monitor.results import Result
 
 if TYPE_CHECKING:
     from monitor.pipeline import Pipeline
+from monitor.result_events import TOPIC_STOPPED
 
-TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
 #: glibc gives back at once what was large, in a watch of years; keeps it in a replay, which takes a quarter less so
 _GIVEN_BACK = {"MALLOC_MMAP_THRESHOLD_": "1000000"}

@@ -13,8 +13,8 @@ from sealed_solid import STRUCTURE as SOLID_STRUCTURE
 from sealed_specimen import State
 
 from monitor.diagnosing import Observation, explain, explain_change, follow
-from monitor.fusion import Windows
 from oma import ModalEstimate, WindowQuality
+from oma.windows import Windows
 from updater import Structure, parse_structure, t_structure_toml
 
 _RMS = 0.01  # m/s2, at a loudness of one

@@ -27,6 +27,9 @@ from updater.shape_errors import SHAPE_BIAS
 from updater.structure import Structure
 from updater.tracked import COMMON_STD
 
+_HEAVY = 0.1  # of the structure's mass: where not even so much is noticed, the rig is blind
+Stretches = list[tuple[float, float]]
+
 _N_MODES = 30
 _USUAL = 0.01  # m between places
 _PLACES, _MOST_PLACES = 600, 2400  # on all members, more than a centimetre apart: usually, and where a target asks it
@@ -242,3 +245,30 @@ def _outlook(
     if places is None:
         places = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
     return Outlook(record=record, reference=reference, places=places)
+
+
+def heaviest(outlook: Outlook) -> float:
+    """Return the mass [kg] beyond which nobody would call it a weak one: where only that shows the rig is blind."""
+    return _HEAVY * outlook.reference.calibration.model.total_mass()
+
+
+def blind(outlook: Outlook, weakest: list[float], member: int) -> Stretches:
+    """Return the stretches of a member [m] on which a tenth of the structure's mass raises no alarm.
+
+    Parameters
+    ----------
+    outlook : of the structure
+    weakest : (n_places,) mass that raises the alarm [kg]
+    member : its index
+    """
+    found: Stretches = []
+    going = False
+    for here, position, mass in zip(outlook.member, outlook.places.position, weakest, strict=True):
+        if here != member or mass <= heaviest(outlook):
+            going = False
+        elif going:
+            found[-1] = found[-1][0], float(position)
+        else:
+            found.append((float(position), float(position)))
+            going = True
+    return found

@@ -11,7 +11,7 @@ from monitor.errors import ArgumentError
 from monitor.history import AlarmRow, HistoryError
 from monitor.inbox import Acceptance, Undoing
 from monitor.site import Site, load_site
-from monitor.words import utc
+from monitor.stretches import utc
 
 console = Terminal()
 

@@ -13,7 +13,8 @@ from monitor.cli.exits import DONE, NEEDS_A_PERSON
 from monitor.cli.files import write_json
 from monitor.cli.terminal import Terminal
 from monitor.known_bodies import BodiesResult, select_known_bodies
-from monitor.words import quantity_text, share_text
+from monitor.stretches import share_text
+from monitor.words import quantity_text
 from updater import Quantity
 
 console = Terminal()

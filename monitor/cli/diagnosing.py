@@ -25,9 +25,10 @@ from monitor.recordings import Held, log_channels, log_held
 from monitor.reference_windows import step_text
 from monitor.selection import EVERYTHING, Selection
 from monitor.sensors_said import health_result
+from monitor.stretches import plain, share_text
 from monitor.time_range import WHOLE, TimeRange
 from monitor.trends_beside import trends_beside
-from monitor.words import cause_text, gain_text, plain, share_text
+from monitor.words import cause_text, gain_text
 from oma import OmaError
 from updater import (
     Calibration,

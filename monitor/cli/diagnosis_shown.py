@@ -9,6 +9,8 @@ from rich.table import Table
 
 from monitor.discrepancy import DiscrepancyResult, ModeBeside, Vector
 from monitor.sensors_said import health_text
+from monitor.stretches import plain, share_text
+from monitor.verdict_words import verdict_text
 from monitor.words import (
     MARK,
     NOT_COMPARED,
@@ -19,9 +21,6 @@ from monitor.words import (
     left_over_text,
     missed_text,
     model_gain_text,
-    plain,
-    share_text,
-    verdict_text,
 )
 from updater import Cause, Diagnosis, Gain
 

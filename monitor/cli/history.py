@@ -10,7 +10,6 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.alarm_words import duration_text
 from monitor.cli.exits import DONE
 from monitor.cli.files import write_json
 from monitor.cli.terminal import Terminal
@@ -19,7 +18,7 @@ from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, DayRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow, database_url
 from monitor.results import TOPIC_SELF_TEST, AcceptedShift, ReferenceResult
 from monitor.site import load_site
-from monitor.words import utc
+from monitor.stretches import duration_text, utc
 
 console = Terminal()
 _DAY = 86_400 * 10**9  # ns

@@ -15,7 +15,7 @@ from monitor.cli.history import Found
 from monitor.errors import ArgumentError
 from monitor.history import TrendPoint
 from monitor.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure, styled
-from monitor.words import accepted_text
+from monitor.verdict_words import accepted_text
 
 _STEPS_TO_JOIN = 3.0  # points further apart than this many median steps are not joined by a line
 _LONGEST = 90  # characters of what is written above a line

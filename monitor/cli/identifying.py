@@ -16,7 +16,7 @@ from monitor.cli.files import write_json
 from monitor.cli.modes_shown import Findings, as_json, console, say_modes
 from monitor.cli.range_shown import say_range
 from monitor.errors import ArgumentError
-from monitor.fusion import FusedModes, Windows, fuse, identify_windows
+from monitor.fusion import FusedModes, fuse
 from monitor.model_modes import ModelModes, model_modes
 from monitor.recordings import log_channels, log_recordings
 from monitor.settings import Settings, parse_attached
@@ -25,6 +25,7 @@ from monitor.stationarity import frequency_change
 from monitor.synchrony import LOW_MPC, Asynchrony, asynchrony
 from monitor.time_range import WHOLE, TimeRange
 from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
+from oma.windows import Windows, identify_windows
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
 
 

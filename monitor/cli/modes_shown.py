@@ -12,11 +12,12 @@ from rich.table import Table
 
 from daq import AnyLog
 from monitor.cli.terminal import Terminal
-from monitor.fusion import FusedModes, Windows, are_near
+from monitor.fusion import FusedModes
 from monitor.model_modes import ModelPartner
 from monitor.stationarity import FrequencyChange
 from monitor.synchrony import LOW_MPC, Asynchrony
 from oma import ALIAS_FREE, mpc, mpd
+from oma.windows import Windows, are_near
 
 console = Terminal()
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]

@@ -19,7 +19,7 @@ from monitor.memory import parse_memory, recall
 from monitor.proof import Proof, ProofError, gather, prove
 from monitor.replay import replay
 from monitor.site import Site, load_site
-from monitor.words import utc
+from monitor.stretches import utc
 from updater import parse_structure
 
 console = Terminal()

@@ -12,9 +12,10 @@ from rich.text import Text
 from daq import IndexArray
 from monitor.channel_check import ChannelCheck, twins
 from monitor.sight import Sight, clearer
-from monitor.stretches import blind, duration_words, mass_words, stretches_text
+from monitor.stretches import duration_words, mass_words, stretches_text
 from monitor.target import Plan, SensorSet
 from updater import Outlook, Sensor, Structure, vagueness
+from updater.detectability import blind
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
 _PAIRS = 4  # that are named

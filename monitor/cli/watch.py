@@ -28,8 +28,8 @@ from monitor.replay import ReplayReport, replay, write_watched
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import overrides
 from monitor.site import Site, load_site
+from monitor.stretches import utc
 from monitor.time_range import WHOLE, TimeRange
-from monitor.words import utc
 from updater import parse_structure
 
 console = Terminal()

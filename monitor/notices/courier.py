@@ -14,7 +14,7 @@ from monitor.notices.lane import Lane, Quota
 from monitor.notices.news import News
 from monitor.notices.senders import make_sender
 from monitor.settings import NotifySettings
-from monitor.words import utc
+from monitor.stretches import utc
 
 TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_back"
 _RETRY_FIRST = 10.0  # s

@@ -13,7 +13,8 @@ from monitor.results import (
     WindowResult,
 )
 from monitor.sightless import MOST, Sight
-from monitor.words import change_text, utc
+from monitor.stretches import utc
+from monitor.words import change_text
 
 _ROUTINE = (
     "gap",

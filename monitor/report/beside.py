@@ -9,7 +9,8 @@ from monitor.discrepancy import BalanceResult, DiscrepancyResult, SensorBeside, 
 from monitor.report.frame import Frame
 from monitor.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, new_figure
 from monitor.results import ReferenceResult
-from monitor.words import SIGNIFICANT, number_text
+from monitor.stretches import number_text
+from monitor.words import SIGNIFICANT
 
 WIDTH = 5.2  # inches: half of the page, all of a telephone's
 _WRITTEN = 10  # modes up to which each MAC is written into its cell

@@ -17,26 +17,19 @@ from monitor.report.picture import Picture, optional, picture
 from monitor.results import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.sensors_said import health_rows
 from monitor.story import Story, find_mode
+from monitor.stretches import number_text, plain, share_text, utc
 from monitor.trend_words import standing_trend
 from monitor.unsure_words import unsure_ever, unsure_now
+from monitor.verdict_words import accepted_text, diagnosis_text, headline, is_one_mass, last_state
 from monitor.words import (
-    accepted_text,
     cause_text,
     change_data_text,
-    diagnosis_text,
     failed_text,
     fit_text,
     gain_text,
-    headline,
     increment_text,
-    is_one_mass,
-    last_state,
     mass_text,
-    number_text,
     parameter_texts,
-    plain,
-    share_text,
-    utc,
     where_text,
 )
 from oma import mac_matrix

@@ -9,7 +9,7 @@ from monitor.report.beside import WIDTH
 from monitor.report.frame import Frame
 from monitor.report.svg import ALARM, INK, OK, SOFT, new_figure
 from monitor.results import ReferenceResult
-from monitor.words import plain
+from monitor.stretches import plain
 from updater import Diagnosis
 
 _LINEAR = 5.0  # log evidence up to which the scale is straight: odds of 150 to 1

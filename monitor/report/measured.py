@@ -9,7 +9,8 @@ from monitor.report.evidence import density_figure
 from monitor.report.picture import optional, picture
 from monitor.results import ReferenceResult
 from monitor.sensors_said import health_rows
-from monitor.words import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text, number_text, plain
+from monitor.stretches import number_text, plain
+from monitor.words import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
 
 
 def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:

@@ -4,8 +4,10 @@ import rerun as rr
 
 from monitor.results import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.story import Story, find_mode
+from monitor.stretches import plain, share_text
+from monitor.verdict_words import diagnosis_text
 from monitor.viewer.draw import at, clock
-from monitor.words import cause_text, diagnosis_text, failed_text, fit_text, mass_text, plain, share_text
+from monitor.words import cause_text, failed_text, fit_text, mass_text
 from updater import Diagnosis
 
 _MOST_REFUSED = 6  # causes whose refusal is told one by one

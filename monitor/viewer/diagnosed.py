@@ -10,13 +10,14 @@ from daq import FloatArray
 from monitor.discrepancy import BalanceResult, DiscrepancyResult
 from monitor.geometry import Geometry
 from monitor.results import ReferenceResult
+from monitor.stretches import plain
 from monitor.viewer.cards import diagnosis_card
 from monitor.viewer.diagnosed_layout import SECONDS_TIMELINE, diagnosis_layout
 from monitor.viewer.diagnosed_plots import draw_evidence, draw_mac, draw_offsets, draw_sensors
 from monitor.viewer.draw import once, recording_file
 from monitor.viewer.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, signed_heat
 from monitor.viewer.scene import TUBE, sensors, supports
-from monitor.words import cause_text, plain
+from monitor.words import cause_text
 from updater import Diagnosis
 
 _MARKDOWN = "text/markdown"

@@ -7,10 +7,10 @@ import rerun as rr
 
 from daq import FloatArray
 from monitor.discrepancy import DiscrepancyResult
+from monitor.stretches import plain
 from monitor.unrolled import ticks
 from monitor.viewer.draw import Axes, text
 from monitor.viewer.palette import ALARM, DIM, FAINT, GREY, OK, SENSOR, TEXT, Colour
-from monitor.words import plain
 from updater import Diagnosis
 
 _WIDTH, _HEIGHT = 200.0, 110.0

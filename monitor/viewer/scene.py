@@ -11,9 +11,9 @@ from daq import FloatArray
 from monitor.geometry import Geometry, screen
 from monitor.results import MassAnswer, ReferenceResult, WindowResult
 from monitor.story import Story, thin
+from monitor.stretches import share_text
 from monitor.viewer.draw import at, once
 from monitor.viewer.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
-from monitor.words import share_text
 
 TUBE = 0.0095  # of the structure's size, radius of its members
 SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer

@@ -8,16 +8,15 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from monitor.alarm_words import duration_text
 from monitor.detectable_words import detectable_text
 from monitor.event_words import event_name, event_said
 from monitor.history import AlarmRow, EventRow
 from monitor.results import DetectableChange, SingleMode, TrendResult, Unsure
+from monitor.stretches import duration_text, utc
 from monitor.trend_words import trend_text
 from monitor.unsure_words import single_mode_text, unsure_text
 from monitor.web.drawings import course_svg, structure_svg
 from monitor.web.source import Past, Source, problems, self_test_said
-from monitor.words import utc
 
 _ENVIRONMENT = Environment(loader=PackageLoader("monitor.web"), undefined=StrictUndefined, autoescape=True)
 _SILENT = 3.0  # s

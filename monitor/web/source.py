@@ -8,8 +8,8 @@ from typing import Any
 from daq import parse_json
 from monitor.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
 from monitor.results import ReferenceResult
+from monitor.stretches import utc
 from monitor.vitals import NAME
-from monitor.words import utc
 from updater import Diagnosis
 
 _STALE_SECONDS = 10.0  # without a new file of vitals

@@ -11,10 +11,10 @@ from monitor.backlog import MOST_WINDOWS, SKIPPED, Backlog
 from monitor.notices.news import News
 from monitor.pipeline import Pipeline
 from monitor.replay import replay
-from monitor.result_events import result_event
+from monitor.result_events import TOPIC_STOPPED, result_event
 from monitor.results import Result, WindowResult
 from monitor.settings import parse_settings
-from monitor.worker import TOPIC_STOPPED, Kept, Worker
+from monitor.worker import Kept, Worker
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"

@@ -9,10 +9,10 @@ from updater_helpers import measure, t_frame, true_model
 from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from monitor.diagnosing import Observation, explain
-from monitor.fusion import Windows
 from monitor.memory import memory_text, parse_memory
 from monitor.reference_windows import step_text
 from monitor.results import AlarmResult, Result
+from oma.windows import Windows
 from updater import Body
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)

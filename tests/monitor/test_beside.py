@@ -12,8 +12,8 @@ from daq import Channel, FloatArray, Recording
 from monitor.beside import discrepancy_result
 from monitor.diagnosing import Observation
 from monitor.discrepancy import DiscrepancyResult
-from monitor.fusion import Windows
 from monitor.trends_beside import trends_beside
+from oma.windows import Windows
 from updater import (
     Body,
     Explained,

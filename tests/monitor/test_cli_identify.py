@@ -12,8 +12,9 @@ from oma_helpers import chain, simulate
 from PIL import Image
 
 from daq import Channel, Recording, write_recording
-from monitor.fusion import fuse, identify_windows
+from monitor.fusion import fuse
 from oma import IdentificationError, ModalEstimate, mac
+from oma.windows import identify_windows
 from updater import t_structure_toml
 
 CHAIN = chain(4, first=2.0, damping=0.01)

@@ -10,12 +10,13 @@ import pytest
 from cli_helpers import Commands, assert_refused
 
 from daq import Event, SystemClock
-from monitor.alarm_words import acknowledged_said, duration_text
+from monitor.alarm_words import acknowledged_said
 from monitor.alarms import Alarm, AlarmRules, Change
 from monitor.inbox import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, Acknowledgement, Inbox, leave
 from monitor.pipeline import Pipeline
 from monitor.results import AlarmResult
 from monitor.settings import parse_settings
+from monitor.stretches import duration_text
 from monitor.vitals import NAME, Pace, Vitals
 from updater import parse_structure, t_structure_toml
 

@@ -17,13 +17,12 @@ from monitor.memory import MEMORY, parse_memory
 from monitor.pipeline import Pipeline
 from monitor.replay import replay, write_watched
 from monitor.report.content import run_content
-from monitor.result_events import result_event
+from monitor.result_events import TOPIC_STOPPED, result_event
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import parse_settings
 from monitor.story import Story
 from monitor.time_range import time_range
-from monitor.words import changed_between, last_state
-from monitor.worker import TOPIC_STOPPED
+from monitor.verdict_words import changed_between, last_state
 from updater import parse_structure
 
 REPLAY = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"

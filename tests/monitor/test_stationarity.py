@@ -10,8 +10,8 @@ from cli_helpers import Commands
 from oma_helpers import Structure, chain, simulate
 
 from daq import FloatArray, Recording
-from monitor.fusion import identify_windows
 from monitor.stationarity import FrequencyChange, change_point, frequency_change
+from oma.windows import identify_windows
 
 CHAIN, RATE, SECONDS = chain(5, first=2.0), 40.0, 240.0
 SHIFT = np.array([1.0, 0.3, 1.0, 0.0, 0.6])  # of the modes, of what the most sensitive one loses

@@ -13,7 +13,7 @@ from monitor.novelty import Detector, DetectorState
 from monitor.result_events import result_event
 from monitor.results import AlarmResult, ReferenceResult
 from monitor.story import Story
-from monitor.words import headline
+from monitor.verdict_words import headline
 
 
 def trend(n_modes: int) -> Trend:

@@ -12,7 +12,7 @@ from monitor.detection import DETECTORS, Watched, Watching, accept, judge, least
 from monitor.replay import ReplayReport
 from monitor.results import AlarmResult, ReferenceResult, WindowResult
 from monitor.story import Story
-from monitor.words import headline
+from monitor.verdict_words import headline
 
 P, STD, DAY = 6, 5e-4, 144
 WEEK = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

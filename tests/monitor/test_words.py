@@ -6,6 +6,8 @@ import pytest
 import viewer_helpers as made
 
 from monitor.discrepancy import BalanceResult
+from monitor.stretches import number_text
+from monitor.verdict_words import is_one_mass
 from monitor.viewer.cards import window_card
 from monitor.words import (
     cause_text,
@@ -13,10 +15,8 @@ from monitor.words import (
     change_texts,
     fit_text,
     gain_text,
-    is_one_mass,
     left_over_text,
     model_gain_text,
-    number_text,
     parameter_text,
     where_text,
 )

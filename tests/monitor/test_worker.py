@@ -14,7 +14,8 @@ import pytest
 from end_to_end_helpers import START, site_toml
 
 from daq import Event
-from monitor.worker import TOPIC_STOPPED, AnalysisError, Told, Worker
+from monitor.result_events import TOPIC_STOPPED
+from monitor.worker import AnalysisError, Told, Worker
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live

@@ -9,8 +9,8 @@ from fe_helpers import as_estimate
 
 from daq import FloatArray
 from monitor.diagnosing import Observation, explain, follow
-from monitor.fusion import Windows
 from oma import ModalEstimate, WindowQuality
+from oma.windows import Windows
 from updater import Structure, learn_reference, parse_structure, trend_of
 from updater.causes.amplitude_softening import propose_amplitude_softening
 from updater.causes.catalogue import CATALOGUE

@@ -16,7 +16,7 @@ from monitor.history import HistoryStore
 from monitor.history.schema import DAY
 from monitor.result_events import result_event
 from monitor.results import SelfTestResult
-from monitor.words import utc
+from monitor.stretches import utc
 
 
 @pytest.fixture

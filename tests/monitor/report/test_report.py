@@ -18,8 +18,8 @@ from monitor.logged import DeviceQuality, Run, load_run
 from monitor.report import diagnosis_report, load_diagnosis, run_report
 from monitor.results import AcceptedShift, AlarmResult, OtherPlace
 from monitor.story import Story
-from monitor.words import headline as verdict
-from monitor.words import utc
+from monitor.stretches import utc
+from monitor.verdict_words import headline as verdict
 
 ROOT = Path(__file__).parents[3]
 LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"
