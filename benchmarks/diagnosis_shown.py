@@ -18,8 +18,9 @@ from updater_helpers import measure, t_frame, true_model
 from daq import FloatArray, Recording
 from monitor.beside import discrepancy_result
 from monitor.describe import bare_reference
-from monitor.diagnosing import Observation, explain, observe
+from monitor.diagnosing import explain
 from monitor.discrepancy import DiscrepancyResult
+from monitor.observation import Observation, observe
 from monitor.report import beside
 from monitor.report.evidence import evidence_figure
 from monitor.report.svg import styled

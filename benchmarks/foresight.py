@@ -17,7 +17,7 @@ from planned_helpers import N_AFTER, TrueRig, away, in_order
 from scipy.stats import beta, chi2
 
 from daq import Recording
-from monitor.diagnosing import Observation, observe, window_seconds
+from monitor.observation import Observation, observe, window_seconds
 from oma import identify
 from updater import (
     Body,

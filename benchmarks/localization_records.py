@@ -20,7 +20,7 @@ from measured_helpers import Rig
 from places import HEAD, TOTAL, Judged, Limit, draw, judge, row
 
 from daq import FloatArray, IndexArray, Recording, load_recordings, write_recording
-from monitor.diagnosing import Observation, observe
+from monitor.observation import Observation, observe
 from oma import identify, uncertainty_law
 from updater import Reference, learn_reference, locate_mass, matched, parse_structure, stack_tracks, t_structure_toml
 from updater.errors import UpdaterError

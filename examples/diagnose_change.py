@@ -4,7 +4,8 @@ import tomllib
 from pathlib import Path
 
 from daq import load_recordings, read_attachments
-from monitor.diagnosing import explain_change, observe
+from monitor.diagnosing import explain_change
+from monitor.observation import observe
 from monitor.stretches import plain
 from monitor.words import cause_text
 from updater import parse_structure

@@ -12,9 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-TOPIC_ACKNOWLEDGE = "/event/acknowledge"
-TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undo"
-TOPIC_REFUSED = "/event/refused"  # a file that says nothing sensible
+from monitor.result_events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, TOPIC_UNDO
+
 _LONGEST = 4096  # bytes
 
 

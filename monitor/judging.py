@@ -24,10 +24,10 @@ from monitor.baseline_length import baseline_shortcomings, extended_text, longer
 from monitor.describe import mode_results, reference_result
 from monitor.detectable_words import NO_THERMOMETER
 from monitor.extras import Extras
-from monitor.inbox import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.learning import Watch, learn_watch
 from monitor.memory import Memory, matters
 from monitor.novelty import MOST_OUT
+from monitor.result_events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.results import AlarmResult, ModeResult, Phase, ReferenceResult, Result, WindowResult
 from monitor.self_test import NEVER_TESTED, SelfTests
 from monitor.settings import Settings

@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from daq import FloatArray, LogError, parse_toml
-from monitor.diagnosing import Observation
 from monitor.errors import BodiesError
 from monitor.modal_table import frequency_table, observation_of, read_tables
+from monitor.observation import Observation
 from updater import (
     Body,
     BodyRecord,

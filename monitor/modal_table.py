@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, LogError
-from monitor.diagnosing import Observation
 from monitor.fusion import choose_tracks
 from monitor.modal_columns import Columns, read_columns
+from monitor.observation import Observation
 from oma import ComplexArray, ModalEstimate, normalise
 from oma.windows import Windows
 from updater import Structure, build_model, doubles, mean_modes, stack_tracks

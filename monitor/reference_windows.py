@@ -1,21 +1,18 @@
 """Windows of reference logs that show another state: left out, and reported."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from monitor.observation import Observation
 from monitor.stretches import utc
 from updater import ReferenceStep, windows_of_one_state
-
-if TYPE_CHECKING:
-    from monitor.diagnosing import Observation
 
 _DAY = 86400.0  # s
 
 
-def of_one_state(observation: "Observation") -> tuple["Observation", tuple[ReferenceStep, ...]]:
+def of_one_state(observation: Observation) -> tuple[Observation, tuple[ReferenceStep, ...]]:
     """Return the windows of the state that most of them show, and the changes to the others."""
     order = np.argsort([estimate.start for estimate in observation.estimates], kind="stable")
     ordered = observation.chosen(order)
@@ -39,7 +36,7 @@ def step_text(step: ReferenceStep) -> str:
     )
 
 
-def _step(observation: "Observation", kept: IndexArray, run: IndexArray, p_value: float) -> ReferenceStep:
+def _step(observation: Observation, kept: IndexArray, run: IndexArray, p_value: float) -> ReferenceStep:
     used, left = observation.modes.windows(kept), observation.modes.windows(run)
     seen = np.isfinite(used.log_frequency).any(0) & np.isfinite(left.log_frequency).any(0)
     mean = [np.nanmean(m.log_frequency[:, seen], axis=0) for m in (used, left)]

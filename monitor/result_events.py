@@ -13,6 +13,10 @@ from monitor.results import (
     WindowResult,
 )
 
+TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
+TOPIC_ACKNOWLEDGE = "/event/acknowledge"
+TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undo"
+TOPIC_REFUSED = "/event/refused"  # a file that says nothing sensible
 _TYPES: dict[str, type[Result]] = {
     TOPIC_WINDOW: WindowResult,
     TOPIC_REFERENCE: ReferenceResult,
@@ -32,6 +36,3 @@ def event_result(event: Event) -> Result | None:
     """Return the result that an event of the log stands for, None if it is none."""
     kind = _TYPES.get(event.topic)
     return kind.model_validate(event.payload) if kind else None
-
-
-TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from monitor.diagnosing import Observation
+from monitor.observation import Observation
 from oma import ModalEstimate, normalise
 from updater import Structure, Updating, check_updating
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from daq import FloatArray
-from monitor.diagnosing import Observation
 from monitor.discrepancy import TrendBeside
+from monitor.observation import Observation
 from updater import TrackedModes
 
 _LEAST_WINDOWS = 4

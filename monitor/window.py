@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from daq import FloatArray, Recording
-from monitor.diagnosing import root_mean_square
 from monitor.lateness import without_known
+from monitor.observation import root_mean_square
 from oma import ChannelFault, Identification, ModalEstimate
 from updater import DeviceDelays, estimate_delays, remove_delays
 

@@ -46,8 +46,7 @@ from updater.gain import Gained
 from updater.next_measurement import next_measurement
 from updater.reference import Reference
 from updater.significance import significant_only
-from updater.size import size
-from updater.structure import Structure
+from updater.structure import Structure, size
 from updater.touching import merged
 from updater.tracked import ModalMean
 from updater.verdict import Diagnosis, Failed, Verdict

@@ -24,7 +24,7 @@ from updater.increments import Increments
 from updater.particles import Particles
 from updater.posterior import credible
 from updater.reference import Reference
-from updater.size import extent, fineness, size
+from updater.structure import extent, fineness, size
 from updater.tracked import ModalMean
 
 _SPACING = 0.01  # m between positions on a structure of 1.5 m

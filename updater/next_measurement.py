@@ -21,7 +21,7 @@ from updater.prediction import effect_of, prediction
 from updater.reanalysis import Changed, Effect, picked, reanalyse
 from updater.reference import Reference
 from updater.residual import residual
-from updater.size import size
+from updater.structure import size
 from updater.tracked import ModalMean
 
 _DECIDES = 3.0  # standard deviations

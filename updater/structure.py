@@ -11,6 +11,8 @@ from updater.entries import Body, Entries, Mesh
 from updater.errors import ModelError
 from updater.structure_checks import check_names, check_places, check_size
 
+_USUAL = 1.48  # m, the longest member of the frame that lengths were chosen on
+
 
 class Structure(Entries):
     """A frame of straight members with everything fixed to it."""
@@ -71,3 +73,19 @@ def _cut(member: dict[str, Any], element_length: float) -> dict[str, Any]:
         return member
     length = float(np.linalg.norm(np.subtract(member["to"], member["from"])))
     return member | {"elements": _count(length, element_length)}
+
+
+def size(structure: Structure) -> float:
+    """Return the longest member over that of the usual frame: what a body's offset or a neighbourhood scales by."""
+    return max(member.length for member in structure.member) / _USUAL
+
+
+def extent(structure: Structure) -> float:
+    """Return the largest dimension along an axis over that of the usual frame, however lines are cut into members."""
+    ends = np.array([end for member in structure.member for end in (member.start, member.end)])
+    return float(np.ptp(ends, axis=0).max()) / _USUAL
+
+
+def fineness(structure: Structure) -> float:
+    """Return what spacings of places scale by: small structures need smaller ones, large ones bear the usual."""
+    return min(1.0, size(structure))

@@ -22,8 +22,7 @@ from updater.quantities import ParameterChange, Quantity, Vector
 from updater.reference import Reference
 from updater.residual import residual
 from updater.shape_errors import beside
-from updater.size import size
-from updater.structure import Structure
+from updater.structure import Structure, size
 from updater.tracked import ModalMean
 from updater.verdict import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
 

@@ -15,11 +15,12 @@ from monitor.cli.parameter_table import changes_table
 from monitor.cli.range_shown import say_range
 from monitor.cli.terminal import Terminal
 from monitor.describe import bare_reference
-from monitor.diagnosing import Explanation, Observation, explain, given_up, observe, window_seconds
+from monitor.diagnosing import Explanation, explain
 from monitor.discrepancy import DiscrepancyResult
 from monitor.errors import ArgumentError, RecordLengthError, StateError
 from monitor.left_out import left_out_texts
 from monitor.modal_table import is_table, read_tables
+from monitor.observation import Observation, given_up, observe, window_seconds
 from monitor.optional import run_optional
 from monitor.recordings import Held, log_channels, log_held
 from monitor.reference_windows import step_text

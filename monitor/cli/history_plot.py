@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from daq import FloatArray
-from monitor.cli.history import Found
 from monitor.errors import ArgumentError
 from monitor.history import TrendPoint
+from monitor.history.summary import Found
 from monitor.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure, styled
 from monitor.verdict_words import accepted_text
 

@@ -10,10 +10,10 @@ from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from daq import Event
 from monitor.history import HistoryStore, Reader, Span, database_url
-from monitor.inbox import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, Acceptance, Inbox, Undoing, leave
+from monitor.inbox import Acceptance, Inbox, Undoing, leave
 from monitor.memory import memory_text, parse_memory
 from monitor.pipeline import Pipeline
-from monitor.result_events import result_event
+from monitor.result_events import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, result_event
 from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
 from updater import Body, parse_structure, t_structure_toml
 from updater.causes.catalogue import CATALOGUE

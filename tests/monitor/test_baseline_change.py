@@ -8,8 +8,9 @@ from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 from watch_helpers import BASELINE, Played, judged, run, without_answers
 
-from monitor.diagnosing import Observation, explain
+from monitor.diagnosing import explain
 from monitor.memory import memory_text, parse_memory
+from monitor.observation import Observation
 from monitor.reference_windows import step_text
 from monitor.results import AlarmResult, Result
 from oma.windows import Windows

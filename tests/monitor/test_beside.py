@@ -10,8 +10,8 @@ from updater_helpers import measure, t_frame, true_model
 
 from daq import Channel, FloatArray, Recording
 from monitor.beside import discrepancy_result
-from monitor.diagnosing import Observation
 from monitor.discrepancy import DiscrepancyResult
+from monitor.observation import Observation
 from monitor.trends_beside import trends_beside
 from oma.windows import Windows
 from updater import (

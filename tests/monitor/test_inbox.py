@@ -12,8 +12,9 @@ from cli_helpers import Commands, assert_refused
 from daq import Event, SystemClock
 from monitor.alarm_words import acknowledged_said
 from monitor.alarms import Alarm, AlarmRules, Change
-from monitor.inbox import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, Acknowledgement, Inbox, leave
+from monitor.inbox import Acknowledgement, Inbox, leave
 from monitor.pipeline import Pipeline
+from monitor.result_events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
 from monitor.results import AlarmResult
 from monitor.settings import parse_settings
 from monitor.stretches import duration_text

@@ -12,8 +12,8 @@ from cli_helpers import Commands, assert_refused
 from oma_helpers import chain, simulate
 
 from daq import Channel, LogExcerpt, Recording, log_span, read_attachments, write_recording
-from monitor.diagnosing import Observation
 from monitor.errors import ArgumentError, StateError
+from monitor.observation import Observation
 from monitor.recordings import log_recordings
 from monitor.time_range import time_range
 

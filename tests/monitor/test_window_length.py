@@ -7,7 +7,7 @@ import pytest
 from updater_helpers import t_frame
 
 from daq import Channel, Recording, write_recordings
-from monitor.diagnosing import window_seconds
+from monitor.observation import window_seconds
 from monitor.recordings import Held, log_held
 from updater import build_model
 

@@ -8,7 +8,8 @@ import scipy.linalg
 from fe_helpers import as_estimate
 
 from daq import FloatArray
-from monitor.diagnosing import Observation, explain, follow
+from monitor.diagnosing import explain
+from monitor.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
 from updater import Structure, learn_reference, parse_structure, trend_of

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from ritz_cantilever import BEAM, Clamp, frequencies, structure_file
 
-from monitor.diagnosing import Observation, explain
+from monitor.diagnosing import explain
 from monitor.modal_table import read_tables
+from monitor.observation import Observation
 from updater import Structure, parse_structure
 from updater.comparing import compare
 

@@ -23,8 +23,7 @@ from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
 from updater.removed_mass import mass_outside_model
 from updater.screening import most_likely
-from updater.size import fineness, size
-from updater.structure import Structure
+from updater.structure import Structure, fineness, size
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

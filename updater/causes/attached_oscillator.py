@@ -26,8 +26,7 @@ from updater.posterior import credible, places
 from updater.quantities import Quantity, Where, vector
 from updater.reanalysis import Effect, no_effect
 from updater.reference import Reference
-from updater.size import fineness, size
-from updater.structure import Structure
+from updater.structure import Structure, fineness, size
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause

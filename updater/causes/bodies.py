@@ -16,7 +16,7 @@ from updater.causes.added_mass import LARGEST_REMOVED, AddedMass, along
 from updater.causes.base import Cause
 from updater.causes.composite import Beside, Chosen
 from updater.reanalysis import Effect, no_effect
-from updater.size import fineness
+from updater.structure import fineness
 
 _SPACING = 0.01  # m between the splines' points
 _INTERVALS = (4, 2000)  # of one member, at least and at most
