@@ -196,7 +196,7 @@ fuzz: $(VENV)/.done
 	PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/fuzz_run.py $(ARGUMENTS)
 
 # Small faults put into modules, and the tests that should notice: the table in CONTRIBUTING.md, some minutes a module;
-# it goes on where it was stopped (mutants.jsonl); `make mutants ARGUMENTS="oma/tracking.py --sample 60 --again"`.
+# it goes on where it was stopped (mutants.jsonl); `make mutants ARGUMENTS="oma/tracking/tracker.py --sample 60 --again"`.
 mutants: export OPENBLAS_NUM_THREADS = 1
 mutants: $(VENV)/.done
 	$(BIN)/python tests/mutants_run.py $(ARGUMENTS)

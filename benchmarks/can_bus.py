@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 import can
 import numpy as np
 
-from daq.can_bus import SlcanBus
+from daq.drivers.can.bus import SlcanBus
 from daq.protocol.epson_can import encode_scans
 from daq.protocol.slcan import encode
 

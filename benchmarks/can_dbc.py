@@ -21,7 +21,7 @@ from can_bus import write_paced, writing
 from cantools.database import Database, load_string
 
 from daq import Block, DbcAddress, DbcSensor, DeviceReader, Event, Item, SystemClock, make_driver, read_layout
-from daq.can_bus import SlcanBus
+from daq.drivers.can.bus import SlcanBus
 from daq.protocol.can_scan import ScanDecoder, ScanLayout, encode_scans
 from daq.protocol.frames import CanFrames
 from daq.protocol.slcan import encode

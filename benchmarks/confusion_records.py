@@ -23,9 +23,9 @@ from sealed_signals import joined, recorded
 from sealed_specimen import State
 
 from daq import Recording, load_recordings, write_recording
-from monitor.diagnosing import explain_change
+from monitor.analysis.explanation import explain_change
+from monitor.analysis.observation import Observation, observe, window_seconds
 from monitor.errors import StateError
-from monitor.observation import Observation, observe, window_seconds
 from oma import OmaError
 from updater import Structure
 from updater.errors import UpdaterError

@@ -36,7 +36,7 @@ class Result(BaseModel):
 
 def version() -> str:
     """Return a digest of the code that is judged and of what judges it."""
-    files = [*ROOT.glob("updater/**/*.py"), *ROOT.glob("tests/sealed_*.py"), ROOT / "monitor/diagnosing.py"]
+    files = [*ROOT.glob("updater/**/*.py"), *ROOT.glob("tests/sealed_*.py"), ROOT / "monitor/analysis/explanation.py"]
     digest = hashlib.sha256()
     for path in sorted(files):
         digest.update(path.read_bytes())

@@ -21,7 +21,7 @@ from sealed_signals import joined, recorded
 from sealed_specimen import draw_state
 
 from daq import FloatArray, load_recordings, write_recording
-from monitor.observation import observe, window_seconds
+from monitor.analysis.observation import observe, window_seconds
 
 DRAWS, SEED = 12, 9000
 SPREAD = 1e-3  # s rms between devices

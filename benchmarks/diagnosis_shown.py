@@ -16,15 +16,15 @@ from measured_helpers import Rig
 from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray, Recording
-from monitor.beside import discrepancy_result
-from monitor.describe import bare_reference
-from monitor.diagnosing import explain
-from monitor.discrepancy import DiscrepancyResult
-from monitor.observation import Observation, observe
-from monitor.report import beside
-from monitor.report.evidence import evidence_figure
-from monitor.report.svg import styled
-from monitor.verdict_words import diagnosis_text
+from monitor.analysis.explanation import explain
+from monitor.analysis.observation import Observation, observe
+from monitor.results.comparison import DiscrepancyResult
+from monitor.results.convert import bare_reference
+from monitor.results.correlation import discrepancy_result
+from monitor.text.verdicts import diagnosis_text
+from monitor.views.report import comparison_figures as beside
+from monitor.views.report.evidence_figures import evidence_figure
+from monitor.views.report.svg import styled
 from updater import (
     Body,
     Diagnosis,

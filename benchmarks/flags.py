@@ -18,7 +18,7 @@ from scipy.stats import beta
 
 from oma import ModalEstimate
 from updater import Body, MassUpdater, Reference, StiffnessUpdater, stack_tracks
-from updater.tracked import COMMON_STD, ModalMean
+from updater.modal_data.tracked import COMMON_STD, ModalMean
 
 EVENTS = 8  # a baseline
 RIGS = (3, 4, 5, 6)  # seeds of true frames

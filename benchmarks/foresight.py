@@ -17,7 +17,7 @@ from planned_helpers import N_AFTER, TrueRig, away, in_order
 from scipy.stats import beta, chi2
 
 from daq import Recording
-from monitor.observation import Observation, observe, window_seconds
+from monitor.analysis.observation import Observation, observe, window_seconds
 from oma import identify
 from updater import (
     Body,
@@ -32,9 +32,9 @@ from updater import (
     matched,
     stack_tracks,
 )
-from updater.expected_noise import shape_errors
-from updater.fe.modes import Modes
-from updater.tracked import ModalMean
+from updater.fe.eigen import Modes
+from updater.modal_data.tracked import ModalMean
+from updater.planning.record_noise import shape_errors
 
 PLACES_A_FRAME = 10
 CASES = ((0.02, 60.0), (0.05, 60.0), (0.15, 60.0), (0.02, 600.0), (0.05, 600.0), (0.15, 600.0))

@@ -15,9 +15,9 @@ from pathlib import Path
 from history_helpers import START, change, rows, sqlite_url
 
 from daq import Event
-from monitor.history import HistoryStore
-from monitor.result_events import result_event
-from monitor.results import ModeResult, WindowResult
+from monitor.outputs.history import HistoryStore
+from monitor.results.events import result_event
+from monitor.results.windows import ModeResult, WindowResult
 from updater import Cause, Diagnosis
 
 N, STEP, MODES, FUSED, HOUR = 30 * 144, 600 * 10**9, 8, 100, 6

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from history_helpers import START, run_events, sqlite_url, write_years
 
-from monitor.history import HistoryStore, Reader, Span
-from monitor.history.schema import DAY
+from monitor.outputs.history import HistoryStore, Reader, Span
+from monitor.outputs.history.schema import DAY
 
 YEARS, STEP, MODES, REPEATS = 3.0, 600 * 10**9, 8, 15
 

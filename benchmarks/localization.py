@@ -19,8 +19,8 @@ from places import HEAD, TOTAL, Judged, Limit, Placed, draw, judge, row
 from daq import FloatArray
 from oma import ModalEstimate
 from updater import Modes, Reference, learn_reference, learn_scatter, locate_mass, mean_modes, stack_tracks
-from updater.reference import first_stage
-from updater.tracked import ModalMean
+from updater.modal_data.tracked import ModalMean
+from updater.reference.reference import first_stage
 
 FRAMES, N_BASELINE, N_EVENT, N_MODES = 10, 8, 4, 8
 SEED = 2026

@@ -20,11 +20,11 @@ from measured_helpers import Rig
 from places import HEAD, TOTAL, Judged, Limit, draw, judge, row
 
 from daq import FloatArray, IndexArray, Recording, load_recordings, write_recording
-from monitor.observation import Observation, observe
+from monitor.analysis.observation import Observation, observe
 from oma import identify, uncertainty_law
 from updater import Reference, learn_reference, locate_mass, matched, parse_structure, stack_tracks, t_structure_toml
 from updater.errors import UpdaterError
-from updater.tracked import ModalMean
+from updater.modal_data.tracked import ModalMean
 
 FRAMES, N_BASELINE, SEED = 10, 8, 50000
 SHARES = (0.005, 0.01, 0.02, 0.04)

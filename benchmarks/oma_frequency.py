@@ -36,7 +36,7 @@ BLOCKS = 6  # of the stream that singular values are asked of
 def ours_singular(path: str, rate: float, truth: list[float]) -> Work:
     """Singular values of all lines out of a stream: the record is never in memory as a whole."""
     del truth
-    from oma.spectra import SpectrumAccumulator
+    from oma.spectral.spectra import SpectrumAccumulator
 
     n_samples, n_channels = np.load(path, mmap_mode="r").shape
     with Path(path).open("rb") as file:

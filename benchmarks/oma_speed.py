@@ -60,9 +60,9 @@ def ours_data(path: str, rate: float) -> Work:
 
 
 def _ours(path: str, rate: float, method: Any) -> Work:
-    from oma.correlation import correlation_sums
-    from oma.realisation import realisations
-    from oma.stabilization import Stabilization, stabilization
+    from oma.methods.realization import realisations
+    from oma.selection.stabilization import Stabilization, stabilization
+    from oma.spectral.correlation import correlation_sums
 
     data = np.load(path)
     every = range(data.shape[1])
@@ -81,7 +81,7 @@ def _ours(path: str, rate: float, method: Any) -> Work:
 
 def ours_correlations(path: str, rate: float) -> Work:
     """Correlations alone."""
-    from oma.correlation import correlation_sums
+    from oma.spectral.correlation import correlation_sums
 
     del rate
     data = np.load(path)

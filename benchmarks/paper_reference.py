@@ -16,9 +16,9 @@ from scipy.stats import beta
 
 from daq import FloatArray
 from updater import Body, MassChange, Reference, locate_mass, stack_tracks
-from updater.calibration import best_model
-from updater.knobs import with_springs
-from updater.reference import first_stage, pair_baseline
+from updater.reference.calibration import best_model
+from updater.reference.reference import first_stage, pair_baseline
+from updater.structure.parameters import with_springs
 
 SEEDS = range(3, 13)
 SHARE = 0.04  # of the structure's mass

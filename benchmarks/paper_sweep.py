@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from updater import Body, MassUpdate, MassUpdater, Model, Reference, build_model, locate_mass, stack_tracks
-from updater.one_step import normalised_increments, update_mass
+from updater.one_step.update import normalised_increments, update_mass
 
 TOTAL = 7.505  # kg
 PERCENT = (0.1, 0.2, 0.5, 1.0, 2.0, 4.05, 7.0, 10.0)

@@ -16,10 +16,10 @@ from scipy.optimize import minimize, nnls
 
 from daq import FloatArray
 from updater import MassUpdater, Reference, locate_mass, spread_mass
-from updater.comparing import compare
-from updater.comparison import Comparison
-from updater.reanalysis import no_effect, picked, predict, reanalyse
-from updater.tracked import ModalMean
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import no_effect, picked, predict, reanalyse
+from updater.modal_data.tracked import ModalMean
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,8 +40,8 @@ from updater import (
     stack_tracks,
     t_structure_toml,
 )
-from updater.fe.modes import lowest_modes
-from updater.one_step import normalised_increments, update_mass
+from updater.fe.eigen import lowest_modes
+from updater.one_step.update import normalised_increments, update_mass
 
 CELL = np.array([1.0, 1.1, 0.9])  # m: no two directions alike, so that no two modes are
 N_MODES = 20

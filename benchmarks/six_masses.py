@@ -31,7 +31,7 @@ from six_masses_helpers import (
 )
 
 from daq import FloatArray
-from monitor.known_bodies import BodiesResult, select_known_bodies
+from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
 from updater import BodySelection, build_model, dump_structure
 
 FOLDS, SEED = 7, 0

@@ -33,8 +33,8 @@ from soak_found import missing, named
 from soak_memory import BLOCKS, HEAP, Series, judged
 from soak_rig import places
 
-from monitor.vitals import NAME as STATUS
-from monitor.vitals import last_written
+from monitor.service.status import NAME as STATUS
+from monitor.service.status import last_written
 from updater import t_structure_toml
 
 _HERE = Path(__file__).parent

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from sealed_sites import KINDS, SimulatedSites, SiteKind
 
-from monitor.detection.environment import first_climate, follow, terms
+from monitor.detection.temperature_terms import first_climate, follow, terms
 from monitor.detection.trend import SIGNIFICANT, Trend, WeeklyMeans, add_windows, no_weeks, trend_of
 
 _STEP, _PER_WEEK, _PER_ADDITION = 3 * 3600.0, 56, 28

@@ -24,10 +24,10 @@ import psutil
 from soak import free_port
 
 from daq import AnyLog, Block, Item, read_attachments, read_log
-from monitor.cli.logs import one_log
-from monitor.live import LiveView, live_urls, live_view
-from monitor.result_events import event_result, result_event
-from monitor.results import ReferenceResult, WindowResult
+from monitor.cli.data.log import one_log
+from monitor.results.events import event_result, result_event
+from monitor.results.windows import ReferenceResult, WindowResult
+from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import parse_settings
 
 _MEMORY_MB = 4  # the least

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from daq import FloatArray
-from monitor.alarms import Alarm, AlarmRules
 from monitor.detection import (
     CHUNK,
     DETECTORS,
@@ -21,6 +20,7 @@ from monitor.detection import (
     judge,
     start,
 )
+from monitor.detection.alarm import Alarm, AlarmRules
 
 RULES = AlarmRules(hold_windows=2, clear_windows=2, clear_ratio=0.8, cooldown=3600 * 10**9)
 YEAR_SECONDS = 365.25 * 86400

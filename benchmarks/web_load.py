@@ -22,8 +22,8 @@ from history_helpers import HOUR, run_events, sqlite_url, write_years
 from vitals_helpers import PACE, WELL
 
 from daq import SystemClock
-from monitor.vitals import NAME, Vitals
-from monitor.web import Source, WebServer, web_process
+from monitor.service.servers.web import Source, WebServer, web_process
+from monitor.service.status import NAME, Vitals
 
 PORT = 28_765
 _HALF = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "

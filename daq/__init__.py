@@ -1,20 +1,12 @@
 """Bytes in, recordings out: drivers, emulators, the MCAP log, and blocks of many devices on one grid."""
 
-from daq.archive_size import check_archive
-from daq.assembly import Assembler
 from daq.bounded_text import one_line, parse_json, parse_toml, printable
-from daq.can_address import CanAddress, CanPlace, DbcAddress, DbcSensor
-from daq.canlog import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
-from daq.channelmap import CHANNELS, ChannelMap
-from daq.contents import DeviceInfo, LogInfo, log_info
-from daq.convert import export_recording, with_channels, write_recording, write_recordings
-from daq.datafile import DataOptions, Measured, read_data, read_measured
-from daq.dbc import read_layout
-from daq.derivative import differentiated
-from daq.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
-from daq.disk_guard import DiskGuard, Retention
+from daq.drivers.addresses import CanAddress, CanPlace, DbcAddress, DbcSensor, Found, LogAddress, PortAnswer
 from daq.drivers.base import Driver, Scans
+from daq.drivers.can.dbc_file import read_layout
+from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
 from daq.drivers.reader import DeviceReader
+from daq.drivers.registry import can_interfaces, driver_names, low_grade, make_driver
 from daq.emulator.can_dbc import EmulatedDbc
 from daq.emulator.epson import EmulatedEpson
 from daq.emulator.epson_can import EmulatedEpsonCan
@@ -25,27 +17,33 @@ from daq.emulator.slcan import EmulatedSlcan
 from daq.emulator.witmotion import EmulatedWitmotion
 from daq.emulator.witmotion_can import EmulatedWitmotionCan
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
-from daq.expand import expand_log
-from daq.found import Found, PortAnswer
-from daq.headings import ACCELERATIONS, acceleration
-from daq.hostclock import HostClock, ScaledClock, SystemClock
-from daq.log import LogWriter, log_span, read_attachments, read_events, read_log
-from daq.log_address import LogAddress
-from daq.log_keeper import LogKeeper
-from daq.log_names import as_logs, newest_log
-from daq.log_thread import LogThread
-from daq.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
+from daq.files.archive_size import check_archive
+from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
+from daq.files.columns.headings import ACCELERATIONS, acceleration
+from daq.files.columns.time_column import TIME_UNITS
+from daq.files.differentiation import differentiated
+from daq.files.export import export_recording, with_channels, write_recording, write_recordings
+from daq.files.measurement_file import DataOptions, Measured, read_data, read_measured
+from daq.files.message_export import expand_log
+from daq.files.sequence import in_order, read_in_order
+from daq.log.channel_map import CHANNELS, ChannelMap
+from daq.log.mcap_log import LogWriter, log_span, read_attachments, read_events, read_log
+from daq.log.naming import as_logs, newest_log
+from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
+from daq.log.recordings import DEVICE_LOST, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
+from daq.log.repair import LogState, has_end, inspect_log, repair_log
+from daq.log.resilient_writer import LogKeeper
+from daq.log.retention import DiskGuard, Retention
+from daq.log.rotating_writer import LogRecorder, Rotation
+from daq.log.summary import DeviceInfo, LogInfo, log_info
+from daq.log.writer_thread import LogThread
 from daq.protocol.epson import SCALE as EPSON_SCALE
-from daq.reading import DEVICE_LOST, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
-from daq.recorder import LogRecorder, Rotation
-from daq.recording import Block, Channel, Event, Flag, FloatArray, Gap, IndexArray, IntArray, Item, Recording
-from daq.registry import can_interfaces, driver_names, low_grade, make_driver
-from daq.repair import LogState, has_end, inspect_log, repair_log
-from daq.scan_clocks import ScanClock, ScanClocks
-from daq.sequence import in_order, read_in_order
 from daq.supervision import FAILURES, Failures, SupervisedThread, error_text, short_line
-from daq.timebase import ClockFit
-from daq.timecolumn import TIME_UNITS
+from daq.timing.clock_fit import ClockFit
+from daq.timing.host_clock import HostClock, ScaledClock, SystemClock
+from daq.timing.resampling import Assembler
+from daq.timing.scan_clocks import ScanClock, ScanClocks
+from daq.types import Block, Channel, Event, Flag, FloatArray, Gap, IndexArray, IntArray, Item, Recording
 
 __all__ = [
     "ACCELERATIONS",

@@ -4,10 +4,10 @@ import tomllib
 from pathlib import Path
 
 from daq import load_recordings, read_attachments
-from monitor.diagnosing import explain_change
-from monitor.observation import observe
-from monitor.stretches import plain
-from monitor.words import cause_text
+from monitor.analysis.explanation import explain_change
+from monitor.analysis.observation import observe
+from monitor.text.causes import cause_text
+from monitor.text.quantities import plain
 from updater import parse_structure
 
 folder = Path(__file__).parents[1] / "replay_data"

@@ -4,9 +4,9 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from monitor.logged import load_run
-from monitor.report import run_report
-from monitor.verdict_words import headline
+from monitor.text.verdicts import headline
+from monitor.views.report import run_report
+from monitor.views.run import load_run
 
 folder = Path(__file__).parents[1] / "replay_data"
 run = load_run(folder / "t_frame_added_mass.mcap")

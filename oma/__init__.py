@@ -1,8 +1,5 @@
 """Recordings in, modes with uncertainty out: operational modal analysis without a user."""
 
-from oma.alignment import aligned, channel_delays, device_delays
-from oma.conditioning import channel_faults
-from oma.efdd import EFDD
 from oma.errors import (
     IdentificationError,
     InputError,
@@ -13,27 +10,30 @@ from oma.errors import (
     TooFewModes,
     TooShort,
 )
-from oma.estimate import ComplexArray, ModalEstimate
-from oma.faults import SAME_AS, ChannelFault, FaultKind
-from oma.fdd import FDD
-from oma.following import Followed, Follower
-from oma.frequency_response import Resonance, fit_resonance
-from oma.fsdd import FSDD
 from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
 from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
-from oma.merging import match_setups, merge
-from oma.methods import Method
-from oma.pairing import mac_of_moving, pair_modes
-from oma.plscf import PLSCF
-from oma.pyramid import ALIAS_FREE, PASS, TOP
-from oma.quality import WindowQuality
-from oma.selection import Selection, uncertainty_law
-from oma.spectra import singular_values
-from oma.ssi import CovarianceSSI, DataSSI
-from oma.stabilization import Stabilization
-from oma.tracking import Tracker
-from oma.tracks import Tracks
-from oma.universal import Place, places_by_name, write_universal
+from oma.methods.base import Method
+from oma.methods.efdd import EFDD
+from oma.methods.fdd import FDD
+from oma.methods.fsdd import FSDD
+from oma.methods.plscf import PLSCF
+from oma.methods.ssi import CovarianceSSI, DataSSI
+from oma.preparation.conditioning import channel_faults
+from oma.preparation.faults import SAME_AS, ChannelFault, FaultKind
+from oma.preparation.pyramid import ALIAS_FREE, PASS, TOP
+from oma.preparation.quality import WindowQuality
+from oma.selection.selection import Selection, uncertainty_law
+from oma.selection.stabilization import Stabilization
+from oma.spectral.device_alignment import aligned, channel_delays, device_delays
+from oma.spectral.frequency_response import Resonance, fit_resonance
+from oma.spectral.spectra import singular_values
+from oma.tracking.long_term import Followed, Follower
+from oma.tracking.merging import match_setups, merge
+from oma.tracking.pairing import mac_of_moving, pair_modes
+from oma.tracking.track_state import Tracks
+from oma.tracking.tracker import Tracker
+from oma.types import ComplexArray, ModalEstimate
+from oma.uff import Place, places_by_name, write_universal
 
 __all__ = [
     "ALIAS_FREE",

@@ -7,23 +7,23 @@ from types import MappingProxyType
 import numpy as np
 
 from daq import FloatArray, Recording
-from oma.alignment import aligned, delays_of_clean
-from oma.bandwidth import usable_share
-from oma.conditioning import BoolArray, cleaned, enough
-from oma.efdd import EFDD
 from oma.errors import InputError, NumericalFault, TooFewModes, TooShort
-from oma.estimate import ModalEstimate
-from oma.faults import ChannelFault
-from oma.fdd import FDD
-from oma.fsdd import FSDD
-from oma.harmonics import LineClasses, classify
-from oma.methods import LevelModes, Method
-from oma.modes import Mode, distinct, physical, repeats_of_tones
-from oma.plscf import PLSCF
-from oma.pyramid import ALIAS_FREE, PASS, TOP, Decimator, HighPass, levels
-from oma.quality import BlockQuality, WindowQuality, window_quality
-from oma.ssi import CovarianceSSI, DataSSI
-from oma.stabilization import Stabilization, join
+from oma.methods.base import LevelModes, Method
+from oma.methods.efdd import EFDD
+from oma.methods.fdd import FDD
+from oma.methods.fsdd import FSDD
+from oma.methods.plscf import PLSCF
+from oma.methods.ssi import CovarianceSSI, DataSSI
+from oma.preparation.bandwidth import usable_share
+from oma.preparation.conditioning import BoolArray, cleaned, enough
+from oma.preparation.faults import ChannelFault
+from oma.preparation.pyramid import ALIAS_FREE, PASS, TOP, Decimator, HighPass, levels
+from oma.preparation.quality import BlockQuality, WindowQuality, window_quality
+from oma.selection.modes import Mode, distinct, physical, repeats_of_tones
+from oma.selection.stabilization import Stabilization, join
+from oma.spectral.device_alignment import aligned, delays_of_clean
+from oma.spectral.harmonics import LineClasses, classify
+from oma.types import ModalEstimate
 
 METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
     {m.name: m for m in (DataSSI, CovarianceSSI, PLSCF, FDD, EFDD, FSDD)}
@@ -93,7 +93,7 @@ def identify(
         `DataSSI`, `CovarianceSSI`, ... with their options; DataSSI() unless given.
     band : (float, float), optional
         Frequencies in which modes are sought [Hz], up to 0.48 of the rate. Default: from 100 periods in the recording
-        to 0.48 of the rate, or to 0.40 where the spectrum shows an anti-alias filter (`oma.bandwidth`).
+        to 0.48 of the rate, or to 0.40 where the spectrum shows an anti-alias filter (`oma.preparation.bandwidth`).
 
     Returns
     -------
@@ -206,7 +206,7 @@ class IdentificationStream:
         Parameters
         ----------
         data : (n_samples, n_channels) array, optional
-            Signals of these blocks: tones are told from modes by them (`oma.harmonics`), else by damping alone.
+            Signals of these blocks: tones are told from modes by them (`oma.spectral.harmonics`), else by damping.
 
         Raises
         ------

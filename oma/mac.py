@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray
-from oma.estimate import ComplexArray
+from oma.types import ComplexArray
 
 Shapes = npt.NDArray[Any]  #: (..., n_channels) real or complex
 

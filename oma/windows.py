@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, Recording
-from oma.conditioning import channel_faults
 from oma.errors import IdentificationError
-from oma.estimate import ModalEstimate
-from oma.faults import ChannelFault
 from oma.identification import identify_all
-from oma.methods import Method
-from oma.quality import WindowQuality
+from oma.methods.base import Method
+from oma.preparation.conditioning import channel_faults
+from oma.preparation.faults import ChannelFault
+from oma.preparation.quality import WindowQuality
+from oma.types import ModalEstimate
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are the same one
 

@@ -15,7 +15,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from monitor.cli.demo import Plan, demo_command
+from monitor.cli.demo.demo import Plan, demo_command
 
 HERE = Path(__file__).parent
 PLAN = Plan(window=15.0, baseline_windows=8, windows=12, between=(125.0, 130.0), rate=500.0)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import viewer_helpers as made
 
-from monitor.results import FlaggedDof, IncrementPlace, Interval, MassIncrements
+from monitor.results.windows import FlaggedDof, IncrementPlace, Interval, MassIncrements
 from updater import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Where
 
 DIRECTIONS = ("x", "y", "z")

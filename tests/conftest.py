@@ -33,5 +33,5 @@ def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave pictures empty, each of which takes a tenth of a second: for tests of what else is written."""
-    monkeypatch.setattr("monitor.report.picture.data_uri", lambda _: "data:,")
+    monkeypatch.setattr("monitor.views.report.figure.data_uri", lambda _: "data:,")
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())

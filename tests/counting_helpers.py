@@ -10,7 +10,7 @@ from sealed_signals import estimated
 from sealed_specimen import State, draw_state
 
 from daq import FloatArray
-from monitor.observation import Observation
+from monitor.analysis.observation import Observation
 from updater import ModalMean, Reference, learn_reference, matched
 
 SHARES = (0.01, 0.04)  # of the structure's mass, each body

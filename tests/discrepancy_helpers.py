@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import viewer_helpers as made
 
-from monitor.discrepancy import (
+from monitor.results.comparison import (
     BalanceResult,
     DiscrepancyResult,
     ModeBeside,

@@ -13,7 +13,7 @@ from random import Random
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from daq.accel_block_pb2 import AccelBlock
+from daq.log.format.accel_block_pb2 import AccelBlock
 
 Mutation = Callable[[bytes, Random], bytes]
 BOMB = object()  # an array that is far larger than its archive

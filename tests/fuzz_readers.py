@@ -26,18 +26,18 @@ from fuzz_mutations import (
 from scipy.io import mmwrite
 
 from daq import Channel, Event, LogWriter, Recording, export_recording, write_recording
-from monitor.cli.exits import explain
+from monitor.analysis.modal_table.table import read_table
+from monitor.cli.exit_codes import explain
 from monitor.cli.main import _run
-from monitor.inbox import Inbox
-from monitor.memory import recall
-from monitor.mending import mend_logs
-from monitor.modal_table import read_table
 from monitor.rig import World, load_scenario
 from monitor.rig.process import load_rig_structure
+from monitor.service.operator_commands import Inbox
+from monitor.service.startup.repair_logs import mend_logs
 from monitor.settings import parse_settings
+from monitor.watch.memory import recall
 from updater import Matrices, build_model, parse_structure, save_matrices
 
-_MODULES = "structure settings_shown check importing importing_can logs identifying watch view service"
+_MODULES = "data.structure site.settings site.check data.import_ data.import_can data.log data.identify site.run data.view site.service"
 for _module in _MODULES.split():
     import_module(f"monitor.cli.{_module}")  # which commands import when they run: once, not in each case
 

@@ -8,10 +8,10 @@ from sqlalchemy import create_engine
 from viewer_helpers import Site, whole_run
 
 from daq import Event
-from monitor.history import HistoryStore, schema
-from monitor.history.rollup import roll_up_all
-from monitor.result_events import result_event
-from monitor.results import AlarmResult
+from monitor.outputs.history import HistoryStore, schema
+from monitor.outputs.history.daily import roll_up_all
+from monitor.results.events import result_event
+from monitor.results.windows import AlarmResult
 
 HOUR = 3600 * 10**9
 START = 20_454 * 86_400 * 10**9  # 2026-01-01

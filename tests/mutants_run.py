@@ -2,7 +2,7 @@
 
     python tests/mutants_run.py [MODULE ...] [--sample 40] [--seed 0] [--minutes 10] [--again] [--report]
 
-or `make mutants ARGUMENTS="oma/tracking.py --sample 60"`. Modules, their tests and the mutants that change no
+or `make mutants ARGUMENTS="oma/tracking/tracker.py --sample 60"`. Modules, their tests and the mutants that change no
 behaviour are in tests/mutants.toml. The tree is copied; each mutant is run in a forked process, by the test files that
 run its line, the quickest first, until one fails. Outcomes are appended to a file of JSON lines, by which a later run
 goes on; `--again` repeats the survivors, `--report` prints the table without running anything.

@@ -10,7 +10,7 @@ from typing import Any
 
 from history_helpers import change
 
-from monitor.notice_text import Notice
+from monitor.text.notices import Notice
 
 NOTICE = Notice(kind="alarm", site="bridge", time=5, utc="then", state="alarm", text="200 g", alarm=4)
 ALARM = change(10, "alarm", "ALARM: a mass")

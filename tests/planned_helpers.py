@@ -8,8 +8,8 @@ from updater_helpers import t_frame, true_model
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from updater import Body, MassChange, Record, Reference, learn_reference, locate_mass, stack_tracks
-from updater.expected_noise import shape_errors
 from updater.fe.model import Model
+from updater.planning.record_noise import shape_errors
 
 N_BEFORE, N_AFTER = 8, 4  # windows that a record is cut into
 _N_MODES = 30

@@ -11,10 +11,10 @@ from typing import ClassVar
 import pytest
 
 from daq import Block, Event, Item, read_log
-from monitor.daemon import RunReport, run
-from monitor.memory import NOTHING, Recalled
-from monitor.site import Site, load_site
-from monitor.worker import AnalysisError
+from monitor.service.daemon import RunReport, run
+from monitor.service.site import Site, load_site
+from monitor.service.worker import AnalysisError
+from monitor.watch.memory import NOTHING, Recalled
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -126,7 +126,7 @@ class Watched:
 
 def watched_site(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
     """Return a site in a folder whose analysis says nothing."""
-    monkeypatch.setattr("monitor.analysing.Worker", QuietWorker)
+    monkeypatch.setattr("monitor.service.log_and_analysis.Worker", QuietWorker)
     QuietWorker.made.clear()
     (folder / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     return Watched(folder / "site.toml")

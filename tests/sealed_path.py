@@ -12,8 +12,8 @@ from sealed_signals import estimated
 from sealed_solid import STRUCTURE as SOLID_STRUCTURE
 from sealed_specimen import State
 
-from monitor.diagnosing import explain, explain_change
-from monitor.observation import Observation, follow
+from monitor.analysis.explanation import explain, explain_change
+from monitor.analysis.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
 from updater import Structure, parse_structure, t_structure_toml

@@ -8,7 +8,8 @@ import numpy as np
 
 from daq import Channel as RecordedChannel
 from daq import FloatArray, Recording
-from monitor.results import (
+from monitor.results.story import Story
+from monitor.results.windows import (
     AlarmResult,
     Interval,
     MassAnswer,
@@ -22,7 +23,6 @@ from monitor.results import (
     Vector,
     WindowResult,
 )
-from monitor.story import Story
 from updater import Model, build_model, parse_structure, t_structure_toml
 
 START = 1_767_225_600_000_000_000  # 2026-01-01 00:00 UTC [ns]

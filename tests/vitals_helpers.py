@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from monitor.vitals import Pace
+from monitor.service.status import Pace
 
 PACE = Pace(step=600.0, window=600.0)
 WELL: dict[str, Any] = dict.fromkeys(("disk", "history", "notices", "viewer", "analysis"))

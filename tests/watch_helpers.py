@@ -8,10 +8,10 @@ import pytest
 from updater_helpers import measure, true_model
 
 from daq import FloatArray, Recording
-from monitor.memory import Memory
-from monitor.pipeline import Pipeline
-from monitor.results import Result, WindowResult
+from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings, parse_settings
+from monitor.watch.memory import Memory
+from monitor.watch.pipeline import Pipeline
 from oma import ChannelFault, Identification, ModalEstimate, Stabilization, WindowQuality
 from updater import Body, ModalDataError, parse_structure, t_structure_toml
 
@@ -57,7 +57,7 @@ class Played:
         self._modes = self._true_modes(None)
         self.text, self.structure = site_text(), parse_structure(t_structure_toml())
         self.settings = site_settings()
-        monkeypatch.setattr("monitor.pipeline.identify_all", self._identify)
+        monkeypatch.setattr("monitor.watch.pipeline.identify_all", self._identify)
 
     def put(self, body: Body | None) -> None:
         """Put a body onto the structure, or take it off again."""
@@ -140,4 +140,4 @@ def without_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     def none(*_: object) -> None:
         raise ModalDataError("fewer than three modes")
 
-    monkeypatch.setattr("monitor.answering.explain_windows", none)
+    monkeypatch.setattr("monitor.watch.answer.explain_windows", none)

@@ -10,7 +10,7 @@ from sealed_path import after, observation, stiffer, structure_of
 from sealed_signals import N_MODES, estimated, is_seen
 
 from daq import FloatArray
-from monitor.diagnosing import Explanation, explain
+from monitor.analysis.explanation import Explanation, explain
 from updater import Structure, build_model, dump_structure, parse_structure
 
 _LEAST_MOTION = 1e-3  # of the largest mode at the sensors: what moves less is not seen

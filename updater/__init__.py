@@ -1,68 +1,11 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
-from updater.accumulation import Sharpening, locate_and_sharpen, sharpening
-from updater.baseline import learn_reference
-from updater.calibration import Calibration, Parameter, calibrate, channel_rows
-from updater.candidates import allowed_causes
+from updater.baseline.learned_reference import learn_reference
+from updater.baseline.nominal_reference import nominal_reference
 from updater.causes.base import Discrete
-from updater.change_point import ChangePoint, find_change, windows_of_one_state
-from updater.channel_health import SensorHealth, sensor_health
-from updater.circumstances import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
-from updater.comparison import Comparison
-from updater.delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, real_shape, remove_delays
-from updater.detectability import Outlook, foresee, with_sensors
-from updater.diagnosis import Explained, diagnose
-from updater.discrepancy import Discrepancy, as_before, as_extended, as_written, set_beside
-from updater.entries import Body, External, Joint, Material, Member, Oscillator, Recorder, Segment, Support, Updating
-from updater.errors import (
-    MechanismError,
-    ModalDataError,
-    ModelError,
-    PairingError,
-    SelectionError,
-    StructureError,
-    UpdaterError,
-)
-from updater.expected_noise import Record
-from updater.expected_reference import UNSEEN, largest_motion, motion, seen_by
-from updater.fe.assembly import build_model
-from updater.fe.matrices import Matrices, read_matrices, save_matrices
-from updater.fe.model import Model
-from updater.fe.modes import Modes
-from updater.fe.simulate import Ambient, AmbientResponse
-from updater.fit import Fit
-from updater.foresight import Foresight, Target
-from updater.hinges import Hinges, hinges_of
-from updater.increment_location import IncrementLocation
-from updater.increments import Expansion, expand_changes, expand_shapes
-from updater.knobs import check_updating
-from updater.known_places import BodyRecord, BodySelection, select_bodies
-from updater.localization import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
-from updater.mass_update import Flag, MassUpdate, MassUpdater
-from updater.matching import match_modes, matched
-from updater.modal_checks import doubles
-from updater.modal_mass import ModalMass, mass_of_modes
-from updater.new_modes import matched_and_new, matched_surely
-from updater.nodal_masses import NodalMasses, spread_mass
-from updater.nominal import nominal_reference
-from updater.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
-from updater.place_density import Density, densities
-from updater.quantities import ParameterChange, Quantity, Where
-from updater.reanalysis import Effect, no_effect
-from updater.reference import Reference
-from updater.residual_forces import ForceBalance, force_balance
-from updater.scatter import Scatter, learn_scatter
-from updater.section import Section
-from updater.sensitivity import Prior, SensitivityFit, fit_parameters
-from updater.sensor import Correction, Sensor
-from updater.sensor_choice import Choice, ever_fewer, one_more, vagueness
-from updater.several import MassChanges, locate_masses
-from updater.steadiness import is_steady
-from updater.stiffness_update import StiffnessUpdate, StiffnessUpdater
-from updater.structure import Structure
-from updater.structure_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
-from updater.tracked import ModalMean, TrackedModes, mean_modes, stack_tracks
-from updater.verdict import (
+from updater.diagnosis.diagnose import Explained, diagnose
+from updater.diagnosis.places import Density, densities
+from updater.diagnosis.schema import (
     CalibrationSummary,
     Cause,
     Diagnosis,
@@ -75,7 +18,82 @@ from updater.verdict import (
     Rejected,
     Verdict,
 )
-from updater.virtual_sensors import VirtualSensing, virtual_sensing
+from updater.diagnosis.weighing import allowed_causes
+from updater.errors import (
+    MechanismError,
+    ModalDataError,
+    ModelError,
+    PairingError,
+    SelectionError,
+    StructureError,
+    UpdaterError,
+)
+from updater.fe.assembly import build_model
+from updater.fe.eigen import Modes
+from updater.fe.external.files import Matrices, read_matrices, save_matrices
+from updater.fe.model import Model
+from updater.fe.response import Ambient, AmbientResponse
+from updater.fe.rotations import Hinges, hinges_of
+from updater.inference.comparison import Comparison
+from updater.inference.fit import Fit
+from updater.inference.reanalysis import Effect, no_effect
+from updater.localization.known_places import BodyRecord, BodySelection, select_bodies
+from updater.localization.more_windows import Sharpening, locate_and_sharpen, sharpening
+from updater.localization.nodal_masses import NodalMasses, spread_mass
+from updater.localization.one_mass import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
+from updater.localization.several_masses import MassChanges, locate_masses
+from updater.modal_data.change_point import ChangePoint, find_change, windows_of_one_state
+from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
+from updater.modal_data.device_delays import (
+    NO_DELAYS,
+    DeviceDelays,
+    estimate_delays,
+    learn_delays,
+    real_shape,
+    remove_delays,
+)
+from updater.modal_data.mass_from_modes import ModalMass, mass_of_modes
+from updater.modal_data.matching import match_modes, matched
+from updater.modal_data.plausibility import doubles
+from updater.modal_data.scatter import Scatter, learn_scatter
+from updater.modal_data.stationarity import is_steady
+from updater.modal_data.tracked import ModalMean, TrackedModes, mean_modes, stack_tracks
+from updater.one_step.increments import Expansion, expand_changes, expand_shapes
+from updater.one_step.location import IncrementLocation
+from updater.one_step.mass_update import Flag, MassUpdate, MassUpdater
+from updater.one_step.stiffness_update import StiffnessUpdate, StiffnessUpdater
+from updater.planning.detectability import Outlook, foresee, with_sensors
+from updater.planning.expected_reference import UNSEEN, largest_motion, motion, seen_by
+from updater.planning.record_length import Foresight, Target
+from updater.planning.record_noise import Record
+from updater.planning.sensor_placement import Choice, ever_fewer, one_more, vagueness
+from updater.quantities import ParameterChange, Quantity, Where
+from updater.reference.calibration import Calibration, Parameter, calibrate, channel_rows
+from updater.reference.new_modes import matched_and_new, matched_surely
+from updater.reference.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
+from updater.reference.reference import Reference
+from updater.reference.sensitivity_method import Prior, SensitivityFit, fit_parameters
+from updater.structure.entries import (
+    Body,
+    External,
+    Joint,
+    Material,
+    Member,
+    Oscillator,
+    Recorder,
+    Segment,
+    Support,
+    Updating,
+)
+from updater.structure.parameters import check_updating
+from updater.structure.sections import Section
+from updater.structure.sensors import Correction, Sensor
+from updater.structure.structure import Structure
+from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
+from updater.validation.modal_correlation import Discrepancy, as_before, as_extended, as_written, set_beside
+from updater.validation.residual_forces import ForceBalance, force_balance
+from updater.validation.sensor_health import SensorHealth, sensor_health
+from updater.validation.virtual_sensing import VirtualSensing, virtual_sensing
 
 __all__ = [
     "NOTHING_KNOWN",

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from daq.recording import IndexArray, IntArray
+from daq.types import IndexArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from daq.can_address import CanPlace
+from daq.drivers.addresses import CanPlace
 
 
 def known_rate(rate: float, known: Collection[int], place: str | CanPlace) -> int:

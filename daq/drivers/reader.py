@@ -5,13 +5,13 @@ from collections.abc import Callable
 from typing import Any
 
 from daq.drivers.base import Driver
-from daq.drivers.blocks import Blocks
-from daq.drivers.guarded import guarded
-from daq.drivers.pace import Pace
+from daq.drivers.block_builder import Blocks
+from daq.drivers.guarded_driver import guarded
+from daq.drivers.rate_check import Pace
 from daq.errors import DeviceLost, DriverError
-from daq.hostclock import HostClock
-from daq.recording import Block, Event, Flag, Item
 from daq.supervision import SupervisedThread
+from daq.timing.host_clock import HostClock
+from daq.types import Block, Event, Flag, Item
 
 _RETRY_SECONDS = 0.1
 

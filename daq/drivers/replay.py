@@ -10,14 +10,14 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from daq.drivers.addresses import LogAddress
 from daq.drivers.base import Scans
 from daq.errors import DeviceLost, DriverError, LogError
-from daq.log import read_log
-from daq.log_address import LogAddress
-from daq.log_names import as_logs
-from daq.parts import AnyLog
-from daq.reading import HOW_TO_PLACE, read_channel_map
-from daq.recording import Block, Flag
+from daq.log.mcap_log import read_log
+from daq.log.naming import as_logs
+from daq.log.parts import AnyLog
+from daq.log.recordings import HOW_TO_PLACE, read_channel_map
+from daq.types import Block, Flag
 
 _WAIT_SECONDS = 0.1
 _PIECE_SECONDS = 0.02  # of wall time: what a read brings, as from a port

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from daq.can_address import DbcSensor
-from daq.dbc import read_layout
+from daq.drivers.addresses import DbcSensor
+from daq.drivers.can.dbc_file import read_layout
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, SilentNode, Syncs
-from daq.hostclock import HostClock
 from daq.protocol.can_scan import encode_scans
 from daq.protocol.frames import CanFrames
+from daq.timing.host_clock import HostClock
 
 _BYTES_A_FRAME = 27  # of the longest line
 

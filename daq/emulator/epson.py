@@ -3,10 +3,10 @@
 from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
-from daq.hostclock import HostClock
 from daq.protocol import epson
 from daq.protocol.epson_filters import TAPS, group_delay
-from daq.recording import IntArray
+from daq.timing.host_clock import HostClock
+from daq.types import IntArray
 
 _SERIAL_LENGTH = 8
 

@@ -9,11 +9,11 @@ from daq.emulator.canopen_server import Entry, Place, SdoServer
 from daq.emulator.line_faults import NO_FAULTS, FaultyLine, LineFaults
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
 from daq.emulator.sync import SyncProducer
-from daq.hostclock import HostClock
 from daq.protocol import epson_can as epson
 from daq.protocol.epson import temperature_raw
 from daq.protocol.epson_filters import TAPS, group_delay
 from daq.protocol.frames import CanFrames
+from daq.timing.host_clock import HostClock
 
 _INITIALISING, _OPERATIONAL, _PRE_OPERATIONAL, _STOPPED = 0, 5, 127, 4
 _START, _STOP, _ENTER_PRE_OPERATIONAL, _RESET = 1, 2, 128, (129, 130)

@@ -5,9 +5,9 @@ import numpy as np
 from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
-from daq.hostclock import HostClock
 from daq.protocol import node
-from daq.recording import IntArray
+from daq.timing.host_clock import HostClock
+from daq.types import IntArray
 
 ADXL355_SCALE = 9.80665 * 3.9e-6  #: m/s2 a count, in its range of 2 g
 

@@ -9,8 +9,8 @@ from abc import ABC, abstractmethod
 
 from daq.emulator.line_faults import FaultyLine, LineFaults
 from daq.emulator.serving import PORT_BUFFER, SampleSource
-from daq.hostclock import HostClock
-from daq.recording import IntArray
+from daq.timing.host_clock import HostClock
+from daq.types import IntArray
 
 _SPEED = 5  # of what termios says: of output, by the host
 

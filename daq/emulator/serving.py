@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from daq.protocol.frames import CanFrames
-from daq.recording import IntArray
+from daq.types import IntArray
 
 PORT_BUFFER = 640 * 1024  # bytes that Linux keeps of a real port's before it loses some; a pty alone keeps 4 kB
 

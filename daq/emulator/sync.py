@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq.emulator.serving import NO_SYNCS, Syncs
-from daq.hostclock import HostClock
 from daq.protocol.epson_can import SYNC
 from daq.protocol.frames import CanFrames, can_frames, concatenate
+from daq.timing.host_clock import HostClock
 
 
 class SyncProducer:

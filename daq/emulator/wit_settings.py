@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.protocol import witmotion as wit
-from daq.recording import IntArray
+from daq.types import IntArray
 
 _AS_BOUGHT = 0b11110  # accelerations, turning rates, angles and field
 _LARGEST = 2**15 - 1

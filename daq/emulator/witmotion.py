@@ -6,9 +6,9 @@ from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
 from daq.emulator.serving import SampleSource
 from daq.emulator.wit_settings import WitSettings
-from daq.hostclock import HostClock
 from daq.protocol import witmotion as wit
-from daq.recording import IntArray
+from daq.timing.host_clock import HostClock
+from daq.types import IntArray
 
 
 class EmulatedWitmotion(SerialEmulator):

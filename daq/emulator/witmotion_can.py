@@ -6,9 +6,9 @@ import numpy as np
 
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, SilentNode, Syncs
 from daq.emulator.wit_settings import WitSettings
-from daq.hostclock import HostClock
 from daq.protocol import witmotion as wit
 from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
+from daq.timing.host_clock import HostClock
 
 _BYTES_A_FRAME = 22  # of SLCAN lines
 

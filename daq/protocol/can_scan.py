@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from daq.protocol.can_signals import CanSignal
 from daq.protocol.frames import NO_FRAMES, NUMBER, CanFrames, concatenate
-from daq.recording import FloatArray, IndexArray, IntArray
+from daq.types import FloatArray, IndexArray, IntArray
 
 LONGEST_COUNTER = 24  #: bits that are looked at of a longer one
 _KEPT = 4096  # frames remembered while no scan becomes complete

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.protocol.overlap import without_overlap
-from daq.recording import FloatArray, IntArray
+from daq.types import FloatArray, IntArray
 
 FRAME_SIZE = 24
 SCALE = 9.80665 / 2**24  #: m/s2 a count

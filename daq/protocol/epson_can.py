@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
-from daq.recording import IndexArray, IntArray
+from daq.types import IndexArray, IntArray
 
 SCALE = 9.80665 / 2**24  #: m/s2 a count
 MODULUS = 1 << 16  #: of the sample counter

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.protocol import cobs
-from daq.recording import IntArray
+from daq.types import IntArray
 
 VERSION = 1
 SCAN, HELLO, WHO, START, STOP = 0x01, 0x02, 0x81, 0x82, 0x83

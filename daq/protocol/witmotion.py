@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from daq.protocol.frames import CanFrames
 from daq.protocol.overlap import without_overlap
-from daq.recording import IntArray
+from daq.types import IntArray
 
 PACKET_SIZE, FRAME_SIZE = 11, 8  #: bytes on a serial line, on a CAN bus
 SCALE = 16 * 9.80665 / 2**15  #: m/s2 a count

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from monitor.cli.data_table import data_app
-from monitor.cli.exits import DONE, INTERRUPTED, explain
-from monitor.cli.log_table import log_app
-from monitor.cli.site_table import site_app
+from monitor.cli.exit_codes import DONE, INTERRUPTED, explain
+from monitor.cli.tables.data import data_app
+from monitor.cli.tables.log import log_app
+from monitor.cli.tables.site import site_app
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 app.add_typer(site_app)
@@ -50,7 +50,7 @@ def demo(
     short: Annotated[bool, typer.Option("--short", help="A quarter of the length, less sure answers.")] = False,
 ) -> None:
     """Tell the whole story on an emulated rig: run, alarm, viewer file, answer."""
-    from monitor.cli.demo import FULL, SHORT, demo_command
+    from monitor.cli.demo.demo import FULL, SHORT, demo_command
 
     raise typer.Exit(demo_command(out, seed, speed=speed, plan=SHORT if short else FULL))
 

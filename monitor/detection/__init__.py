@@ -1,11 +1,11 @@
 """Change detection that holds a false alarm rate: a law of temperature, the scatter about it, limits by run length."""
 
+from monitor.detection.baseline_shift import Shift, shift_of, shifted
 from monitor.detection.correlated_noise import effective_number
-from monitor.detection.detector import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
-from monitor.detection.law import CHUNK
-from monitor.detection.least import Detectable, detectable_change, least_unsure
+from monitor.detection.detectors import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
 from monitor.detection.run_length import Watching
-from monitor.detection.shift import Shift, shift_of, shifted
+from monitor.detection.sensitivity import Detectable, detectable_change, least_unsure
+from monitor.detection.temperature_law import CHUNK
 from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
 
 __all__ = [

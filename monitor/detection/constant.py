@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from daq import FloatArray
-from monitor.detection.law import FEARED_STD, Law
+from monitor.detection.temperature_law import FEARED_STD, Law
 
 _YEAR = 365.25 * 86400.0  # s, in which the constant wanders by `FEARED_STD`
 

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from daq import FloatArray
 from monitor.detection.correlated_noise import regress
-from monitor.detection.environment import N_TERMS, prior_std
-from monitor.detection.law import COMMON_STD, FEARED_STD
+from monitor.detection.temperature_law import COMMON_STD, FEARED_STD
+from monitor.detection.temperature_terms import N_TERMS, prior_std
 
 WEEK = 7 * 86400.0  #: s
 YEAR = 365.25 * 86400.0  #: s

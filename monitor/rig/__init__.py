@@ -1,11 +1,11 @@
 """The virtual rig: a true structure, emulated devices and a timeline. It knows nothing of the analysis."""
 
-from monitor.rig.draw import T_DEVICES, T_NODES, draw_t_frame
-from monitor.rig.measured import DeviceSource, make_sources
-from monitor.rig.play import Place, PlayReport, play
+from monitor.rig.device_model import DeviceSource, make_sources
+from monitor.rig.player import Place, PlayReport, play
 from monitor.rig.process import run_rig
+from monitor.rig.random_scenario import T_DEVICES, T_NODES, draw_t_frame
 from monitor.rig.scenario import RigDevice, RigEvent, Scenario, Truth, dump_scenario, load_scenario
-from monitor.rig.truth import World, true_structure
+from monitor.rig.world import World, true_structure
 
 __all__ = [
     "T_DEVICES",

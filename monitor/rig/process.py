@@ -11,9 +11,9 @@ from pathlib import Path
 
 from daq import ScaledClock
 from monitor.errors import SettingsError, StartError
-from monitor.rig.play import Place, PlayReport, play
+from monitor.rig.player import Place, PlayReport, play
 from monitor.rig.scenario import Scenario, Vector, load_scenario
-from monitor.rig.truth import passes
+from monitor.rig.world import passes
 from updater import Structure, load_structure, parse_structure, t_structure_toml
 
 SHIPPED = "t_structure"  #: name of the structure that comes with the program

@@ -1,12 +1,12 @@
 """SITE.toml: what is connected where, and how it is watched; read, overridden, and written with all that it means."""
 
-from monitor.settings.annotated import EXAMPLE, annotated, json_schema
 from monitor.settings.attached import attachable, parse_attached
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overridden, overrides
 from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
-from monitor.settings.site import AnalysisSettings, RecorderSettings, Settings, TemperatureSettings
+from monitor.settings.schema import AnalysisSettings, RecorderSettings, Settings, TemperatureSettings
+from monitor.settings.template import EXAMPLE, annotated, json_schema
 
 __all__ = [
     "AXES",

@@ -7,9 +7,9 @@ import tomlkit
 
 from daq import parse_toml
 from monitor.errors import SettingsError
-from monitor.redaction import redacted_topic
 from monitor.settings.reading import parse_settings
-from monitor.settings.site import Settings
+from monitor.settings.redaction import redacted_topic
+from monitor.settings.schema import Settings
 
 
 def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:

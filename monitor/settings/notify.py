@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, SecretStr, ValidationInfo, field_validator, model_validator
 
-from monitor.notice_text import NoticeKind, check_template
-from monitor.redaction import revealed
+from monitor.settings.redaction import revealed
 from monitor.settings.section import Positive, Section, has_place
+from monitor.text.notices import NoticeKind, check_template
 
 
 class NotifySettings(Section):

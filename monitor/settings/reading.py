@@ -11,7 +11,7 @@ from daq import HOW_TO_PLACE, CanAddress, CanPlace, parse_toml
 from monitor.errors import SettingsError
 from monitor.settings.device import DeviceSettings
 from monitor.settings.overrides import Override, overridden, overrides
-from monitor.settings.site import Settings
+from monitor.settings.schema import Settings
 
 _NO_SUCH = "extra_forbidden"
 

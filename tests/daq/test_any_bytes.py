@@ -35,7 +35,7 @@ from daq import (
     read_data,
     read_log,
 )
-from daq.drivers.heartbeat import HeartbeatConsumer
+from daq.drivers.can.heartbeat import HeartbeatConsumer
 from daq.emulator.serial_port import SerialEmulator
 from daq.protocol import epson, node
 

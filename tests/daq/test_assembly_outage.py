@@ -7,7 +7,7 @@ import pytest
 from daq_helpers import START
 
 from daq import Assembler, Block, Channel, Event, Flag, Recording
-from daq.assembly import half_taps, interpolate
+from daq.timing.resampling import half_taps, interpolate
 
 CHANNELS = (Channel(name="a_x", device="a", axis=0),)
 

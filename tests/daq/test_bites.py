@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from daq.bites import Bites
+from daq.drivers.serial.buffered_port import Bites
 
 pytestmark = pytest.mark.live
 

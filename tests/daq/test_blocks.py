@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from daq import Block, Flag, IntArray, Scans
-from daq.drivers.blocks import Blocks
+from daq.drivers.block_builder import Blocks
 
 START = 1_767_225_600_000_000_000  # ns UTC
 RATE = 1000.0

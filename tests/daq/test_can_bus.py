@@ -8,7 +8,7 @@ import can
 import pytest
 from can_helpers import pty, read
 
-from daq.can_bus import SlcanBus, frames_of, messages_of, read_frames
+from daq.drivers.can.bus import SlcanBus, frames_of, messages_of, read_frames
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import encode
 

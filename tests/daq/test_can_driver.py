@@ -25,7 +25,7 @@ from daq import (
     SystemClock,
     make_driver,
 )
-from daq.can_bus import frames_of, messages_of
+from daq.drivers.can.bus import frames_of, messages_of
 from daq.protocol.frames import can_frames
 
 pytestmark = pytest.mark.live

@@ -15,7 +15,7 @@ from daq_helpers import START
 from emulated_ports import Ramp
 
 from daq import EmulatedEpsonCan, EmulatedSlcan, ScaledClock, SystemClock
-from daq.can_bus import SlcanBus
+from daq.drivers.can.bus import SlcanBus
 from daq.protocol import epson_can
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import SlcanDecoder

@@ -28,8 +28,8 @@ from daq import (
     SystemClock,
     make_driver,
 )
-from daq.drivers import heartbeat
-from daq.drivers.heartbeat import HeartbeatConsumer
+from daq.drivers.can import heartbeat
+from daq.drivers.can.heartbeat import HeartbeatConsumer
 
 OPERATIONAL, PRE_OPERATIONAL, BOOT_UP = 5, 127, 0
 
@@ -156,7 +156,7 @@ def test_what_a_node_loses_is_counted_to_the_scan_and_what_comes_twice_is_one() 
 @pytest.mark.live
 def test_power_dip_and_emergency_are_told_at_once_and_hanging_by_the_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(heartbeat, "PATIENCE", 0.5)  # two beats, not four
-    monkeypatch.setattr("daq.drivers.can_hub._REPLY_SECONDS", 0.2)
+    monkeypatch.setattr("daq.drivers.can.hub._REPLY_SECONDS", 0.2)
     items: list[Item] = []
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7)
     with reading(node, items):

@@ -38,8 +38,8 @@ from daq import (
     make_driver,
     read_log,
 )
-from daq.can_bus import Chunk
-from daq.drivers.sync_count import SyncCount, SyncedCounter
+from daq.drivers.can.bus import Chunk
+from daq.drivers.can.sync_count import SyncCount, SyncedCounter
 from daq.emulator.sync import synced_frames
 from daq.protocol.epson_can import SYNC, encode_scans
 from daq.protocol.frames import can_frames
@@ -131,9 +131,9 @@ def check_assembled(items: list[Item]) -> None:
 
 @pytest.mark.live
 def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daq.drivers.epson_can._SYNC_SECONDS", 0.3)
-    monkeypatch.setattr("daq.drivers.heartbeat.PATIENCE", 0.5)  # two beats, not four
-    monkeypatch.setattr("daq.drivers.can_hub._REPLY_SECONDS", 0.2)
+    monkeypatch.setattr("daq.drivers.can.epson_can._SYNC_SECONDS", 0.3)
+    monkeypatch.setattr("daq.drivers.can.heartbeat.PATIENCE", 0.5)  # two beats, not four
+    monkeypatch.setattr("daq.drivers.can.hub._REPLY_SECONDS", 0.2)
     clock = ScaledClock(speed=1.0, origin_wall=time.time_ns(), origin=START)
     nodes = [EmulatedEpsonCan(Motion(), clock, node=k, serial_number=k) for k in (1, 2)]
     items: list[Item] = []

@@ -9,7 +9,7 @@ from emulated_ports import Ramp
 from reader_helpers import running
 
 from daq import Block, CanAddress, DeviceReader, EmulatedEpsonCan, EmulatedSlcan, Item, SystemClock, make_driver
-from daq.drivers import epson_can_temperature
+from daq.drivers.can import epson_can_temperature
 
 pytestmark = pytest.mark.live
 

@@ -29,7 +29,7 @@ from daq import (
     SystemClock,
     make_driver,
 )
-from daq.can_bus import SlcanBus
+from daq.drivers.can.bus import SlcanBus
 
 pytestmark = pytest.mark.live
 

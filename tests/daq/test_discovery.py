@@ -22,7 +22,7 @@ def test_ports_are_listed_by_the_names_that_stay(tmp_path: Path, monkeypatch: py
         SimpleNamespace(device=str(usb), vid=0x0403, description="FT232R"),
         SimpleNamespace(device=str(plain), vid=None, description="n/a"),
     ]
-    monkeypatch.setattr("daq.discovery.list_ports.comports", lambda: said)
+    monkeypatch.setattr("daq.drivers.discovery.list_ports.comports", lambda: said)
     found = serial_ports(link.parent)
     assert [(p.device, p.by_id, p.path) for p in found] == [
         (str(plain), None, str(plain)),
@@ -64,8 +64,8 @@ def test_port_in_use_is_left_alone() -> None:
 @pytest.mark.live
 def test_modem_is_no_device_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     """It echoes what it hears, and answers every line."""
-    monkeypatch.setattr("daq.drivers.witmotion.BAUDS", (115_200,))
-    monkeypatch.setattr("daq.drivers.node._HELLO_SECONDS", 0.3)
+    monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200,))
+    monkeypatch.setattr("daq.drivers.serial.node._HELLO_SECONDS", 0.3)
     with pty() as (line, path):
         os.set_blocking(line, False)
 

@@ -159,7 +159,7 @@ def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatc
     recorder = LogRecorder(tmp_path, {"site.toml": "x = 1"}, START)
     told: list[Event] = []
     keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention()), told.append, kept=10)
-    monkeypatch.setattr("daq.log_keeper._RETRY_SECONDS", 0.0)
+    monkeypatch.setattr("daq.log.resilient_writer._RETRY_SECONDS", 0.0)
     with monkeypatch.context() as failing:
         failing.setattr(os, "fdatasync", no_space)
         for k in range(20):

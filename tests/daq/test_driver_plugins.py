@@ -56,7 +56,7 @@ def test_driver_of_an_installed_distribution_is_made_by_its_name() -> None:
 
 @pytest.mark.usefixtures("installed")
 def test_driver_of_ours_is_not_replaced() -> None:
-    assert type(make_driver("epson-uart", "COM3", 500.0)).__module__ == "daq.drivers.epson_uart"
+    assert type(make_driver("epson-uart", "COM3", 500.0)).__module__ == "daq.drivers.serial.epson_uart"
     assert driver_names().count("epson-uart") == 1
 
 

@@ -23,8 +23,8 @@ from daq import (
     repair_log,
     write_recording,
 )
-from daq.accel_block_pb2 import AccelBlock
-from monitor.mending import mend_logs
+from daq.log.format.accel_block_pb2 import AccelBlock
+from monitor.service.startup.repair_logs import mend_logs
 
 MAGIC = b"\x89MCAP0\r\n"
 CHANNELS = (Channel(name="a", device="imu", axis=0),)

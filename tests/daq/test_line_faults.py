@@ -143,7 +143,7 @@ class Spoilt(EmulatedNode):
 
 @pytest.mark.live
 def test_a_node_whose_hello_is_spoilt_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daq.drivers.node._AGAIN_SECONDS", 0.05)
+    monkeypatch.setattr("daq.drivers.serial.node._AGAIN_SECONDS", 0.05)
     device = Spoilt(Ramp(), SystemClock(), serial_number="E")
     with serving(device.serve):
         driver = make_driver("modalwatch-node", device.port, RATE)
@@ -182,7 +182,7 @@ def answered(device: SerialEmulator, line: int) -> bool:
 def test_a_device_at_another_baud_rate_is_not_understood_and_says_nothing_sensible(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("daq.drivers.epson_uart._REPLY_SECONDS", 0.1)
+    monkeypatch.setattr("daq.drivers.serial.epson_uart._REPLY_SECONDS", 0.1)
     device = KINDS["epson-uart"](SystemClock(), LineFaults(baud=115_200))
     with (
         serving(device.serve),

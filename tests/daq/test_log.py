@@ -15,9 +15,9 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from daq import Block, Flag, IntArray, Item, LogError, LogWriter, read_attachments, read_log
-from daq.accel_block_pb2 import AccelBlock
-from daq.block_message import decode_block, encode_block
-from daq.protocol.rice import Packed, unpack
+from daq.log.format.accel_block_pb2 import AccelBlock
+from daq.log.format.block_codec import decode_block, encode_block
+from daq.log.format.rice import Packed, unpack
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
 INT32 = np.iinfo(np.int32)

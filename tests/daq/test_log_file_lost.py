@@ -10,19 +10,8 @@ import pytest
 from daq_helpers import make_block
 from notice_helpers import until
 
-from daq import (
-    Block,
-    DiskGuard,
-    Event,
-    LogKeeper,
-    LogRecorder,
-    LogThread,
-    LogWriter,
-    Retention,
-    inspect_log,
-    log_keeper,
-    read_log,
-)
+from daq import Block, DiskGuard, Event, LogKeeper, LogRecorder, LogThread, LogWriter, Retention, inspect_log, read_log
+from daq.log import resilient_writer
 
 START = 10**18
 
@@ -71,7 +60,7 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None], how: str
 ) -> None:
     """Every scan is in a file, once, or counted as lost."""
-    monkeypatch.setattr(log_keeper, "_LOOK_SECONDS", 0.05)
+    monkeypatch.setattr(resilient_writer, "_LOOK_SECONDS", 0.05)
     folder, told = tmp_path / "logs", list[Event]()
     folder.mkdir()
     recorder = LogRecorder(folder, {}, START)

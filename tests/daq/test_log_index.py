@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 from mcap.stream_reader import StreamReader
 
 from daq import LogWriter
-from daq.log_end import NotPlainError, PlainLog
+from daq.log.recovery import NotPlainError, PlainLog
 
 
 @pytest.fixture(scope="module")

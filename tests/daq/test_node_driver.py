@@ -12,7 +12,7 @@ from emulated_ports import Ramp
 from node_helpers import some_scans, values
 
 from daq import DeviceLost, Driver, DriverError, EmulatedNode, SystemClock, make_driver
-from daq.drivers.node import Believer
+from daq.drivers.serial.node import Believer
 from daq.protocol import node
 from daq.protocol.node import NodeScans
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from daq import IntArray
+from daq.log.format.rice import Packed, PackedColumn, pack, unpack, unpack_columns
 from daq.protocol import node
 from daq.protocol import witmotion as wit
 from daq.protocol.can_scan import ScanDecoder, ScanLayout, ScanMessage, encode_scans
 from daq.protocol.can_signals import CanSignal
 from daq.protocol.frames import CanFrames
 from daq.protocol.overlap import without_overlap
-from daq.protocol.rice import Packed, PackedColumn, pack, unpack, unpack_columns
 
 
 @pytest.mark.parametrize(

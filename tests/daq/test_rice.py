@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis.extra import numpy as hnp
 
 from daq import IntArray
-from daq.protocol.rice import Packed, PackedColumn, pack, unpack, unpack_columns
+from daq.log.format.rice import Packed, PackedColumn, pack, unpack, unpack_columns
 
 INT32 = np.iinfo(np.int32)
 

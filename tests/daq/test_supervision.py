@@ -28,9 +28,9 @@ from daq import (
 PLAIN = {
     "daq/supervision.py",
     "daq/emulator/slcan.py",
-    "monitor/web/process.py",
-    "monitor/cli/rig_process.py",
-    "monitor/notices/deadline.py",
+    "monitor/service/servers/web/process.py",
+    "monitor/cli/demo/rig_process.py",
+    "monitor/outputs/notices/deadline.py",
 }
 
 

@@ -7,7 +7,7 @@ from daq_helpers import START
 from hypothesis import given
 
 from daq import ClockFit
-from daq.timebase import unwrap
+from daq.timing.clock_fit import unwrap
 
 RATE = 1000.0
 JITTER = 4e-3  # s, mean of what arrivals are late by

@@ -14,7 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rrd_helpers import Rrd
 
 from daq import Block, FloatArray, LogRecorder, Rotation, read_log, repair_log
-from daq.view import View
+from daq.log.format.preview import View
 
 RATE, VIEW_RATE, EVERY = 1000.0, 50.0, 20
 SCALE = 1e-6

@@ -98,7 +98,7 @@ def test_packets_of_other_kinds_are_no_scans_and_no_damage() -> None:
 
 @pytest.mark.live
 def test_driver_refuses_what_the_line_cannot_carry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daq.drivers.witmotion.BAUDS", (115_200, 9600))
+    monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200, 9600))
     device = EmulatedWitmotion(Ramp(), SystemClock(), temperature=-7.5, faults=LineFaults(baud=9600))
     with serving(device.serve):
         with pytest.raises(DriverError, match="rate: expected at most 87 Hz at 9600 bit/s, found 100"):
@@ -132,7 +132,7 @@ def test_any_frames_are_read(frames: list[tuple[int, bytes]]) -> None:
 
 @pytest.mark.live
 def test_what_does_not_answer_on_a_bus_and_sync_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daq.drivers.witmotion_can._ANSWER_SECONDS", 0.1)
+    monkeypatch.setattr("daq.drivers.can.witmotion_can._ANSWER_SECONDS", 0.1)
     with pty() as (_, port):
         driver = make_driver("witmotion", CanAddress(interface="slcan", channel=port, node=0x50), 100.0)
         with pytest.raises(DriverError, match=f"slcan:{port} node 80: no WT901 answers: no accelerations within 0.1 s"):

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from daq import read_log
-from monitor.replay import replay
+from monitor.service.replay import replay
 
 pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from end_to_end_helpers import site_toml, write_log
 
-from monitor.cli.importing import ImportOptions, import_command
-from monitor.cli.logs import export_command
-from monitor.cli.watch import replay_command
-from monitor.replay import replay
+from monitor.cli.data.import_ import ImportOptions, import_command
+from monitor.cli.data.log import export_command
+from monitor.cli.site.run import replay_command
 from monitor.rig import draw_t_frame
+from monitor.service.replay import replay
 from updater import t_structure_toml
 
 WINDOW, BASELINE, AFTER, RATE = 20.0, 8, 3, 500.0

@@ -9,10 +9,10 @@ from end_to_end_helpers import site_toml
 from measured_helpers import Rig
 
 from daq import write_recording
-from monitor.replay import replay
-from monitor.results import AlarmResult, WindowResult
+from monitor.results.windows import AlarmResult, WindowResult
+from monitor.service.replay import replay
 from monitor.settings import parse_settings
-from monitor.words import change_text
+from monitor.text.causes import change_text
 from updater import t_structure_toml
 
 WINDOW, BASELINE, RATE = 20.0, 8, 500.0

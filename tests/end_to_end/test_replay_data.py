@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from daq import read_attachments
-from monitor.memory import parse_memory
-from monitor.proof import gather, prove
-from monitor.replay import ReplayReport, replay
-from monitor.results import WindowResult
+from monitor.results.windows import WindowResult
+from monitor.service.replay import ReplayReport, replay
 from monitor.settings import parse_settings
+from monitor.watch.commissioning import gather, prove
+from monitor.watch.memory import parse_memory
 from updater import parse_structure
 
 FOLDER = Path(__file__).parents[2] / "replay_data"

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from daq import read_attachments
-from monitor.memory import MEMORY, Memory, parse_memory
-from monitor.replay import logged_results, replay
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, WindowResult
 from monitor.rig import T_DEVICES
+from monitor.service.replay import logged_results, replay
+from monitor.watch.memory import MEMORY, Memory, parse_memory
 
 pytestmark = pytest.mark.live  # its devices are a log, which waits: beside what must keep up with time it may run
 

@@ -9,12 +9,12 @@ from thorough_helpers import few_of
 from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from daq import Event
-from monitor.history import HistoryStore, Reader, Span, database_url
-from monitor.inbox import Acceptance, Inbox, Undoing, leave
-from monitor.memory import memory_text, parse_memory
-from monitor.pipeline import Pipeline
-from monitor.result_events import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, result_event
-from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.outputs.history import HistoryStore, Reader, Span, database_url
+from monitor.results.events import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, result_event
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.service.operator_commands import Acceptance, Inbox, Undoing, leave
+from monitor.watch.memory import memory_text, parse_memory
+from monitor.watch.pipeline import Pipeline
 from updater import Body, parse_structure, t_structure_toml
 from updater.causes.catalogue import CATALOGUE
 

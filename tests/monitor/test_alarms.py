@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from monitor.alarms import Alarm, AlarmRules, Change, Condition
+from monitor.detection.alarm import Alarm, AlarmRules, Change, Condition
 
 MINUTE = 60 * 10**9
 OVER, BETWEEN, CALM, UNKNOWN = 1.5, 0.9, 0.2, float("nan")

@@ -7,14 +7,14 @@ from daq_helpers import START, make_block
 from watch_helpers import BASELINE, STEP, Played, judged, run, site_settings
 
 from daq import Event, Item, LogWriter
-from monitor.backlog import MOST_WINDOWS, SKIPPED, Backlog
-from monitor.notices.news import News
-from monitor.pipeline import Pipeline
-from monitor.replay import replay
-from monitor.result_events import TOPIC_STOPPED, result_event
-from monitor.results import Result, WindowResult
+from monitor.outputs.notices.filter import News
+from monitor.results.events import TOPIC_STOPPED, result_event
+from monitor.results.windows import Result, WindowResult
+from monitor.service.replay import replay
+from monitor.service.worker import Kept, Worker
 from monitor.settings import parse_settings
-from monitor.worker import Kept, Worker
+from monitor.watch.backlog import MOST_WINDOWS, SKIPPED, Backlog
+from monitor.watch.pipeline import Pipeline
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"

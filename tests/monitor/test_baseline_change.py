@@ -8,11 +8,11 @@ from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 from watch_helpers import BASELINE, Played, judged, run, without_answers
 
-from monitor.diagnosing import explain
-from monitor.memory import memory_text, parse_memory
-from monitor.observation import Observation
-from monitor.reference_windows import step_text
-from monitor.results import AlarmResult, Result
+from monitor.analysis.explanation import explain
+from monitor.analysis.observation import Observation
+from monitor.analysis.stationarity import step_text
+from monitor.results.windows import AlarmResult, Result
+from monitor.watch.memory import memory_text, parse_memory
 from oma.windows import Windows
 from updater import Body
 

@@ -10,10 +10,10 @@ from updater_helpers import measure, true_model
 from watch_helpers import BASELINE, Played, run, site_text, without_answers
 
 from daq import FloatArray, Recording
-from monitor.baseline_length import shortcomings
-from monitor.memory import memory_text, parse_memory
-from monitor.results import AlarmResult, Result
+from monitor.results.windows import AlarmResult, Result
 from monitor.settings import parse_settings
+from monitor.watch.baseline_checks import shortcomings
+from monitor.watch.memory import memory_text, parse_memory
 from updater import Body, TrackedModes, stack_tracks
 
 HOURLY = next(kind for kind in KINDS if kind.name == "bridge, hourly")

@@ -9,10 +9,10 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from daq import Channel, FloatArray, Recording
-from monitor.beside import discrepancy_result
-from monitor.discrepancy import DiscrepancyResult
-from monitor.observation import Observation
-from monitor.trends_beside import trends_beside
+from monitor.analysis.observation import Observation
+from monitor.analysis.trends import trends_beside
+from monitor.results.comparison import DiscrepancyResult
+from monitor.results.correlation import discrepancy_result
 from oma.windows import Windows
 from updater import (
     Body,

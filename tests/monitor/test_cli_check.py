@@ -13,7 +13,7 @@ from cli_helpers import Commands, assert_refused
 from process_helpers import script_process
 
 from daq import DriverError, Scans
-from monitor.probe import probe
+from monitor.service.acquisition.probe import probe
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
@@ -140,7 +140,7 @@ def test_check_of_a_log_that_is_played(modalwatch: Commands, site: Path) -> None
 def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     found = probe(Sending(clock), seconds=1.0, now=clock)
-    monkeypatch.setattr("monitor.cli.check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)})
+    monkeypatch.setattr("monitor.cli.site.check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)})
     said = "device beam_left is of low grade: scans have no number"
     for driver, is_low in (("witmotion", True), ("epson-uart", False)):
         text = SITE.format(driver=driver, port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y =")
@@ -155,7 +155,7 @@ def test_lack_of_a_thermometer_is_called_so(modalwatch: Commands, site: Path, mo
     site.write_text(text)
     for celsius, lacks in ((20.0, False), (float("nan"), True)):
         probed = {"beam_left": replace(found, rate=500.0, temperature=celsius)}
-        monkeypatch.setattr("monitor.cli.check.probe_devices", lambda _, probed=probed: probed)
+        monkeypatch.setattr("monitor.cli.site.check.probe_devices", lambda _, probed=probed: probed)
         assert ("a thermometer is needed" in modalwatch("check", site).out) == lacks
 
 

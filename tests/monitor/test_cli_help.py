@@ -6,10 +6,10 @@ import sys
 import pytest
 from cli_helpers import Commands
 
-from monitor.cli.data_table import data_app
-from monitor.cli.log_table import log_app
 from monitor.cli.main import app
-from monitor.cli.site_table import site_app
+from monitor.cli.tables.data import data_app
+from monitor.cli.tables.log import log_app
+from monitor.cli.tables.site import site_app
 
 COMMANDS: list[tuple[str, ...]] = [
     (c.name or str(c.callback and c.callback.__name__),)

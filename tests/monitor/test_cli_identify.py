@@ -12,10 +12,10 @@ from oma_helpers import chain, simulate
 from PIL import Image
 
 from daq import Channel, Recording, write_recording
-from monitor.fusion import fuse
 from oma import IdentificationError, ModalEstimate, mac
 from oma.windows import identify_windows
 from updater import t_structure_toml
+from updater.modal_data.averaging import fuse
 
 CHAIN = chain(4, first=2.0, damping=0.01)
 RATE = 40.0  # Hz; modes at 2.0, 5.8, 8.8 and 10.8 Hz

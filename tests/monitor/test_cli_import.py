@@ -9,7 +9,7 @@ from can_helpers import DBC_SITE, IMU
 from cli_helpers import Commands, assert_refused
 
 from daq import Recording, load_recordings, read_attachments
-from monitor.recordings import log_recordings
+from monitor.analysis.logs import log_recordings
 from monitor.settings import load_settings
 from updater import t_structure_toml
 

@@ -20,7 +20,7 @@ from daq import (
     read_in_order,
     read_measured,
 )
-from monitor.cli.importing import level
+from monitor.cli.data.import_ import level
 from monitor.settings import load_settings
 from updater import t_structure_toml
 

@@ -9,9 +9,9 @@ from cli_helpers import Commands, assert_refused
 from daq_helpers import START, make_block
 
 from daq import Block, Event, Flag, LogRecorder, LogWriter, Rotation, inspect_log, read_data
-from monitor.logged import late_devices
-from monitor.mending import mend_logs
-from monitor.recordings import log_channels, log_recordings
+from monitor.analysis.logs import log_channels, log_recordings
+from monitor.service.startup.repair_logs import mend_logs
+from monitor.views.run import late_devices
 
 
 def block(first: int, *, flags: Flag = Flag.NONE, device: str = "beam") -> Block:

@@ -9,9 +9,9 @@ from cli_helpers import Commands, assert_refused
 from PIL import Image
 
 from daq import LogWriter
-from monitor.odd_units import odd_units
-from monitor.sight import look
 from updater import Structure, parse_structure, t_structure_toml
+from updater.planning.mode_visibility import look
+from updater.structure.unit_check import odd_units
 
 CANTILEVER = """
 name = "cantilever"

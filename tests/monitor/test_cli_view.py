@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from rrd_helpers import Rrd
 
 from daq import Channel, Recording, write_recording
-from monitor.logged import load_run
+from monitor.views.run import load_run
 
 LOG = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
 

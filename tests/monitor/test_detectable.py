@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from watch_helpers import BASELINE, Played, judged, run, without_answers
 
-from monitor.detectable_words import NO_THERMOMETER, detectable_text
 from monitor.detection import DETECTORS, GUARD, Watching, detectable_change, judge, start
-from monitor.results import AlarmResult, DetectableChange, WindowResult
+from monitor.results.windows import AlarmResult, DetectableChange, WindowResult
+from monitor.text.detectability import NO_THERMOMETER, detectable_text
 
 P, STD, DAY, SEED = 5, 3e-4, 144, 4
 WATCHING = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daq import EPSON_SCALE, Block, LogWriter
-from monitor.disk_plan import BYTES_A_SCAN, disk_plan
+from monitor.service.startup.disk_budget import BYTES_A_SCAN, disk_plan
 from monitor.settings import parse_settings
 
 SITE = """structure = "s.toml"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from watch_helpers import BASELINE, Played, judged, run
 
-from monitor.results import AlarmResult, SelfTestResult
+from monitor.results.windows import AlarmResult, SelfTestResult
 from updater import Body
 from updater.causes.catalogue import CATALOGUE
 
@@ -15,9 +15,9 @@ def fails(*_: object, **__: object) -> None:
 
 def test_alarm_is_raised_though_diagnosis_sensors_and_self_test_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each would end the process of the analysis, with each window anew."""
-    monkeypatch.setattr("monitor.judging.answer", fails)
-    monkeypatch.setattr("monitor.judging.sensors", fails)
-    monkeypatch.setattr("monitor.self_test.self_test", fails)
+    monkeypatch.setattr("monitor.watch.judge.answer", fails)
+    monkeypatch.setattr("monitor.watch.judge.sensors", fails)
+    monkeypatch.setattr("monitor.watch.self_test.self_test", fails)
     played = Played(7, monkeypatch)
     played.settings = played.settings.model_copy(
         update={"alarm": played.settings.alarm.model_copy(update={"self_test_days": 0.05})}
@@ -57,7 +57,7 @@ def test_parts_of_the_answer_that_fail_cost_only_themselves(
     causes = {"added_mass": CATALOGUE["added_mass"], "axial_force": broken}
     monkeypatch.setattr(CATALOGUE, "_all", causes)
     for part in parts:
-        monkeypatch.setattr(f"monitor.answering.{part}", singular)
+        monkeypatch.setattr(f"monitor.watch.answer.{part}", singular)
     played = Played(7, monkeypatch)
     pipeline = played.pipeline()
     run(pipeline, played.windows(BASELINE))

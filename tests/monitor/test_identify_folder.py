@@ -14,8 +14,8 @@ from oma_helpers import chain, simulate
 from PIL import Image
 
 from daq import Channel, write_recording
-from monitor.diagrams import complexity_figure, mac_figure, stabilization_figure, tracks_figure
-from monitor.modes_picture import shapes_figure
+from monitor.views.plots.identification import complexity_figure, mac_figure, stabilization_figure, tracks_figure
+from monitor.views.plots.mode_shapes import shapes_figure
 from oma import Identification, ModalEstimate, identify_all, mac_matrix, normalise, places_by_name
 from updater import parse_structure, t_structure_toml
 

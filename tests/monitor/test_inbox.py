@@ -10,15 +10,15 @@ import pytest
 from cli_helpers import Commands, assert_refused
 
 from daq import Event, SystemClock
-from monitor.alarm_words import acknowledged_said
-from monitor.alarms import Alarm, AlarmRules, Change
-from monitor.inbox import Acknowledgement, Inbox, leave
-from monitor.pipeline import Pipeline
-from monitor.result_events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
-from monitor.results import AlarmResult
+from monitor.detection.alarm import Alarm, AlarmRules, Change
+from monitor.results.events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
+from monitor.results.windows import AlarmResult
+from monitor.service.operator_commands import Acknowledgement, Inbox, leave
+from monitor.service.status import NAME, Pace, Vitals
 from monitor.settings import parse_settings
-from monitor.stretches import duration_text
-from monitor.vitals import NAME, Pace, Vitals
+from monitor.text.alarms import acknowledged_said
+from monitor.text.quantities import duration_text
+from monitor.watch.pipeline import Pipeline
 from updater import parse_structure, t_structure_toml
 
 SITE = """
@@ -103,9 +103,9 @@ def test_command_waits_until_the_word_is_taken(
     """A monitor that runs takes it at once; one that stands still is told of."""
     state = site.parent / "state"
     Vitals(state / NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write({})
-    monkeypatch.setattr("monitor.cli.telling._WAIT", 0.2)
+    monkeypatch.setattr("monitor.cli.site.send._WAIT", 0.2)
     assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
-    monkeypatch.setattr("monitor.cli.telling._WAIT", 10.0)
+    monkeypatch.setattr("monitor.cli.site.send._WAIT", 10.0)
     stop, inbox = threading.Event(), Inbox(state)
 
     def take() -> None:

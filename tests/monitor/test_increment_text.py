@@ -4,8 +4,8 @@ import answers_helpers as answers
 import pytest
 import viewer_helpers as made
 
-from monitor.results import IncrementPlace, Interval
-from monitor.words import increment_text
+from monitor.results.windows import IncrementPlace, Interval
+from monitor.text.causes import increment_text
 
 FOUND = answers.increments(made.Site())
 N = len({f.node for f in FOUND.flagged})

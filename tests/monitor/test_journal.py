@@ -9,7 +9,7 @@ from daq_helpers import make_block
 from history_helpers import change, run_events
 
 from daq import Event
-from monitor.cli.journal import journal
+from monitor.cli.site.console_log import journal
 
 START = 1_767_225_600_000_000_000
 
@@ -65,7 +65,7 @@ def test_everything_that_a_run_finds_is_said_in_a_line() -> None:
 def test_what_repeats_is_counted_instead_of_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred gaps within a minute are ten lines; the next one after it says how many were left out."""
     now = 1000.0
-    monkeypatch.setattr("monitor.cli.journal.time.monotonic", lambda: now)
+    monkeypatch.setattr("monitor.cli.site.console_log.time.monotonic", lambda: now)
     stream = io.StringIO()
     with journal(as_json=False, stream=stream) as lines:
         for _ in range(100):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from updater_helpers import measure, t_frame, true_model
 
-from monitor.lateness import in_time, without_known
 from oma import ModalEstimate
 from updater import DeviceDelays, remove_delays
-from updater.lags import without_mode
+from updater.inference.phases_and_damping import without_mode
+from updater.modal_data.delay_removal import in_time, without_known
 
 CHANNELS = t_frame().channels
 DEVICES = {channel: channel.rsplit("_", 1)[0] for channel in CHANNELS}

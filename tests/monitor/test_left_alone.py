@@ -15,8 +15,8 @@ from run_helpers import QuietWorker, Watched, blocks, watched_site
 
 from daq import SystemClock
 from monitor.errors import StartError
-from monitor.memory import Recalled
-from monitor.only_one import only_one
+from monitor.service.startup.instance_lock import only_one
+from monitor.watch.memory import Recalled
 
 PORTS = Path(__file__).parents[1] / "emulated_ports.py"
 HOUR = 3600 * 10**9  # ns
@@ -96,7 +96,7 @@ class SetClock:
 
 def test_clock_goes_evenly_until_it_is_told_to_follow(monkeypatch: pytest.MonkeyPatch) -> None:
     host = SetClock()
-    monkeypatch.setattr("daq.hostclock.time", host)
+    monkeypatch.setattr("daq.timing.host_clock.time", host)
     clock = SystemClock()
     before = clock.now()
     host.ahead = -3 * HOUR
@@ -114,8 +114,8 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
 ) -> None:
     """Within a log times go evenly; the devices are set up anew, and the shift is told once."""
     host, shown = SetClock(), list[object]()
-    monkeypatch.setattr("daq.hostclock.time", host)
-    monkeypatch.setattr("monitor.running.Outlets.show_again", lambda outlets: shown.append(outlets))
+    monkeypatch.setattr("daq.timing.host_clock.time", host)
+    monkeypatch.setattr("monitor.service.site_run.Outlets.show_again", lambda outlets: shown.append(outlets))
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
     with watched.running() as ended:
         watched.flows("beam_left")
@@ -139,7 +139,7 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
     watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It may be amid a diagnosis: the watchdog is not to be left without food for as long."""
-    monkeypatch.setattr("monitor.succession._LAST_WORDS", 0.3)
+    monkeypatch.setattr("monitor.service.log_and_analysis._LAST_WORDS", 0.3)
     devices = {"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)}
     watched.write(devices)
     with watched.running() as ended:
@@ -187,7 +187,7 @@ class Circle:
 def test_circles_are_freed_without_waiting_for_python(
     watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.running._SWEEP", 0.1)
+    monkeypatch.setattr("monitor.service.site_run._SWEEP", 0.1)
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
     gc.disable()
     try:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.explaining import conditions_of
-from monitor.left_out import left_out_texts, told_apart
+from monitor.analysis.excluded_channels import left_out_texts, told_apart
+from monitor.watch.explanation import conditions_of
 from oma import ChannelFault
 
 

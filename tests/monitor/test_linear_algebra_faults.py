@@ -10,12 +10,17 @@ from sealed_signals import estimated
 from sealed_specimen import draw_state
 
 from daq import Channel, Recording
-from monitor.diagnosing import explain
+from monitor.analysis.explanation import explain
 from oma import IdentificationError, identify
 
 ROOT = Path(__file__).parents[2]
-_READERS = {"updater/structure.py", "updater/structure_file.py", "updater/fe/matrices.py", "oma/tracks.py"}
-_SOLVER = "updater/fe/solver.py"  # PyPardiso raises ValueError
+_READERS = {
+    "updater/structure/structure.py",
+    "updater/structure/toml_file.py",
+    "updater/fe/external/files.py",
+    "oma/tracking/track_state.py",
+}
+_SOLVER = "updater/fe/factorization.py"  # PyPardiso raises ValueError
 _ANALYSIS = ("explaining", "diagnosing", "answering", "accepting", "proof", "beside", "learning")
 
 
@@ -37,7 +42,7 @@ def test_it_is_not_blamed_on_the_logs(where: str, monkeypatch: pytest.MonkeyPatc
     state = draw_state(1)
     random = np.random.default_rng(1)
     before, now = (observation(state, estimated(state, 4, random, noise="law")) for _ in range(2))
-    monkeypatch.setattr(f"monitor.diagnosing.{where}", fail)
+    monkeypatch.setattr(f"monitor.analysis.explanation.{where}", fail)
     with pytest.raises(np.linalg.LinAlgError):
         explain(FRAME, before, now)
 

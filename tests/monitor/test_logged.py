@@ -8,8 +8,8 @@ import pytest
 
 from daq import EPSON_SCALE, Block, Channel, Event, Flag, LogWriter, Recording
 from monitor.errors import ResultsError
-from monitor.logged import find_log, last_signals, late_devices, load_run, slower
-from monitor.results import Novelty, ReferenceResult, WindowResult
+from monitor.results.windows import Novelty, ReferenceResult, WindowResult
+from monitor.views.run import find_log, last_signals, late_devices, load_run, slower
 
 START = 1_767_225_600_000_000_000
 RATE = 200.0

@@ -14,11 +14,11 @@ from hypothesis.extra.numpy import arrays
 from watch_helpers import BASELINE, Played, judged, run, site_settings, without_answers
 
 from daq import Event
-from monitor.alarms import Alarm, AlarmRules
-from monitor.memory import MEMORY, CodecError, MemoryFile, memory_text, parse_memory, recall
-from monitor.memory.codec import decode, encode
-from monitor.memory.contents import VERSION
-from monitor.results import AlarmResult, ReferenceResult
+from monitor.detection.alarm import Alarm, AlarmRules
+from monitor.results.windows import AlarmResult, ReferenceResult
+from monitor.watch.memory import MEMORY, CodecError, MemoryFile, memory_text, parse_memory, recall
+from monitor.watch.memory.codec import decode, encode
+from monitor.watch.memory.state import VERSION
 from updater import Body, parse_structure, t_structure_toml
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
@@ -180,7 +180,7 @@ def test_other_version_is_refused() -> None:
 def test_memory_is_written_only_after_what_it_rests_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not before its result is logged, nor within the second after it; at the end at once."""
     now = 100.0
-    monkeypatch.setattr("monitor.memory.file.time.monotonic", lambda: now)
+    monkeypatch.setattr("monitor.watch.memory.file.time.monotonic", lambda: now)
     events = [Event(topic="/result/window", time=n, payload={}) for n in range(3)]
     path = tmp_path / "state" / MEMORY
     with MemoryFile(path) as memory:

@@ -13,7 +13,7 @@ from thorough_helpers import few_of
 from updater_helpers import measure, t_frame, true_model
 
 from daq import LogError
-from monitor.modal_table import read_table, read_tables
+from monitor.analysis.modal_table.table import read_table, read_tables
 from oma import ModalEstimate
 from updater import Body, load_structure, t_structure_toml
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from notice_helpers import NOTICE, Server
 
-from monitor.notice_text import Notice
-from monitor.notices import NoticeError, make_sender
-from monitor.notices.lane import Lane, Quota
+from monitor.outputs.notices import NoticeError, make_sender
+from monitor.outputs.notices.lane import Lane, Quota
 from monitor.settings import NotifySettings
+from monitor.text.notices import Notice
 
 TROUBLE = replace(NOTICE, kind="trouble", state="")
 STEP = 5  # s
@@ -29,7 +29,7 @@ class HandTime:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> HandTime:
     clock = HandTime()
-    monkeypatch.setattr("monitor.notices.lane.time", clock)
+    monkeypatch.setattr("monitor.outputs.notices.lane.time", clock)
     return clock
 
 
@@ -145,7 +145,7 @@ def test_heartbeat_that_fails_is_not_repeated_and_delays_nothing(tmp_path: Path,
 def test_troubles_are_only_counted_where_much_waits(
     tmp_path: Path, clock: HandTime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.notices.lane._MUCH", 400)
+    monkeypatch.setattr("monitor.outputs.notices.lane._MUCH", 400)
     others: list[int] = []
     lane = Lane(lambda _, n: others.append(n), tmp_path / "n.jsonl", Quota(9), 5.0, lambda _: None)
     for _ in range(6):
@@ -162,7 +162,7 @@ def test_troubles_are_only_counted_where_much_waits(
 def test_what_no_disk_takes_is_kept_in_memory_up_to_a_number(
     tmp_path: Path, clock: HandTime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.notices.lane._MAX_IN_MEMORY", 2)
+    monkeypatch.setattr("monitor.outputs.notices.lane._MAX_IN_MEMORY", 2)
     (tmp_path / "state").write_text("")
     got: list[tuple[int, int]] = []
     lane = Lane(

@@ -13,8 +13,8 @@ import pytest
 from notice_helpers import ALARM, NOTICE, Server, until
 
 from daq import Event
-from monitor.notices import Courier, NoticeError, make_sender
-from monitor.notices.deadline import DeadlineRunner
+from monitor.outputs.notices import Courier, NoticeError, make_sender
+from monitor.outputs.notices.deadline import DeadlineRunner
 from monitor.settings import NotifySettings
 
 LOST = Event(topic="/event/device_lost", time=1, payload={"device": "left"})

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from daq import Channel, LogWriter
-from monitor.notice_template import TemplateFailure, render_bounded
-from monitor.notice_text import Notice, check_template, message
-from monitor.recordings import log_channels
+from monitor.analysis.logs import log_channels
 from monitor.settings import parse_attached
+from monitor.text.notice_template import TemplateFailure, render_bounded
+from monitor.text.notices import Notice, check_template, message
 
 NOTICE = Notice(kind="alarm", site="bridge", time=0, utc="then", state="alarm", text="a mass was added")
 LOOPS = "{% for a in range(99999) %}{% for b in range(99999) %}{% endfor %}{% endfor %}"

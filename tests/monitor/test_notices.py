@@ -19,8 +19,8 @@ from notice_helpers import ALARM, NOTICE, Server, until
 from pydantic import ValidationError
 
 from daq import Event
-from monitor.notices import Courier, News, NoticeError, make_sender
-from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
+from monitor.outputs.notices import Courier, News, NoticeError, make_sender
+from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
 
 LOST = Event(topic="/event/device_lost", time=1, payload={"device": "left"})

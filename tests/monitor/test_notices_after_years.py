@@ -15,11 +15,11 @@ from history_helpers import change
 from notice_helpers import ALARM, NOTICE, Server, until
 
 from daq import Event
-from monitor.notice_template import TemplateFailure
-from monitor.notice_text import message, render
-from monitor.notices import Courier, make_sender
-from monitor.notices.courier import TOPIC_BACK, TOPIC_FAILED
+from monitor.outputs.notices import Courier, make_sender
+from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
+from monitor.text.notice_template import TemplateFailure
+from monitor.text.notices import message, render
 
 
 @pytest.fixture

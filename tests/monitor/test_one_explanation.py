@@ -7,8 +7,8 @@ from sealed_path import after, observation, structure_of
 from sealed_signals import estimated
 from thorough_helpers import few_of
 
-from monitor.diagnosing import explain
-from monitor.explaining import explain_windows
+from monitor.analysis.explanation import explain
+from monitor.watch.explanation import explain_windows
 
 
 @pytest.mark.parametrize(("cell", "seed"), few_of([("sliding", 73), ("added_mass", 71), ("attached_oscillator", 72)]))

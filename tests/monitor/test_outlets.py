@@ -11,11 +11,11 @@ import pytest
 from history_helpers import change
 
 from daq import Item
-from monitor.live import LiveView
-from monitor.notices import Courier
-from monitor.outlets import Outlets
+from monitor.outputs.notices import Courier
+from monitor.service.outputs import Outlets
+from monitor.service.servers.live_view import LiveView
+from monitor.service.site import Site, load_site
 from monitor.settings import NotifySettings
-from monitor.site import Site, load_site
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -52,7 +52,7 @@ def site(tmp_path: Path) -> Site:
 
 def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
-    monkeypatch.setattr("monitor.outlets.time.monotonic", lambda: now)
+    monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
     view = View()
     outlets = Outlets(site, cast("LiveView", view))
     assert list(outlets.said()) == []
@@ -81,7 +81,7 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
     port = 22_000 + os.getpid() % 20_000
     site.path.write_text(f"{SITE}[web]\nport = {port}\n", encoding="utf-8")
     now = 100.0
-    monkeypatch.setattr("monitor.outlets.time.monotonic", lambda: now)
+    monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
     with Outlets(load_site(site.path), None) as outlets:
         [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
         server.kill()

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from monitor.processes import LastWords, environment, held_memory, report_end
+from monitor.service.processes import LastWords, environment, held_memory, report_end
 
 MAPPED = """
 import ctypes
@@ -27,7 +27,7 @@ print(libc.mallinfo2().mapped - before)
 
 
 TRIMMED = """
-from monitor.processes import trim_memory
+from monitor.service.processes import trim_memory
 def resident():
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * 4096
@@ -48,7 +48,7 @@ def said(script: str) -> int:
 
 @of_glibc
 def test_large_blocks_go_back_to_the_system_also_after_a_larger_one_was_freed() -> None:
-    first = "from monitor.processes import give_back_memory\ngive_back_memory()"
+    first = "from monitor.service.processes import give_back_memory\ngive_back_memory()"
     assert said(MAPPED.format(first="")) == 0
     assert said(MAPPED.format(first=first)) >= 1_000_000
 

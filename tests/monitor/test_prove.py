@@ -8,8 +8,8 @@ import pytest
 from cli_helpers import Commands
 from watch_helpers import BASELINE, Played, run, without_answers
 
-from monitor.memory import MEMORY, memory_text
-from monitor.proof import ProofError, gather, prove
+from monitor.watch.commissioning import ProofError, gather, prove
+from monitor.watch.memory import MEMORY, memory_text
 from updater import Body, t_structure_toml
 
 MASS, AT = 0.25, (0.0, 0.0, 0.9)

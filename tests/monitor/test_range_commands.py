@@ -10,19 +10,19 @@ import pytest
 from cli_helpers import Commands, assert_refused
 
 from daq import EPSON_SCALE, Block, Event, Item, LogWriter, read_data
-from monitor.backlog import as_logged
+from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
-from monitor.logged import load_run
-from monitor.memory import MEMORY, parse_memory
-from monitor.pipeline import Pipeline
-from monitor.replay import replay, write_watched
-from monitor.report.content import run_content
-from monitor.result_events import TOPIC_STOPPED, result_event
-from monitor.results import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results.events import TOPIC_STOPPED, result_event
+from monitor.results.story import Story
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.service.replay import replay, write_watched
 from monitor.settings import parse_settings
-from monitor.story import Story
-from monitor.time_range import time_range
-from monitor.verdict_words import changed_between, last_state
+from monitor.text.verdicts import changed_between, last_state
+from monitor.views.report.content import run_content
+from monitor.views.run import load_run
+from monitor.watch.backlog import as_logged
+from monitor.watch.memory import MEMORY, parse_memory
+from monitor.watch.pipeline import Pipeline
 from updater import parse_structure
 
 REPLAY = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
@@ -59,7 +59,7 @@ class InProcess:
 
 def test_replay_of_a_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Up to --to it repeats the live run; from --from on it is a watch of its own."""
-    monkeypatch.setattr("monitor.replay.Worker", InProcess)
+    monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
     begun = replay(time_range(None, "40").of_log(REPLAY), None, lambda _: None)
     assert [r.index for r in begun.found if isinstance(r, WindowResult)] == [0, 1]
     watched = tmp_path / "watched.mcap"
@@ -167,8 +167,8 @@ def test_commands_take_a_range(
     modalwatch: Commands, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[Story] = []
-    monkeypatch.setattr("monitor.cli.view.run_report", lambda run, *_: drawn.append(run.story))
-    monkeypatch.setattr("monitor.viewer.write_recording", lambda _, story: drawn.append(story))
+    monkeypatch.setattr("monitor.cli.data.view.run_report", lambda run, *_: drawn.append(run.story))
+    monkeypatch.setattr("monitor.views.viewer.write_recording", lambda _, story: drawn.append(story))
     for command, *options in (("report",), ("view", "--no-open")):
         done = modalwatch(command, run, "--from", 35, "--to", 50, "--out", tmp_path / command, *options)
         assert (done.code, done.err) == (0, "")

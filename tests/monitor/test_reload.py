@@ -12,7 +12,7 @@ from run_helpers import QuietWorker, Watched, blocks, watched_site
 from service_helpers import Listener
 
 from daq import Flag
-from monitor.daemon import reload_on_signal
+from monitor.service.daemon import reload_on_signal
 
 
 @pytest.fixture

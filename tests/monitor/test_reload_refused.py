@@ -8,8 +8,8 @@ import pytest
 from process_helpers import script_process
 from run_helpers import QuietWorker, Watched, watched_site
 
-from monitor.analysing import new_analysis
-from monitor.outlets import Outlets
+from monitor.service.log_and_analysis import new_analysis
+from monitor.service.outputs import Outlets
 
 NOTIFY = '[[notify]]\nwebhook = "http://127.0.0.1:1/x"\ntemplate = "{}"\n'
 STRUCTURE, RECORDER = 'structure = "t_structure.toml"', "[recorder]"
@@ -61,7 +61,7 @@ def _fail_while_it_is_put_into_effect(watched: Watched, good: str, monkeypatch: 
         raise MemoryError
 
     monkeypatch.setattr(Outlets, "_renew_couriers", fails)
-    monkeypatch.setattr("monitor.succession.new_analysis", fails)
+    monkeypatch.setattr("monitor.service.log_and_analysis.new_analysis", fails)
     watched.path.write_text(
         good.replace("min_free_gb = 0", "min_free_gb = 0.001") + NOTIFY.format("x"), encoding="utf-8"
     )
@@ -71,5 +71,5 @@ def _fail_while_it_is_put_into_effect(watched: Watched, good: str, monkeypatch: 
     assert reloaded.payload["changed"] == "log and analysis"
     assert reloaded.payload["failed"].startswith("outlets: MemoryError (test_reload_refused.py:")
     assert watched.events("analysis_died")[0].payload["why"] == "MemoryError"
-    monkeypatch.setattr("monitor.succession.new_analysis", new_analysis)
+    monkeypatch.setattr("monitor.service.log_and_analysis.new_analysis", new_analysis)
     watched.until(lambda: len(QuietWorker.made) == 2)

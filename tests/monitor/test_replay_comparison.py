@@ -4,8 +4,8 @@ import math
 
 import viewer_helpers as made
 
-from monitor.replay_comparison import ROUNDING, ReplayComparison, compare_results
-from monitor.results import AlarmResult, Result, WindowResult
+from monitor.results.replay_comparison import ROUNDING, ReplayComparison, compare_results
+from monitor.results.windows import AlarmResult, Result, WindowResult
 
 SITE = made.Site()
 RUN = made.whole_run(SITE, n_learning=3, n_before=1, n_after=3)

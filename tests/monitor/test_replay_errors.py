@@ -7,7 +7,7 @@ from daq_helpers import make_block
 
 from daq import LogError, LogWriter
 from monitor.errors import SettingsError
-from monitor.replay import replay
+from monitor.service.replay import replay
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"

@@ -24,14 +24,14 @@ from watch_helpers import Played
 
 from daq import LogWriter, read_attachments
 from monitor.errors import SettingsError
-from monitor.memory import fitting, memory_text
-from monitor.notices import NoticeError, make_sender
-from monitor.pipeline import Pipeline
-from monitor.redaction import masked, redacted_topic, shown_address
+from monitor.outputs.notices import NoticeError, make_sender
 from monitor.rig import T_DEVICES
 from monitor.settings import NotifySettings, attachable, parse_settings
 from monitor.settings.reading import section_of
-from monitor.settings.site import Settings
+from monitor.settings.redaction import masked, redacted_topic, shown_address
+from monitor.settings.schema import Settings
+from monitor.watch.memory import fitting, memory_text
+from monitor.watch.pipeline import Pipeline
 from updater import t_structure_toml
 
 RECORDED = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"

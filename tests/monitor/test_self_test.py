@@ -11,18 +11,18 @@ from vitals_helpers import WELL
 from watch_helpers import BASELINE, STEP, Played, judged, run, site_settings, without_answers
 
 from daq import FloatArray, SystemClock
-from monitor.history import HistoryStore, Reader, Span
-from monitor.memory import memory_text, parse_memory
-from monitor.notices.news import News
-from monitor.result_events import result_event
-from monitor.results import Result, SelfTestResult, WindowResult
-from monitor.running import pace_of
-from monitor.self_test import DRAWS, with_mass
-from monitor.vitals import NAME, Pace, Vitals, last_written
-from monitor.web import Source
-from monitor.web.metrics import metrics
-from monitor.web.page import state_html
-from monitor.web.source import problems
+from monitor.outputs.history import HistoryStore, Reader, Span
+from monitor.outputs.notices.filter import News
+from monitor.results.events import result_event
+from monitor.results.windows import Result, SelfTestResult, WindowResult
+from monitor.service.servers.web import Source
+from monitor.service.servers.web.metrics import metrics
+from monitor.service.servers.web.source import problems
+from monitor.service.servers.web.status_page import state_html
+from monitor.service.site_run import pace_of
+from monitor.service.status import NAME, Pace, Vitals, last_written
+from monitor.watch.memory import memory_text, parse_memory
+from monitor.watch.self_test import DRAWS, with_mass
 from updater import Body, build_model, nominal_reference, stack_tracks
 
 OFTEN = f"self_test_days = {5.5 * STEP / 86400}\nself_test_percent = "  # six windows after the last

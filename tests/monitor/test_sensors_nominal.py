@@ -7,8 +7,8 @@ from sealed_path import FRAME, observation
 from sealed_signals import estimated
 from thorough_helpers import few_of
 
-from monitor.diagnosing import explain
-from monitor.observation import follow
+from monitor.analysis.explanation import explain
+from monitor.analysis.observation import follow
 from updater import dump_structure, parse_structure
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from monitor.sensors_said import health_result, health_rows, health_text
+from monitor.text.sensors import health_result, health_rows, health_text
 from updater import SensorHealth
 
 

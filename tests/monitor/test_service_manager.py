@@ -10,7 +10,7 @@ import pytest
 from cli_helpers import Commands, assert_refused
 from service_helpers import Listener
 
-from monitor.service_manager import ServiceManager, SignsOfLife
+from monitor.service.systemd.notify import ServiceManager, SignsOfLife
 from updater import t_structure_toml
 
 WELL = SignsOfLife(data=0.1, disk=0.1, losing=False)

@@ -6,8 +6,8 @@ import pytest
 
 from daq import CanAddress, DbcAddress, DbcSensor
 from monitor.errors import SettingsError
+from monitor.service.site import load_site
 from monitor.settings import load_settings, parse_settings
-from monitor.site import load_site
 from updater import t_structure_toml
 
 GOOD = """

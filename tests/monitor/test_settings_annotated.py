@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from monitor.settings import EXAMPLE, TemperatureSettings, annotated, parse_settings
 from monitor.settings.reading import section_of
-from monitor.settings.site import Settings
+from monitor.settings.schema import Settings
 
 
 def test_printed_defaults_are_the_defaults(modalwatch: Commands) -> None:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pydantic import SecretStr
 
 from monitor.errors import ArgumentError, SettingsError
+from monitor.service.site import load_site
 from monitor.settings import overrides, parse_settings, read_settings
 from monitor.settings.overrides import overridden
-from monitor.site import load_site
 from updater import t_structure_toml
 
 SITE = """# the bridge

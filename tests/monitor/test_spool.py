@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from monitor.spool import Spool
+from monitor.outputs.spool import Spool
 
 
 def test_lines_appended_after_another_delivery_are_kept(tmp_path: Path) -> None:

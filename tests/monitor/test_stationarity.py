@@ -10,7 +10,7 @@ from cli_helpers import Commands
 from oma_helpers import Structure, chain, simulate
 
 from daq import FloatArray, Recording
-from monitor.stationarity import FrequencyChange, change_point, frequency_change
+from monitor.analysis.stationarity import FrequencyChange, change_point, frequency_change
 from oma.windows import identify_windows
 
 CHAIN, RATE, SECONDS = chain(5, first=2.0), 40.0, 240.0

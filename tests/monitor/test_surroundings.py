@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from monitor.site import load_site
-from monitor.surroundings import Finding, look_around
+from monitor.service.site import load_site
+from monitor.service.startup.preflight import Finding, look_around
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"

@@ -10,8 +10,8 @@ from cli_helpers import Commands
 from oma_helpers import frame, simulate
 
 from daq import Channel, Recording, write_recording
-from monitor.synchrony import asynchrony
 from oma import aligned, identify_all, mpc
+from updater.modal_data.synchrony import asynchrony
 
 LATE = {"col_037": 1.0e-3, "col_074": 2.2e-3, "beam_left": 5.0e-3}  # s
 

@@ -12,15 +12,15 @@ import pytest
 from daq_helpers import START, make_block
 
 from daq import Channel, Event, Recording, SystemClock
+from monitor.analysis.temperature import Weather, reading
 from monitor.errors import SettingsError
-from monitor.memory import matters
-from monitor.pipeline import Pipeline
-from monitor.results import WindowResult
+from monitor.results.windows import WindowResult
+from monitor.service.acquisition.thermometer import CsvThermometer, Thermometer, thermometer
+from monitor.service.site import load_site
+from monitor.service.startup.preflight import look_around
 from monitor.settings import TemperatureSettings, parse_settings
-from monitor.site import load_site
-from monitor.surroundings import look_around
-from monitor.thermometer import CsvThermometer, Thermometer, thermometer
-from monitor.weather import Weather, reading
+from monitor.watch.memory import matters
+from monitor.watch.pipeline import Pipeline
 from updater import parse_structure, t_structure_toml
 
 MINUTE = 60_000_000_000  # ns
@@ -186,7 +186,7 @@ def until(true: Callable[[], object]) -> None:
 def test_source_that_fails_is_told_once_and_again_when_it_is_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.thermometer._POLL", 0.01)
+    monkeypatch.setattr("monitor.service.acquisition.thermometer._POLL", 0.01)
     path, said = tmp_path / "air.csv", list[Event]()
 
     def heard(topic: str, source: Thermometer) -> bool:

@@ -12,10 +12,10 @@ from cli_helpers import Commands, assert_refused
 from oma_helpers import chain, simulate
 
 from daq import Channel, LogExcerpt, Recording, log_span, read_attachments, write_recording
+from monitor.analysis.logs import log_recordings
+from monitor.analysis.observation import Observation
+from monitor.analysis.time_range import time_range
 from monitor.errors import ArgumentError, StateError
-from monitor.observation import Observation
-from monitor.recordings import log_recordings
-from monitor.time_range import time_range
 
 START = 1_767_225_600_000_000_000  # 2026-01-01T00:00:00Z
 SECOND = 10**9
@@ -158,9 +158,9 @@ def test_diagnose_takes_both_states_from_one_log(
     def explain(*_: object, **__: object) -> None:
         raise StateError("current", "enough is known")
 
-    monkeypatch.setattr("monitor.cli.diagnosing.observe", observe)
-    monkeypatch.setattr("monitor.cli.diagnosing.explain", explain)
-    monkeypatch.setattr("monitor.selection.Selection.of_observation", lambda _, observation: observation)
+    monkeypatch.setattr("monitor.cli.data.diagnose.observe", observe)
+    monkeypatch.setattr("monitor.cli.data.diagnose.explain", explain)
+    monkeypatch.setattr("monitor.analysis.selection.Selection.of_observation", lambda _, observation: observation)
     states = ("--from", "2m18s", "--reference", REPLAY, "--reference-to", "2m5s", "--holdout", REPLAY)
     assert_refused(modalwatch("diagnose", structure, REPLAY, *states, "--window", 15), "enough is known")
     span = log_span(REPLAY)

@@ -7,13 +7,13 @@ import pytest
 from watch_helpers import BASELINE, Played, judged, run, site_settings, without_answers
 
 from monitor.detection import CHUNK, DETECTORS, GUARD, Trend, TrendWatch, Watching, judge, start
-from monitor.memory import memory_text, parse_memory
-from monitor.notices import News
-from monitor.novelty import Detector, DetectorState
-from monitor.result_events import result_event
-from monitor.results import AlarmResult, ReferenceResult
-from monitor.story import Story
-from monitor.verdict_words import headline
+from monitor.outputs.notices import News
+from monitor.results.events import result_event
+from monitor.results.story import Story
+from monitor.results.windows import AlarmResult, ReferenceResult
+from monitor.text.verdicts import headline
+from monitor.watch.detector import Detector, DetectorState
+from monitor.watch.memory import memory_text, parse_memory
 
 
 def trend(n_modes: int) -> Trend:
@@ -32,7 +32,7 @@ def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPa
         found = trend(4)
         return TrendWatch(week=0, present=found, reported=found), watch.present is None
 
-    monkeypatch.setattr("monitor.novelty.follow_trend", follow)
+    monkeypatch.setattr("monitor.watch.detector.follow_trend", follow)
     played.settings = site_settings("self_test_days = 0")
     pipeline = played.pipeline()
     found = run(pipeline, played.windows(BASELINE + GUARD + CHUNK + 1))
@@ -69,7 +69,7 @@ def test_trend_forgiven_so_far_is_reported_after_the_setting_changes(monkeypatch
     def follow(watch: TrendWatch, _weekly: object) -> tuple[TrendWatch, bool]:
         return TrendWatch(week=watch.week + 1, present=trend(3), reported=trend(3)), watch.reported is None
 
-    monkeypatch.setattr("monitor.novelty.follow_trend", follow)
+    monkeypatch.setattr("monitor.watch.detector.follow_trend", follow)
     y = 1e-4 * np.random.default_rng(5).standard_normal((100, 3))
     watching = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
     watched = start(y, np.full(y.shape, 1e-4), np.full(100, 15.0), np.full(100, 600.0), watching)

@@ -9,11 +9,11 @@ from vitals_helpers import WELL
 from watch_helpers import BASELINE, Played, judged, run
 
 from daq import SystemClock
-from monitor.result_events import result_event
-from monitor.results import WindowResult
-from monitor.unheard import Unheard
-from monitor.vitals import NAME, Pace, Vitals
-from monitor.web.source import problems
+from monitor.results.events import result_event
+from monitor.results.windows import WindowResult
+from monitor.service.servers.web.source import problems
+from monitor.service.status import NAME, Pace, Vitals
+from monitor.watch.blindness import Unheard
 
 DEAD = "beam_left_y"
 

@@ -9,10 +9,10 @@ from watch_helpers import BASELINE, Played, judged, run, without_answers
 
 from daq import FloatArray, Recording
 from monitor.detection import DETECTORS, Watched, Watching, accept, judge, least_unsure, start
-from monitor.replay import ReplayReport
-from monitor.results import AlarmResult, ReferenceResult, WindowResult
-from monitor.story import Story
-from monitor.verdict_words import headline
+from monitor.results.story import Story
+from monitor.results.windows import AlarmResult, ReferenceResult, WindowResult
+from monitor.service.replay import ReplayReport
+from monitor.text.verdicts import headline
 
 P, STD, DAY = 6, 5e-4, 144
 WEEK = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

@@ -10,9 +10,9 @@ from history_helpers import run_events
 from vitals_helpers import PACE, WELL
 
 from daq import Event, SystemClock
-from monitor.result_events import event_result, result_event
-from monitor.results import WindowResult
-from monitor.vitals import NAME, Pace, Vitals
+from monitor.results.events import event_result, result_event
+from monitor.results.windows import WindowResult
+from monitor.service.status import NAME, Pace, Vitals
 
 EVENTS = run_events()
 
@@ -32,7 +32,7 @@ def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
 ) -> None:
     """NTP may set it by hours, to and fro: what flows goes on flowing, and a device that falls silent is told."""
     wall, ages = [1e9], [0.0]
-    monkeypatch.setattr("monitor.vitals.time", FakeTime(wall, ages))
+    monkeypatch.setattr("monitor.service.status.time", FakeTime(wall, ages))
     vitals = Vitals(tmp_path / NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
     for step in (7200.0, -9000.0):
         vitals.take(make_block("left", 0))
@@ -64,7 +64,7 @@ class FakeTime:
 def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks come in pieces: of each second alone it would be 750 one time and 1250 the next."""
     ages = [0.0]
-    monkeypatch.setattr("monitor.vitals.time", FakeTime([1e9], ages))
+    monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
     vitals, first = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
     for second in range(60):
         for _ in range(3 if second % 2 else 5):
@@ -80,7 +80,7 @@ def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.Mo
 def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of 0.7 s, looked at each second: over ten seconds of the clock they would be 9.8 or 10.5 s of scans."""
     ages, rates = [0.0], []
-    monkeypatch.setattr("monitor.vitals.time", FakeTime([1e9], ages))
+    monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
     vitals, first = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
     for tick in range(1, 601):  # tenths of a second
         ages[0] = 0.1 * tick

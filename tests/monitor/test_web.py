@@ -20,10 +20,10 @@ from vitals_helpers import PACE, WELL
 
 from daq import Event, SystemClock
 from monitor.errors import StartError
-from monitor.history import HistoryStore
-from monitor.inbox import Inbox
-from monitor.vitals import NAME, Vitals
-from monitor.web import Source, make_app, web_process
+from monitor.outputs.history import HistoryStore
+from monitor.service.operator_commands import Inbox
+from monitor.service.servers.web import Source, make_app, web_process
+from monitor.service.status import NAME, Vitals
 
 PORT = 20_000 + os.getpid() % 20_000
 TOKEN = "0123456789abcdef"

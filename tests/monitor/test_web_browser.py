@@ -11,10 +11,10 @@ from history_helpers import run_events, sqlite_url
 from vitals_helpers import PACE, WELL
 
 from daq import SystemClock
-from monitor.history import HistoryStore
-from monitor.inbox import Inbox
-from monitor.vitals import NAME, Vitals
-from monitor.web import Source, web_process
+from monitor.outputs.history import HistoryStore
+from monitor.service.operator_commands import Inbox
+from monitor.service.servers.web import Source, web_process
+from monitor.service.status import NAME, Vitals
 
 pytestmark = [pytest.mark.live, pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")]
 PORT = 20_000 + (os.getpid() + 10_000) % 20_000

@@ -12,10 +12,10 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.server import ServerState
 
-from monitor.web import Source, make_app, protocol
-from monitor.web.guard import Guard
-from monitor.web.protocol import BoundedProtocol
-from monitor.web.snapshot import Snapshot
+from monitor.service.servers.web import Source, make_app, protocol
+from monitor.service.servers.web.auth import Guard
+from monitor.service.servers.web.protocol import BoundedProtocol
+from monitor.service.servers.web.snapshot import Snapshot
 
 TOKEN = "0123456789abcdef"
 ODD = [
@@ -142,7 +142,9 @@ def test_connection_that_waits_longest_gives_way(app: ASGIApp, monkeypatch: pyte
 
 def test_answer_is_computed_once_for_all_and_never_given_when_old(monkeypatch: pytest.MonkeyPatch) -> None:
     now, calls, go = 0.0, 0, threading.Event()
-    monkeypatch.setattr("monitor.web.snapshot.time", SimpleNamespace(monotonic=lambda: now))  # not the loop's
+    monkeypatch.setattr(
+        "monitor.service.servers.web.snapshot.time", SimpleNamespace(monotonic=lambda: now)
+    )  # not the loop's
 
     def compute() -> int:
         nonlocal calls

@@ -7,8 +7,8 @@ import pytest
 from updater_helpers import t_frame
 
 from daq import Channel, Recording, write_recordings
-from monitor.observation import window_seconds
-from monitor.recordings import Held, log_held
+from monitor.analysis.logs import Held, log_held
+from monitor.analysis.observation import window_seconds
 from updater import build_model
 
 FRAME = t_frame()

@@ -5,11 +5,8 @@ import numpy as np
 import pytest
 import viewer_helpers as made
 
-from monitor.discrepancy import BalanceResult
-from monitor.stretches import number_text
-from monitor.verdict_words import is_one_mass
-from monitor.viewer.cards import window_card
-from monitor.words import (
+from monitor.results.comparison import BalanceResult
+from monitor.text.causes import (
     cause_text,
     change_gain_text,
     change_texts,
@@ -20,6 +17,9 @@ from monitor.words import (
     parameter_text,
     where_text,
 )
+from monitor.text.quantities import number_text
+from monitor.text.verdicts import is_one_mass
+from monitor.views.viewer.cards import window_card
 from updater import Cause, Gain, Pair, ParameterChange, Quantity, Where
 
 

@@ -14,8 +14,8 @@ import pytest
 from end_to_end_helpers import START, site_toml
 
 from daq import Event
-from monitor.result_events import TOPIC_STOPPED
-from monitor.worker import AnalysisError, Told, Worker
+from monitor.results.events import TOPIC_STOPPED
+from monitor.service.worker import AnalysisError, Told, Worker
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
@@ -91,7 +91,7 @@ ENVIRONMENT = os.environ | {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
 ORPHAN = """
 import os, signal
 from end_to_end_helpers import site_toml
-from monitor.worker import Worker
+from monitor.service.worker import Worker
 from updater import t_structure_toml
 import multiprocessing
 if __name__ == "__main__":
@@ -124,7 +124,7 @@ KILLED = """
 import os, signal, time
 from end_to_end_helpers import site_toml
 from daq import Event
-from monitor.worker import Worker
+from monitor.service.worker import Worker
 from updater import t_structure_toml
 with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0)) as running:
     print(running._process.pid, flush=True)

@@ -8,7 +8,7 @@ from oma_helpers import Structure, anti_aliased, frame_with_higher_modes, simula
 from scipy import signal
 
 from oma import PASS, TOP, identify_all
-from oma.bandwidth import usable_share
+from oma.preparation.bandwidth import usable_share
 
 BUILDING = Structure(
     frequency=np.array([0.9, 2.6, 4.25]),

@@ -2,7 +2,7 @@ import numpy as np
 
 from daq import Channel, FloatArray, Recording
 from oma import channel_faults
-from oma.conditioning import detrended
+from oma.preparation.conditioning import detrended
 
 
 def recording(data: FloatArray) -> Recording:

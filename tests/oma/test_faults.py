@@ -10,8 +10,8 @@ from oma_scenes import FAULTS, SCENES, faulty, pairs
 
 from daq import Channel, FloatArray, Recording
 from oma import IdentificationError, channel_faults, identify_all
-from oma.conditioning import cleaned
-from oma.faults import without_spikes
+from oma.preparation.conditioning import cleaned
+from oma.preparation.faults import without_spikes
 
 SCENE, SEED = SCENES["short"], 11
 GIVEN_UP = {

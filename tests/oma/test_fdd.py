@@ -19,9 +19,9 @@ from oma import (
     mac_matrix,
     uncertainty_law,
 )
-from oma.bells import Windowed, fit_bell
-from oma.pyramid import Level
-from oma.spectra import spectral_sums
+from oma.preparation.pyramid import Level
+from oma.spectral.bell_fit import Windowed, fit_bell
+from oma.spectral.spectra import spectral_sums
 
 SEEDS = range(4)
 

@@ -1,7 +1,7 @@
 import numpy as np
 from oma_scenes import SCENES
 
-from oma.gaps import ORDER, filled, short_gaps
+from oma.preparation.gaps import ORDER, filled, short_gaps
 
 
 def test_what_can_be_told_from_the_others_is_filled() -> None:

@@ -10,8 +10,8 @@ from scipy import fft, signal, stats
 
 from daq import Recording
 from oma import ComplexArray, ModalEstimate, Selection, identify_all
-from oma.harmonics import LineClasses, _multiples, classify, steadiest
-from oma.narrow_band import line_test
+from oma.spectral.harmonics import LineClasses, _multiples, classify, steadiest
+from oma.spectral.narrow_band import line_test
 
 N_WINDOWS = 2000
 

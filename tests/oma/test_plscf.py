@@ -10,12 +10,12 @@ from thorough_helpers import few_of
 
 from daq import FloatArray, Recording
 from oma import PLSCF, IdentificationError, ModalEstimate, identify, mac_matrix, uncertainty_law
-from oma.correlation import correlation_sums
-from oma.fraction_poles import FractionModel, Windowed, continuous, fraction_model, pole_influences
-from oma.fraction_shapes import shape_moves
 from oma.mac import normalise
-from oma.matrix_fraction import half_spectrum, matrix_fractions
-from oma.pole_uncertainty import normalised_move
+from oma.methods.fraction_poles import FractionModel, Windowed, continuous, fraction_model, pole_influences
+from oma.methods.fraction_shapes import shape_moves
+from oma.methods.matrix_fraction import half_spectrum, matrix_fractions
+from oma.selection.pole_uncertainty import normalised_move
+from oma.spectral.correlation import correlation_sums
 
 SEEDS = range(6)
 BAND = (0.058, 0.46)

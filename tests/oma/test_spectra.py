@@ -4,7 +4,7 @@ from oma_helpers import frame, simulate
 
 from daq import Channel, FloatArray, Recording
 from oma import IdentificationError, TooShort, singular_values
-from oma.spectra import SpectrumAccumulator, spectral_sums
+from oma.spectral.spectra import SpectrumAccumulator, spectral_sums
 
 
 def white(seed: int, density: float, rate: float = 200.0, n: int = 100_000) -> Recording:

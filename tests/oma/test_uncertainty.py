@@ -11,10 +11,10 @@ from thorough_helpers import few_of
 
 from daq import FloatArray
 from oma import ComplexArray, ModalEstimate, identify, normalise
-from oma.correlation import CorrelationSums
-from oma.pole_uncertainty import block_std, normalised_move, pole_moves
-from oma.realisation import Realisation, Subspace, realisations
-from oma.uncertainty import perturbation, pole_influence
+from oma.methods.realization import Realisation, Subspace, realisations
+from oma.methods.ssi_uncertainty import perturbation, pole_influence
+from oma.selection.pole_uncertainty import block_std, normalised_move, pole_moves
+from oma.spectral.correlation import CorrelationSums
 
 RATE, LAGS, ROWS, FIRST, BLOCKS = 20.0, 12, 5, 1, 4
 PAST = (0, 2)  # references among three channels

@@ -10,7 +10,7 @@ from sealed_path import observation
 from sealed_signals import estimated
 from thorough_helpers import few_of
 
-from monitor.diagnosing import explain_change
+from monitor.analysis.explanation import explain_change
 from updater import parse_structure
 
 _LOCKED = 100.0  # times as stiff about the axis that it turned about

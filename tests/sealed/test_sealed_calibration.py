@@ -28,7 +28,7 @@ def test_what_a_weld_takes_of_flexibility_is_calibrated(monkeypatch: pytest.Monk
     """Half of the 0.2 % that calibration allows for a beam model is left, and half of what is left without welds."""
     seeds = range(7000, 7006)
     welded = [_off(_learnt(seed)) for seed in seeds]
-    monkeypatch.setattr("updater.knobs._WELDED", 2e-3)  # no more than the fit starts with
+    monkeypatch.setattr("updater.structure.parameters._WELDED", 2e-3)  # no more than the fit starts with
     plain = [_off(_learnt(seed)) for seed in seeds]
     print([f"{100 * a:.3f} % {100 * b:.3f} %" for a, b in zip(welded, plain, strict=True)])
     assert max(welded) < 1e-3

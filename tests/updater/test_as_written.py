@@ -3,9 +3,9 @@
 import pytest
 from updater_helpers import t_frame
 
+from updater.diagnosis.naming import as_written
+from updater.diagnosis.schema import Cause
 from updater.quantities import Quantity, Where
-from updater.verdict import Cause
-from updater.wording import as_written
 
 
 def told(name: str) -> Cause:

@@ -22,10 +22,10 @@ from updater import (
     nominal_reference,
     stack_tracks,
 )
-from updater.candidates import Weighing
-from updater.causes.added_mass import AddedMass
-from updater.comparing import compare
-from updater.next_measurement import next_measurement
+from updater.causes.mass.added_mass import AddedMass
+from updater.diagnosis.next_measurement import next_measurement
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
 
 GAIN = np.ones(12)
 

@@ -22,10 +22,10 @@ from updater import (
 from updater.causes.base import Cause
 from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import Chosen
-from updater.comparing import compare
-from updater.comparison import Comparison
-from updater.fit import fit
-from updater.prediction import prediction
+from updater.causes.prediction import prediction
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
+from updater.inference.fit import fit
 
 TRACK = np.arange(8)
 OF_FILES = ("mesh_error", "model_parameters")  # asked where nothing was learnt: they have tests of their own

@@ -7,7 +7,7 @@ from sealed_sites import KINDS, SimulatedSites, SiteWindows
 
 from daq import FloatArray
 from updater import TrackedModes, find_change, windows_of_one_state
-from updater.change_point import FALSE_POSITIVE
+from updater.modal_data.change_point import FALSE_POSITIVE
 
 
 def tracked(log_frequency: FloatArray, std: FloatArray) -> TrackedModes:

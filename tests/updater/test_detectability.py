@@ -28,8 +28,8 @@ from updater import (
     seen_by,
     vagueness,
 )
-from updater.posterior import likeliest_place, places
-from updater.shape_errors import SHAPE_BIAS
+from updater.inference.posterior import likeliest_place, places
+from updater.inference.shape_covariance import SHAPE_BIAS
 
 MINUTE = Record(seconds=60.0)
 

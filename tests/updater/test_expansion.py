@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daq import FloatArray
-from updater.expansion import (
+from updater.reference.expansion import (
     expand,
     expand_change,
     expand_shape,

@@ -28,7 +28,7 @@ from updater import (
     spread_mass,
     stack_tracks,
 )
-from updater.fe.matrices import whole_blocks
+from updater.fe.external.files import whole_blocks
 
 FOOT = '\n[[support]]\nat = [0.0, 0.0, 0.0]\nfixed = ["x", "y", "z", "rx", "ry", "rz"]\n'
 

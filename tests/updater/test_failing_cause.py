@@ -8,16 +8,16 @@ import scipy.linalg
 from fe_helpers import as_estimate
 
 from daq import FloatArray
-from monitor.diagnosing import explain
-from monitor.observation import Observation, follow
+from monitor.analysis.explanation import explain
+from monitor.analysis.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
 from updater import Structure, learn_reference, parse_structure, trend_of
-from updater.causes.amplitude_softening import propose_amplitude_softening
 from updater.causes.catalogue import CATALOGUE
-from updater.circumstances import Circumstances
-from updater.comparing import compare
-from updater.fit import fit
+from updater.causes.overall.amplitude_softening import propose_amplitude_softening
+from updater.inference.compare import compare
+from updater.inference.fit import fit
+from updater.modal_data.conditions import Circumstances
 
 PIERS = (0.0, 18.0, 42.0, 60.0)  # m
 SENSORS = (4.5, 9.0, 13.5, 22.0, 27.0, 33.0, 38.0, 46.5, 53.0)  # m, all vertical

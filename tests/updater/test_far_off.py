@@ -6,7 +6,7 @@ from sealed_cases import Case, draw
 from sealed_path import FRAME, after, stiffer
 from thorough_helpers import few_of
 
-from monitor.diagnosing import Explanation, explain
+from monitor.analysis.explanation import Explanation, explain
 from updater import Structure, build_model, nominal_reference
 
 TOO_STIFF = 1.2

@@ -6,11 +6,11 @@ from diagnosis_helpers import Change, learnt
 from scipy.stats import chi2
 
 from updater import Body
-from updater.agreement import fixed
-from updater.candidates import Weighing
-from updater.causes.nothing import Nothing
-from updater.comparing import compare
-from updater.fit import fit, freedom_of_frequencies
+from updater.causes.base import Nothing
+from updater.diagnosis.model_extension import fixed
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
+from updater.inference.fit import fit, freedom_of_frequencies
 
 
 @pytest.mark.parametrize("seed", [181, 182, 183])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from updater.flags import moderated_variance, z_limit
+from updater.one_step.significance import moderated_variance, z_limit
 
 DRAWS = 4000
 

@@ -8,11 +8,11 @@ from diagnosis_helpers import Change, learnt
 from thorough_helpers import few_of
 
 from updater import Body, diagnose
-from updater.agreement import agreeing
-from updater.candidates import Weighing
-from updater.comparing import compare
-from updater.gain import change_gain_left_out, change_gain_on
-from updater.prediction import prediction
+from updater.causes.prediction import prediction
+from updater.diagnosis.held_out_gain import change_gain_left_out, change_gain_on
+from updater.diagnosis.model_extension import agreeing
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
 
 CHANGE = Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))  # over 1 % in frequency
 ONLY = ("added_mass",)  # which cause is found is tested elsewhere

@@ -10,7 +10,7 @@ from thorough_helpers import few_of
 
 from daq import FloatArray
 from updater import MassUpdater
-from updater.increment_location import IncrementLocation
+from updater.one_step.location import IncrementLocation
 
 _NEAR = 0.1  # m
 

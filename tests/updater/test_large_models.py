@@ -9,14 +9,13 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
 from updater import Body, Model, ModelError, build_model, learn_reference, locate_mass, stack_tracks
-from updater.causes import added_mass
-from updater.causes.added_mass import propose_added_mass
-from updater.comparing import compare
-from updater.fe.lanczos import block_lanczos
-from updater.fe.modes import lowest_modes
-from updater.fe.solver import factorise
-from updater.fit import fit
-from updater.screening import most_likely
+from updater.causes.mass import added_mass
+from updater.causes.mass.added_mass import propose_added_mass
+from updater.fe.eigen import block_lanczos, lowest_modes
+from updater.fe.factorization import factorise
+from updater.inference.compare import compare
+from updater.inference.fit import fit
+from updater.inference.linearization import most_likely
 
 SOLVERS = [False, True] if find_spec("pypardiso") else [False]  # an extra
 

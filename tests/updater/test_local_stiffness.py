@@ -20,8 +20,8 @@ from updater import (
     matched,
     stack_tracks,
 )
-from updater.causes.local_stiffness import LocalStiffness, propose_local_stiffness
-from updater.comparing import compare
+from updater.causes.stiffness.local_stiffness import LocalStiffness, propose_local_stiffness
+from updater.inference.compare import compare
 
 TRACK = np.arange(8)
 

@@ -5,8 +5,8 @@ from updater_helpers import measure, t_frame
 
 from updater import Segment, Structure, build_model, learn_reference, matched, stack_tracks
 from updater.causes.catalogue import CATALOGUE
-from updater.comparing import compare
-from updater.fit import fit
+from updater.inference.compare import compare
+from updater.inference.fit import fit
 
 TRACK = np.arange(8)
 

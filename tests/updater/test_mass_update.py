@@ -21,8 +21,8 @@ from updater import (
     mean_modes,
     stack_tracks,
 )
-from updater.particles import lump
-from updater.tracked import COMMON_STD
+from updater.modal_data.tracked import COMMON_STD
+from updater.one_step.lumped_mass import lump
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_to_the_letter_of_the_paper_totals_are_the_same_and_jump_with_noise(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without noise within 5 % of the mass of ours; at 3 % on shapes clusters change in size: 66 g beside 15."""
-    monkeypatch.setattr("updater.flags._DRAWS", 500)  # the limit is not looked at
+    monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
 
     def totals(seed: int, noise: float) -> FloatArray:
         learnt = rig.relearnt(rig.windows(rig.bare, N_BASELINE, 100 + seed, noise))
@@ -140,8 +140,8 @@ def test_increments_scatter_as_they_say(rig: Rig, loaded: bool, draws: int, monk
     With a common factor in the loaded event, which drowns the noise there; without one, noise alone.
     """
     common = COMMON_STD if loaded else 0.0
-    monkeypatch.setattr("updater.mass_update.COMMON_STD", common)
-    monkeypatch.setattr("updater.flags._DRAWS", 500)  # the limit is not looked at
+    monkeypatch.setattr("updater.one_step.mass_update.COMMON_STD", common)
+    monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
     random, error = np.random.default_rng(11), 1 / np.sqrt(2 * draws)
     raw, normalised, totals, stated = [], [], [], []
     modes = rig.loaded if loaded else rig.bare

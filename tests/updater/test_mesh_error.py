@@ -15,8 +15,8 @@ from updater import (
     nominal_reference,
     stack_tracks,
 )
-from updater.causes.mesh_error import propose_mesh_error
-from updater.comparing import compare
+from updater.causes.model.coarse_mesh import propose_mesh_error
+from updater.inference.compare import compare
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)

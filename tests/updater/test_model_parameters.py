@@ -11,14 +11,14 @@ from daq import FloatArray
 from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
 from updater.causes.base import Cause
 from updater.causes.composite import Chosen
-from updater.causes.model_parameters import ModelParameters, propose_model_parameters
-from updater.comparing import compare
-from updater.comparison import Comparison
-from updater.first_order import linearised
-from updater.fit import Fit, fit
-from updater.knobs import knobs_of
-from updater.prediction import prediction
-from updater.structure import Structure
+from updater.causes.model.parameters import ModelParameters, propose_model_parameters
+from updater.causes.prediction import prediction
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
+from updater.inference.fit import Fit, fit
+from updater.inference.linearization import linearised
+from updater.structure.parameters import knobs_of
+from updater.structure.structure import Structure
 
 TRACK = np.arange(8)
 

@@ -11,12 +11,12 @@ from updater_helpers import measure, t_frame, true_model
 
 from oma import ModalEstimate
 from updater import Body, Sensor, Structure, diagnose, learn_reference, matched, stack_tracks
-from updater.candidates import Weighing
-from updater.causes.added_mass import AddedMass
 from updater.causes.composite import Chosen
-from updater.comparing import compare
-from updater.next_measurement import next_measurement
-from updater.wording import named_causes, oddest
+from updater.causes.mass.added_mass import AddedMass
+from updater.diagnosis.naming import named_causes, oddest
+from updater.diagnosis.next_measurement import next_measurement
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
 
 AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))
@@ -90,7 +90,7 @@ def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyP
         named, sure, left_open = named_causes(*args)
         return named, sure, [left_open[0], left_open[0]]
 
-    monkeypatch.setattr("updater.diagnosis.named_causes", two_open)
+    monkeypatch.setattr("updater.diagnosis.diagnose.named_causes", two_open)
     found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",)).diagnosis
     assert found.verdict == "explained"
     assert "None of" not in found.next_measurement

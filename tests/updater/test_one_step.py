@@ -7,8 +7,7 @@ from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
 from updater import MassUpdater, PairingError, Reference, build_model, learn_reference, mean_modes, stack_tracks
-from updater.expansion import expand, expand_shape, orthonormal
-from updater.one_step import (
+from updater.one_step.update import (
     LowRank,
     mass_slope,
     normalised_increments,
@@ -16,6 +15,7 @@ from updater.one_step import (
     update_mass,
     update_stiffness,
 )
+from updater.reference.expansion import expand, expand_shape, orthonormal
 
 N, M = 40, 8
 

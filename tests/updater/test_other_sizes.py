@@ -17,9 +17,9 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.causes.added_mass import propose_added_mass
-from updater.comparing import compare
-from updater.fit import fit
+from updater.causes.mass.added_mass import propose_added_mass
+from updater.inference.compare import compare
+from updater.inference.fit import fit
 
 TRACK = np.arange(8)
 

@@ -5,11 +5,11 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
-from updater.candidates import Weighing
-from updater.causes.added_mass import AddedMass
 from updater.causes.composite import Chosen
-from updater.comparing import compare
-from updater.pairs import likeliest_pair
+from updater.causes.mass.added_mass import AddedMass
+from updater.diagnosis.combinations import likeliest_pair
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)

@@ -6,8 +6,8 @@ from diagnosis_helpers import Change, learnt
 from sealed_cases import draw
 from sealed_path import FRAME, after, stiffer
 
-from monitor.diagnosing import explain
-from monitor.words import cause_text
+from monitor.analysis.explanation import explain
+from monitor.text.causes import cause_text
 from updater import Explained, ParameterChange, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
 
 TOO_STIFF = 1.2

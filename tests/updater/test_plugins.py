@@ -11,9 +11,8 @@ import pytest
 from updater_helpers import measure, t_frame, true_model
 
 from updater import build_model, diagnose, learn_reference, matched, stack_tracks
-from updater.causes.catalogue import CATALOGUE
-from updater.causes.global_stiffness import propose_global_stiffness
-from updater.causes.plugins import GROUP, Catalogue
+from updater.causes.catalogue import CATALOGUE, GROUP, Catalogue
+from updater.causes.overall.stiffness import propose_global_stiffness
 
 TRACK = np.arange(8)
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_cause.py"
@@ -33,7 +32,7 @@ def ice() -> EntryPoint:
 @pytest.fixture
 def with_ice(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     entry = ice()
-    monkeypatch.setattr("updater.causes.plugins.entry_points", lambda group: [entry] if group == GROUP else [])
+    monkeypatch.setattr("updater.causes.catalogue.entry_points", lambda group: [entry] if group == GROUP else [])
     some = {name: CATALOGUE[name] for name in ("added_mass", "global_stiffness", "support_stiffness")}
     monkeypatch.setattr(CATALOGUE, "_own", some)
     vars(CATALOGUE).pop("_all")
@@ -78,7 +77,7 @@ def test_the_example_is_found_among_others() -> None:
 def test_what_cannot_be_used_is_named_and_left_out(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, name: str, value: str, problem: str
 ) -> None:
-    monkeypatch.setattr("updater.causes.plugins.entry_points", lambda group: [EntryPoint(name, value, group)])
+    monkeypatch.setattr("updater.causes.catalogue.entry_points", lambda group: [EntryPoint(name, value, group)])
     catalogue = Catalogue({"global_stiffness": propose_global_stiffness})
     with caplog.at_level(logging.WARNING):
         assert list(catalogue) == ["global_stiffness"]

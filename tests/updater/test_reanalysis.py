@@ -9,10 +9,9 @@ from updater_helpers import measure, t_frame, true_model
 
 from daq import FloatArray
 from updater import Reference, build_model, learn_reference, stack_tracks
-from updater.comparing import compare
-from updater.comparison import Comparison
-from updater.reanalysis import no_effect, picked, predict, reanalyse
-from updater.tangent import Tangent
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Tangent, no_effect, picked, predict, reanalyse
 
 TRACK = np.arange(8)
 

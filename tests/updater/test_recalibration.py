@@ -9,7 +9,7 @@ from sealed_specimen import State
 from sealed_storeys import FOOT, LOOSE_FOOT, as_it_stands, toml, with_channels, with_loose_foot
 from thorough_helpers import few_of
 
-from monitor.observation import Observation
+from monitor.analysis.observation import Observation
 from updater import Reference, diagnose, learn_reference, matched_surely, parse_structure
 
 STRUCTURE = parse_structure(toml())

@@ -20,7 +20,7 @@ from updater import (
     real_shape,
     stack_tracks,
 )
-from updater.one_step import update_mass, update_stiffness
+from updater.one_step.update import update_mass, update_stiffness
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from sealed_specimen import FrameBody, draw_state
 from thorough_helpers import few_of
 
 from daq import FloatArray
-from monitor.beside import discrepancy_result
-from monitor.diagnosing import explain
-from monitor.sensors_said import health_result
+from monitor.analysis.explanation import explain
+from monitor.results.correlation import discrepancy_result
+from monitor.text.sensors import health_result
 from updater import Body, ModelError, StructureError, build_model, dump_structure, parse_structure, t_structure_toml
 
 

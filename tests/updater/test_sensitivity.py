@@ -10,9 +10,9 @@ from scipy.stats import multivariate_normal
 
 from daq import FloatArray
 from updater import Body, calibrate, mean_modes, spread_mass, stack_tracks
-from updater.calibration import _Misfit, best_model
-from updater.knobs import knobs_of
-from updater.sensitivity import Prior, fit_parameters, frequency_slope
+from updater.reference.calibration import _Misfit, best_model
+from updater.reference.sensitivity_method import Prior, fit_parameters, frequency_slope
+from updater.structure.parameters import knobs_of
 
 
 class Linear:

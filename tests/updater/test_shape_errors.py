@@ -12,9 +12,9 @@ from diagnosis_helpers import CHANNELS, TRACK, Change, learnt
 from daq import FloatArray
 from oma import ComplexArray
 from updater import Body
-from updater.delays import split_shape
-from updater.reference import Reference
-from updater.shape_errors import beside, mixed_by_change, own_phases, turned_back, turned_by_noise
+from updater.inference.shape_covariance import beside, mixed_by_change, own_phases, turned_back, turned_by_noise
+from updater.modal_data.device_delays import split_shape
+from updater.reference.reference import Reference
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,9 +9,9 @@ from sealed_signals import estimated
 from thorough_helpers import few_of
 
 from updater import Reference, learn_reference, parse_structure
-from updater.entries import Axis
-from updater.knobs import apply_knobs, flexibility_unit, knobs_of, meetings, with_springs
-from updater.structure import Structure
+from updater.structure.entries import Axis
+from updater.structure.parameters import apply_knobs, flexibility_unit, knobs_of, meetings, with_springs
+from updater.structure.structure import Structure
 
 
 def _learnt(name: str, seed: int) -> Reference:

@@ -9,9 +9,9 @@ from one_step_helpers import N_BASELINE, N_EVENT, Rig
 from thorough_helpers import few_of
 
 from updater import ModalMean, StiffnessUpdater, Structure, build_model, hinges_of, mean_modes, stack_tracks
-from updater.expansion import orthonormal, orthonormal_slope
-from updater.hinges import flexibility
-from updater.tracked import COMMON_STD
+from updater.fe.rotations import flexibility
+from updater.modal_data.tracked import COMMON_STD
+from updater.reference.expansion import orthonormal, orthonormal_slope
 
 
 @pytest.fixture(scope="module")
@@ -147,8 +147,8 @@ def test_loosened_foot_is_flagged_at_the_foot(
 @pytest.mark.parametrize("draws", few_of([30, 60]))
 def test_increments_scatter_as_they_say(rig: Rig, draws: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Monte Carlo over baseline and event: n draws tell a deviation to 1 / sqrt(2 n), 9 % of 60."""
-    monkeypatch.setattr("updater.stiffness_update.COMMON_STD", 0.0)
-    monkeypatch.setattr("updater.flags._DRAWS", 500)  # the limit is not looked at
+    monkeypatch.setattr("updater.one_step.stiffness_update.COMMON_STD", 0.0)
+    monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
     raw, stated, error = [], [], 1 / np.sqrt(2 * draws)
     modes = build_model(loosened(rig.truth.structure, "ry", 0.3), shear_flexible=True, mass="consistent").modes(8)
     for seed in range(draws):

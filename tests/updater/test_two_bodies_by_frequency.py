@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from ritz_cantilever import BEAM, Clamp, frequencies, structure_file
 
-from monitor.diagnosing import explain
-from monitor.modal_table import read_tables
-from monitor.observation import Observation
+from monitor.analysis.explanation import explain
+from monitor.analysis.modal_table.table import read_tables
+from monitor.analysis.observation import Observation
 from updater import Structure, parse_structure
-from updater.comparing import compare
+from updater.inference.compare import compare
 
 STD = 2e-4  # of a frequency
 BODIES = [(0.05 * k, 0.028 * BEAM) for k in range(1, 7)]

@@ -5,10 +5,10 @@ import pytest
 from diagnosis_helpers import Change, learnt
 
 from updater import Body, StructureError, calibrate, diagnose, dump_structure, parse_structure, t_structure_toml
-from updater.calibration import best_model
-from updater.candidates import allowed_causes
-from updater.knobs import Knob, apply_knobs, as_filed, knobs_of, with_springs
-from updater.parameter_sensitivity import parameter_sensitivities
+from updater.diagnosis.weighing import allowed_causes
+from updater.reference.calibration import best_model
+from updater.reference.parameter_sensitivity import parameter_sensitivities
+from updater.structure.parameters import Knob, apply_knobs, as_filed, knobs_of, with_springs
 
 FRAME = t_structure_toml()
 

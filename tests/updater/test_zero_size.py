@@ -12,18 +12,17 @@ from sealed_specimen import State
 from thorough_helpers import few_of
 from updater_helpers import measure, t_frame
 
-from monitor.diagnosing import explain_change
+from monitor.analysis.explanation import explain_change
 from updater import Body, Diagnosis, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
-from updater.candidates import Weighing
 from updater.causes.base import Cause
 from updater.causes.composite import Chosen
-from updater.causes.local_stiffness import LENGTHS, LocalStiffness, propose_local_stiffness
+from updater.causes.stiffness.local_stiffness import LENGTHS, LocalStiffness, propose_local_stiffness
 from updater.causes.stretches import everywhere
-from updater.comparing import compare
-from updater.comparison import Comparison
-from updater.compositions import Compositions
-from updater.significance import is_significant, significant_only
-from updater.touching import merged
+from updater.diagnosis.combinations import Compositions
+from updater.diagnosis.simplification import is_significant, merged, significant_only
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
 
 
 def softened(state: State, bar: str, left: float, share: tuple[float, float] = (0.0, 1.0)) -> State:

@@ -5,12 +5,13 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from daq import FloatArray
-from updater.comparison import Comparison
-from updater.fit import Fit, Hypotheses
+from daq import FloatArray, IndexArray
+from updater.inference.comparison import Comparison
+from updater.inference.fit import Fit, Hypotheses
+from updater.inference.reanalysis import Effect, no_effect
 from updater.quantities import ParameterChange, Quantity, Where
-from updater.reference import Reference
-from updater.structure import Structure
+from updater.reference.reference import Reference
+from updater.structure.structure import Structure
 
 
 class Cause(Hypotheses, Protocol):
@@ -142,3 +143,45 @@ class Discrete:
     def cannot_be_told_from(self) -> tuple[str, ...]:
         """None that is known."""
         return ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Nothing:
+    """One alternative without parameters."""
+
+    comparison: Comparison
+    drifting: bool = False
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """No parameters."""
+        return np.zeros(0)
+
+    @property
+    def lower(self) -> FloatArray:
+        """No parameters."""
+        return np.zeros((1, 0))
+
+    @property
+    def start(self) -> FloatArray:
+        """No parameters."""
+        return np.zeros((1, 0))
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """One alternative."""
+        return np.zeros(1)
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return none."""
+        del theta
+        return no_effect(len(rows), self.comparison)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return zeros (n_alternatives,): the prior is Gaussian."""
+        del covariance
+        return np.zeros(len(theta))
+
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+        """There is nothing to refine."""
+        del log_density, theta

@@ -1,28 +1,81 @@
 """Every cause that a diagnosis may name, by its name; a new one is a line here and is tested with the others."""
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
 
-from updater.causes.added_mass import propose_added_mass
-from updater.causes.amplitude_softening import propose_amplitude_softening
-from updater.causes.attached_oscillator import propose_attached_oscillator
-from updater.causes.axial_force import propose_axial_force
 from updater.causes.base import Cause, Propose
-from updater.causes.damping_change import propose_damping_change
-from updater.causes.distributed_mass import propose_distributed_mass
-from updater.causes.global_density import propose_global_density
-from updater.causes.global_stiffness import propose_global_stiffness
-from updater.causes.local_stiffness import propose_local_stiffness
-from updater.causes.mesh_error import propose_mesh_error
-from updater.causes.model_parameters import propose_model_parameters
-from updater.causes.plugins import Catalogue
-from updater.causes.sampling_clock import propose_sampling_clock
-from updater.causes.sensor_dead import propose_sensor_dead
-from updater.causes.sensor_delay import propose_sensor_delay
-from updater.causes.sensor_orientation import propose_sensor_orientation
-from updater.causes.sensors import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
-from updater.causes.springs import propose_joint_stiffness, propose_support_stiffness
-from updater.causes.support_spring import propose_support_spring
-from updater.causes.temperature import propose_temperature
+from updater.causes.mass.added_mass import propose_added_mass
+from updater.causes.mass.attached_oscillator import propose_attached_oscillator
+from updater.causes.mass.distributed_mass import propose_distributed_mass
+from updater.causes.model.coarse_mesh import propose_mesh_error
+from updater.causes.model.parameters import propose_model_parameters
+from updater.causes.overall.amplitude_softening import propose_amplitude_softening
+from updater.causes.overall.damping_change import propose_damping_change
+from updater.causes.overall.density import propose_global_density
+from updater.causes.overall.sampling_clock import propose_sampling_clock
+from updater.causes.overall.stiffness import propose_global_stiffness
+from updater.causes.overall.temperature import propose_temperature
+from updater.causes.sensors.dead import propose_sensor_dead
+from updater.causes.sensors.delay import propose_sensor_delay
+from updater.causes.sensors.gain_polarity_swap import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
+from updater.causes.sensors.orientation import propose_sensor_orientation
+from updater.causes.stiffness.added_support import propose_support_spring
+from updater.causes.stiffness.axial_force import propose_axial_force
+from updater.causes.stiffness.connections import propose_joint_stiffness, propose_support_stiffness
+from updater.causes.stiffness.local_stiffness import propose_local_stiffness
+
+GROUP = "modalwatch.causes"
+_log = logging.getLogger(__name__)
+
+
+class Catalogue(Mapping[str, Propose[Cause]]):
+    """Our own causes, and after them those that are installed, which are looked for when first asked for.
+
+    Parameters
+    ----------
+    own : causes by name, which no other can replace
+    """
+
+    def __init__(self, own: Mapping[str, Propose[Cause]]) -> None:
+        self._own = own
+
+    @cached_property
+    def _all(self) -> Mapping[str, Propose[Cause]]:
+        found = dict(self._own)
+        for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
+            propose = _usable(entry, found)
+            if propose is not None:
+                found[entry.name] = propose
+        return found
+
+    def __getitem__(self, name: str) -> Propose[Cause]:
+        """Return what proposes a cause."""
+        return self._all[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names, our own first."""
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        """Count them."""
+        return len(self._all)
+
+
+def _usable(entry: EntryPoint, known: Mapping[str, object]) -> Propose[Cause] | None:
+    """Load a cause; one that cannot be used is named and left out, so that the others can be."""
+    try:
+        propose = entry.load()
+    except Exception as error:  # noqa: BLE001 - a stranger's module may raise anything at all
+        problem = f"{type(error).__name__}: {error}"
+    else:
+        if entry.name not in known and callable(propose):
+            return propose  # type: ignore[no-any-return]
+        problem = "that name is taken" if entry.name in known else f"expected a function, found {propose!r}"
+    _log.warning("cause %s (%s) is left out: %s", entry.name, entry.value, " ".join(problem.split()))
+    return None
+
 
 _OWN: dict[str, Propose[Cause]] = {
     "added_mass": propose_added_mass,

@@ -8,8 +8,8 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.fit import Fit, Giving
-from updater.reanalysis import Effect
+from updater.inference.fit import Fit, Giving
+from updater.inference.reanalysis import Effect
 
 C = TypeVar("C", bound=Cause)
 

@@ -8,14 +8,14 @@ import scipy.linalg
 from scipy import sparse
 
 from daq import FloatArray, IntArray
-from updater.entries import AXES, Material, Member
-from updater.entry import Vector
 from updater.fe.body import body_mass
 from updater.fe.element import Element
-from updater.fe.external import external_model
+from updater.fe.external.model import external_model
 from updater.fe.mesh import Mesh
 from updater.fe.model import Model
-from updater.structure import Structure
+from updater.structure.base import Vector
+from updater.structure.entries import AXES, Material, Member
+from updater.structure.structure import Structure
 
 MassKind = Literal["lumped", "consistent"]
 

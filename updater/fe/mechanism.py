@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from daq import FloatArray, IntArray
-from updater.fe.solver import factorise
+from updater.fe.factorization import factorise
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
 _NO_STRAIN = 1e-14  # of what it would be if every DOF moved alone: rounding

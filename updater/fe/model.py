@@ -10,15 +10,14 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
-from updater.entries import Body, Joint, Member
 from updater.errors import MechanismError, ModelError
 from updater.fe.body import body_mass
+from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
 from updater.fe.mechanism import free_motion
-from updater.fe.mesh import COINCIDENT
-from updater.fe.modes import Modes, NegativeMassError, lowest_modes
-from updater.fe.spans import SpanIndex
-from updater.sensor import sensor_axes
-from updater.structure import Structure
+from updater.fe.mesh import COINCIDENT, SpanIndex
+from updater.structure.entries import Body, Joint, Member
+from updater.structure.sensors import sensor_axes
+from updater.structure.structure import Structure
 
 
 class Interpolation(Protocol):

@@ -8,7 +8,7 @@ from thorough_helpers import few_of
 
 from daq import FloatArray
 from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
-from monitor.detection.scatter import first_scatter, follow_scatter, regressors
+from monitor.detection.window_variance import first_scatter, follow_scatter, regressors
 
 STEP, DAY = 600.0, 144
 YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

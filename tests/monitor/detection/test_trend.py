@@ -9,7 +9,7 @@ from sealed_sites import KINDS, SimulatedSites
 
 from daq import FloatArray
 from monitor.detection.correlated_noise import effective_number, regress
-from monitor.detection.environment import first_climate, follow, terms
+from monitor.detection.temperature_terms import first_climate, follow, terms
 from monitor.detection.trend import (
     NO_TREND,
     SIGNIFICANT,

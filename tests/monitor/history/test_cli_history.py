@@ -12,11 +12,11 @@ from history_helpers import HOUR, START, change, run_events, sqlite_url, write_y
 from matplotlib.axes import Axes
 
 from daq import Event
-from monitor.history import HistoryStore
-from monitor.history.schema import DAY
-from monitor.result_events import result_event
-from monitor.results import SelfTestResult
-from monitor.stretches import utc
+from monitor.outputs.history import HistoryStore
+from monitor.outputs.history.schema import DAY
+from monitor.results.events import result_event
+from monitor.results.windows import SelfTestResult
+from monitor.text.quantities import utc
 
 
 @pytest.fixture
@@ -115,7 +115,7 @@ def test_last_days_are_counted_from_now(
     with HistoryStore(url) as store:
         late = Event(topic="/event/notice_failed", time=end + 10 * DAY, payload={"why": "broken"})
         store.write([change(end - 3 * DAY, "alarm", "a mass"), late])
-    monkeypatch.setattr("monitor.cli.history.time_ns", lambda: end + down)
+    monkeypatch.setattr("monitor.cli.site.history.time_ns", lambda: end + down)
     files = [tmp_path / name for name in ("h.json", "h.csv", "h.png")]
     done = modalwatch("history", url, "--days", days, "--json", files[0], "--csv", files[1], "--plot", files[2])
     assert (done.code, done.err) == (0, "")

@@ -14,8 +14,8 @@ from history_helpers import rows, run_events, sqlite_url
 from sqlalchemy.exc import OperationalError
 
 from daq import Event
-from monitor.history import HistoryRecorder, HistoryStore, recorder, sqlite_file
-from monitor.history.recorder import TOPIC_BACK, TOPIC_DOWN, TOPIC_RENEWED, TOPIC_RESTORED
+from monitor.outputs.history import HistoryRecorder, HistoryStore, recorder, sqlite_file
+from monitor.outputs.history.recorder import TOPIC_BACK, TOPIC_DOWN, TOPIC_RENEWED, TOPIC_RESTORED
 
 EVENTS = run_events()
 N_GAPS = 1000

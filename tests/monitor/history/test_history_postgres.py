@@ -9,7 +9,7 @@ from postgres_helpers import postgres_programs, postgres_url
 from sqlalchemy import create_engine, text
 
 from daq import Event
-from monitor.history import HistoryError, HistoryRecorder, HistoryStore, Reader, Span, engines, schema
+from monitor.outputs.history import HistoryError, HistoryRecorder, HistoryStore, Reader, Span, engines, schema
 
 EVENTS = run_events()
 NEEDED = pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL server is installed")

@@ -10,8 +10,8 @@ import pytest
 from history_helpers import change, rows, run_events, sqlite_url
 
 from daq import Event
-from monitor.history import HistoryRecorder, HistoryStore, engines, recorder
-from monitor.history.recorder import TOPIC_BACK, TOPIC_DOWN
+from monitor.outputs.history import HistoryRecorder, HistoryStore, engines, recorder
+from monitor.outputs.history.recorder import TOPIC_BACK, TOPIC_DOWN
 
 EVENTS = run_events()
 recording = partial(HistoryRecorder, keep_events=1000)

@@ -10,9 +10,9 @@ from sqlalchemy import create_engine
 from sqlalchemy.dialects import sqlite
 
 from daq import Event
-from monitor.history import HistoryError, HistoryStore, Reader, Span, schema
-from monitor.history.migrations import NEWEST, STEPS
-from monitor.history.queries import daily_trend_query, events_query, trend_query, windows_query
+from monitor.outputs.history import HistoryError, HistoryStore, Reader, Span, schema
+from monitor.outputs.history.migrations import NEWEST, STEPS
+from monitor.outputs.history.queries import daily_trend_query, events_query, trend_query, windows_query
 
 EVENTS = run_events()
 
@@ -173,7 +173,7 @@ def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.Mon
     store.write(EVENTS)
     if not waiting:
         store.__exit__()
-    monkeypatch.setattr("monitor.history.engines._set_pragmas", refuse)
+    monkeypatch.setattr("monitor.outputs.history.engines._set_pragmas", refuse)
     with Reader(url) as reader:
         assert len(reader.modes()) == 6
     store.__exit__()

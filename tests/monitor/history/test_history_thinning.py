@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daq import Event
-from monitor.history import HistoryStore, Reader, schema
-from monitor.history.thinning import says_the_same, told_before
-from monitor.result_events import result_event
-from monitor.results import WindowResult
+from monitor.outputs.history import HistoryStore, Reader, schema
+from monitor.outputs.history.retention import says_the_same, told_before
+from monitor.results.events import result_event
+from monitor.results.windows import WindowResult
 from updater import Diagnosis
 
 STEP = 600 * 10**9

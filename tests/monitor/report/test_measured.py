@@ -9,9 +9,9 @@ import pytest
 from discrepancy_helpers import NODES, STRUCTURE, shown
 from rich.console import Console
 
-from monitor.cli.diagnosis_shown import say_evidence
-from monitor.discrepancy import DiscrepancyResult
-from monitor.report import diagnosis_report
+from monitor.cli.data.diagnose_output import say_evidence
+from monitor.results.comparison import DiscrepancyResult
+from monitor.views.report import diagnosis_report
 
 
 class Page(HTMLParser):

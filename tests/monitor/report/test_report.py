@@ -14,12 +14,12 @@ from discrepancy_helpers import shown
 from thorough_helpers import few_of
 
 from monitor.errors import ResultsError
-from monitor.logged import DeviceQuality, Run, load_run
-from monitor.report import diagnosis_report, load_diagnosis, run_report
-from monitor.results import AcceptedShift, AlarmResult, OtherPlace
-from monitor.story import Story
-from monitor.stretches import utc
-from monitor.verdict_words import headline as verdict
+from monitor.results.story import Story
+from monitor.results.windows import AcceptedShift, AlarmResult, OtherPlace
+from monitor.text.quantities import utc
+from monitor.text.verdicts import headline as verdict
+from monitor.views.report import diagnosis_report, load_diagnosis, run_report
+from monitor.views.run import DeviceQuality, Run, load_run
 
 ROOT = Path(__file__).parents[3]
 LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"

@@ -4,8 +4,8 @@ import numpy as np
 from rig_helpers import ORIGIN, nominal, t_frame
 
 from daq import EPSON_SCALE, Channel, Recording
-from monitor.learning import learn_baseline
 from monitor.rig import T_DEVICES, make_sources
+from monitor.watch.baseline import learn_baseline
 from oma import identify_all
 
 LATE = {"col_111": 0.15e-3, "beam_left": 3.4e-3, "beam_right": 2.9e-3}  # s; two are most of a period of the 270 Hz mode

@@ -6,8 +6,8 @@ import pytest
 from discrepancy_helpers import NODES, STRUCTURE, shown
 from rrd_helpers import Rrd
 
-from monitor.describe import bare_reference
-from monitor.viewer import write_diagnosis
+from monitor.results.convert import bare_reference
+from monitor.views.viewer import write_diagnosis
 
 PEAK = 7
 

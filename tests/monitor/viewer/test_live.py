@@ -19,8 +19,8 @@ import viewer_helpers as made
 from rrd_helpers import Rrd
 
 from daq import EPSON_SCALE, Block, Event, Item
-from monitor.live import LiveView, live_urls, live_view
-from monitor.result_events import result_event
+from monitor.results.events import result_event
+from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import Settings, parse_settings
 from updater import t_structure_toml
 
@@ -213,7 +213,7 @@ def test_without_a_viewer_section_nothing_is_served() -> None:
 
 def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """With room for three items and a server that has not started yet, the rest finds no room, and nobody waits."""
-    monkeypatch.setattr("monitor.live._WAITING", 3)
+    monkeypatch.setattr("monitor.service.servers.live_view._WAITING", 3)
     text = site_text(free_port())
     with live_view(parse_settings(text), t_structure_toml(), text) as live:
         start = time.monotonic()
@@ -226,7 +226,7 @@ def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: p
 def test_a_port_that_is_taken_after_it_was_found_free_ends_the_view_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("monitor.live._free", lambda _: True)
+    monkeypatch.setattr("monitor.service.servers.live_view._free", lambda _: True)
     port = free_port()
     with socket.socket() as other, socket.socket() as beside:
         for number, taken in enumerate((other, beside)):

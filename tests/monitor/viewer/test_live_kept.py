@@ -9,12 +9,12 @@ import rerun as rr
 import viewer_helpers as made
 from rrd_helpers import Rrd
 
-from monitor.results import AlarmResult, WindowResult
+from monitor.results.story import Story
+from monitor.results.windows import AlarmResult, WindowResult
 from monitor.settings import parse_settings
-from monitor.story import Story
-from monitor.viewer.draw import APPLICATION
-from monitor.viewer.live import LiveResults
-from monitor.viewer.states import events, state_changes
+from monitor.views.viewer.live import LiveResults
+from monitor.views.viewer.primitives import APPLICATION
+from monitor.views.viewer.state_lanes import events, state_changes
 
 SITE = made.Site()
 N_LEARNING, N_WATCHED = 5, 145

@@ -9,7 +9,7 @@ import rerun as rr
 from daq_helpers import START, make_block
 
 from daq import Block, Channel, ScanClocks
-from monitor.viewer.signals import SignalStream
+from monitor.views.viewer.signals import SignalStream
 
 CHANNELS = (Channel(name="left_y", device="left", axis=1),)
 

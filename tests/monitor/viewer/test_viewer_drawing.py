@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq import FloatArray
-from monitor.geometry import FIELD_OF_VIEW, Geometry, screen
-from monitor.results import ProfilePoint, ReferenceResult
-from monitor.story import Story, thin
-from monitor.unrolled import Unrolled, places, sigmas, ticks
-from monitor.viewer.draw import Axes
-from monitor.viewer.palette import heat, mode_colour
-from monitor.viewer.scene import common_name
-from monitor.viewer.spectrum import side_by_side, spectrum_axes
-from monitor.viewer.views import best_grid
+from monitor.results.story import Story, thin
+from monitor.results.windows import ProfilePoint, ReferenceResult
+from monitor.views.geometry import FIELD_OF_VIEW, Geometry, screen
+from monitor.views.member_axis import Unrolled, places, sigmas, ticks
+from monitor.views.palette import heat, mode_colour
+from monitor.views.viewer.blueprint import best_grid
+from monitor.views.viewer.primitives import Axes
+from monitor.views.viewer.scene import common_name
+from monitor.views.viewer.spectrum import side_by_side, spectrum_axes
 
 SITE = made.Site()
 REFERENCE = SITE.reference(made.START, 8)

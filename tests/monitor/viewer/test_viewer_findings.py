@@ -8,8 +8,8 @@ import pytest
 import viewer_helpers as made
 from rrd_helpers import Rrd
 
-from monitor.viewer import write_recording
-from monitor.viewer.palette import signed_heat
+from monitor.views.palette import signed_heat
+from monitor.views.viewer import write_recording
 
 SITE = made.Site()
 RUN = answers.with_findings(SITE, made.whole_run(SITE, n_learning=5, n_before=1, n_after=3))

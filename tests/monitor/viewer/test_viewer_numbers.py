@@ -9,9 +9,9 @@ import viewer_helpers as made
 from rrd_helpers import Rrd
 
 from daq import FloatArray
-from monitor.results import MassAnswer, OtherPlace, WindowResult
-from monitor.unrolled import Unrolled, places, sigmas
-from monitor.viewer import write_recording
+from monitor.results.windows import MassAnswer, OtherPlace, WindowResult
+from monitor.views.member_axis import Unrolled, places, sigmas
+from monitor.views.viewer import write_recording
 
 SITE = made.Site()
 OTHER = OtherPlace(

@@ -11,8 +11,8 @@ import rerun as rr
 import viewer_helpers as made
 from rrd_helpers import Rrd
 
-from monitor.results import WindowResult
-from monitor.viewer import scene, write_recording
+from monitor.results.windows import WindowResult
+from monitor.views.viewer import scene, write_recording
 
 SITE = made.Site()
 RUN = made.whole_run(SITE)
@@ -318,7 +318,7 @@ def test_file_that_cannot_be_finished_leaves_the_older_one(tmp_path: Path, monke
 
     path = tmp_path / "run.rrd"
     path.write_bytes(b"older")
-    monkeypatch.setattr("monitor.viewer.draw_states", fail)
+    monkeypatch.setattr("monitor.views.viewer.draw_states", fail)
     with pytest.raises(MemoryError):
         write_recording(path, made.story(CASES["learning"]))
     assert path.read_bytes() == b"older"

@@ -1,0 +1,1 @@
+"""Devices on a CAN bus, and the bus itself."""

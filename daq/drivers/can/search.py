@@ -1,0 +1,81 @@
+"""An SLCAN adapter at a serial port, and the accelerometers on its bus."""
+
+import re
+import time
+from typing import Any
+
+import can
+import canopen
+import serial
+from canopen.sdo.exceptions import SdoError
+
+from daq.drivers.addresses import OURS, CanAddress, CanPlace, Found, PortAnswer
+from daq.drivers.can.epson_can_setup import identify
+from daq.drivers.can.hub import join_bus, leave_bus
+from daq.drivers.serial.port import PORT_ERRORS
+from daq.errors import DriverError
+from daq.protocol import slcan
+
+_ACCELEROMETER = "A552"  # in the name of a node that the driver epson-can is for
+_ADAPTER_SECONDS = 0.4
+_NODES_SECONDS = 0.5
+_IS_ADAPTER = re.compile(rb"(?:^|[\r\a])(V[0-9A-Fa-f]{4}|[^\r\a]*CANable[^\r\a]*)\r")
+
+
+def search(path: str, bitrate: int) -> PortAnswer | None:
+    """Ask for an adapter, and for nodes on its bus."""
+    version = _adapter(path)
+    if version is None:
+        return None
+    nodes = find_nodes(CanPlace(interface=OURS, channel=path, bitrate=bitrate))
+    return PortAnswer(who=f"SLCAN adapter {version}", devices=tuple(nodes))
+
+
+def _adapter(path: str) -> str | None:
+    """Return what an SLCAN adapter says of its version, None if there is none."""
+    try:
+        with serial.Serial(path, 115_200, timeout=0.05, write_timeout=1.0, exclusive=True) as line:
+            line.reset_input_buffer()
+            line.write(b"\r\r" + slcan.CLOSE + b"V\r")
+            heard, end = b"", time.monotonic() + _ADAPTER_SECONDS
+            while time.monotonic() < end and not _IS_ADAPTER.search(heard):
+                heard += line.read(256)
+    except PORT_ERRORS:
+        return None
+    found = _IS_ADAPTER.search(heard)
+    return found[1].decode("ascii", "replace") if found else None
+
+
+def find_nodes(bus: CanPlace) -> list[Found]:
+    """Ask all 127 CANopen nodes of a bus who they are, and return the accelerometers among those that answer.
+
+    Raises
+    ------
+    DriverError
+        If the bus cannot be opened.
+    """
+    member = join_bus(bus, frozenset())
+    try:
+        network = member.hub.network
+        network.scanner.search()
+        time.sleep(_NODES_SECONDS)
+        found = []
+        for number in sorted(network.scanner.nodes):
+            identity = _node_identity(member.hub.add_node(number))
+            del network[number]
+            if identity and _ACCELEROMETER in identity["product"]:
+                address = CanAddress(interface=bus.interface, channel=bus.channel, bitrate=bus.bitrate, node=number)
+                found.append(Found(driver="epson-can", place=address, identity=identity))
+        return found
+    except (can.CanError, OSError) as error:
+        raise DriverError(f"{bus.interface}:{bus.channel}", f"nodes cannot be asked: {error}") from error
+    finally:
+        leave_bus(member)
+
+
+def _node_identity(node: canopen.RemoteNode) -> dict[str, Any] | None:
+    """Return who a node is, None if it does not say."""
+    try:
+        return identify(node)
+    except SdoError:
+        return None

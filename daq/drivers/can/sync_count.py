@@ -1,0 +1,114 @@
+"""The SYNC frames of a CAN bus as one clock of all nodes that sample on them (CiA 301, section 7.2.5).
+
+The frames themselves have no number, those of a node's scans one of its own. In the order of the bus each scan comes
+after its SYNC: so the host, which sees both, gives every SYNC a number, and each scan that of its SYNC.
+"""
+
+import numpy as np
+
+from daq.drivers.can.bus import Chunk
+from daq.protocol.epson_can import MODULUS, SYNC
+from daq.types import IndexArray, IntArray
+
+_PAUSE = 0.5e9  # ns without a SYNC, more than what comes at once then makes up for: sampling began anew
+_LEAST_SPAN = 0.5e9  # ns of SYNC that tell its period
+_OFF_READS = 5  # reads one after another whose scans do not fit their SYNC
+
+
+class SyncCount:
+    """Numbers of the SYNC frames of one bus, for as long as the process lives.
+
+    Where they began anew - another host's side of the bus, another start of the producer, a pause - `clock` gets
+    another name, and numbers go on as the host's clock says.
+
+    Parameters
+    ----------
+    name : of the bus
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name, self._starts = name, 0
+        self._number = 0
+        self._restart = True
+        self._first: tuple[int, int] | None = None  # (number, time [ns]) of this start's first SYNC
+        self._last = 0  # time of the last one [ns]
+
+    @property
+    def clock(self) -> str:
+        """Name of what the numbers count."""
+        return f"{self._name} {self._starts}"
+
+    @property
+    def number(self) -> int:
+        """Number of the last SYNC."""
+        return self._number
+
+    def restart(self) -> None:
+        """Note that what comes from now on has nothing to do with what came."""
+        self._restart = True
+
+    def count(self, chunk: Chunk, rate: float) -> IndexArray:
+        """Take the next frames of the bus; return the number of the last SYNC before each (n,).
+
+        Parameters
+        ----------
+        chunk : frames
+        rate : of SYNC [Hz]
+        """
+        passed = np.cumsum(chunk.frames.ids == SYNC)
+        if len(passed) and passed[-1]:
+            self._go_on(int(passed[-1]), chunk.arrived, rate)
+            self._number += int(passed[-1])
+            self._first = self._first or (self._number, chunk.arrived)
+            self._last = chunk.arrived
+            return np.asarray(self._number - passed[-1] + passed, np.intp)
+        return np.full(len(passed), self._number, np.intp)
+
+    def _go_on(self, n: int, arrived: int, rate: float) -> None:
+        """Begin anew if `n` SYNC that have arrived now do not go on where the last one was."""
+        if self._first is None:
+            self._starts, self._restart = self._starts + 1, False
+            return
+        period, since = self._period(self._first, rate), arrived - self._last
+        if self._restart or since - n * period > _PAUSE:
+            self._number += max(0, round(since / period) - n)
+            self._starts, self._restart, self._first = self._starts + 1, False, None
+
+    def _period(self, first: tuple[int, int], rate: float) -> float:
+        """Return the time between two SYNC [ns of the host]: as this start has shown it, until then the nominal one."""
+        span = self._last - first[1]
+        return span / (self._number - first[0]) if span > _LEAST_SPAN else 1e9 / rate
+
+
+class SyncedCounter:
+    """From one node's counter to the number of the SYNC that each scan was taken on, from one start to the next.
+
+    The two differ by a constant, which most scans of the first read tell: where a bus is full to the brim, a frame may
+    come after the next SYNC already.
+    """
+
+    def __init__(self) -> None:
+        self._offset: int | None = None
+        self._off_reads = 0
+
+    def numbers(self, counter: IntArray, syncs: IndexArray) -> IndexArray:
+        """Return numbers (n,) from counter (n,) and the last SYNC heard before each scan (n,).
+
+        Raises
+        ------
+        ValueError
+            If scans do not fit SYNC for several reads: SYNC frames were lost on the way to the host.
+        """
+        apart = np.remainder(syncs - counter, MODULUS)
+        if self._offset is None:
+            self._offset = _most_frequent(apart)
+        off = np.remainder(self._offset - apart + MODULUS // 2, MODULUS) - MODULUS // 2
+        self._off_reads = self._off_reads + 1 if _most_frequent(off) else 0
+        if self._off_reads >= _OFF_READS:
+            raise ValueError(f"its scans and SYNC are {_most_frequent(off)} apart: SYNC frames were lost")
+        return np.asarray(syncs + off, np.intp)
+
+
+def _most_frequent(values: IndexArray) -> int:
+    found, times = np.unique(values, return_counts=True)
+    return int(found[np.argmax(times)])

@@ -1,0 +1,216 @@
+"""A home-built node on a serial line: docs/node.md is its side of the protocol."""
+
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from daq.drivers.addresses import Found, PortAnswer
+from daq.drivers.base import Scans
+from daq.drivers.rates import positive_rate
+from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.errors import DeviceLost, DriverError
+from daq.protocol import node
+
+BAUD = 460800  #: nodes that are USB devices themselves do not care
+_HELLO_SECONDS = 1.5  # a node that does not listen says who it is once a second
+_AGAIN_SECONDS = 0.4
+_SCANS_SECONDS = 1.0
+_RATE_TOLERANCE = 1e-3  # of the rate that a node says it has
+_CLOCK_TOLERANCE = 0.05  # of time passed: oscillators inside accelerometers are some percent off
+_CLOCK_SLACK = 2000  # us: what a busy controller stamps late
+_NEIGHBOURS = 10e6  # us: scans further apart are no witness for one another
+
+
+class ModalwatchNode:
+    """Driver of one node.
+
+    Parameters
+    ----------
+    port : path of the serial port
+    rate : scans a second [Hz]
+
+    Raises
+    ------
+    ValueError
+        If the rate is not positive.
+    """
+
+    scale = float("nan")  #: m/s2 a count, as the node says once it is open
+    modulus = 1 << 31  #: of the counter's 32 bits the lower 31, which an int32 holds
+
+    def __init__(self, port: str, rate: float) -> None:
+        self._path, self._rate = port, positive_rate(rate, port)
+        self._port: SerialPort | None = None
+        self._decoder = node.NodeDecoder()
+        self._believer = Believer(rate)
+
+    def open(self) -> dict[str, Any]:
+        """Open the port, ask for scans, hear who answers and what it counts in."""
+        try:
+            port = self._port = SerialPort(self._path, BAUD)
+            hello = self._start(port)
+        except (*PORT_ERRORS, ValueError) as error:
+            self.close()
+            raise DriverError(self._path, f"no node answers: {error}") from error
+        self.scale = hello.scale
+        return {"product": hello.product, "serial": hello.serial, "axes": list(hello.axes), "scale": hello.scale}
+
+    def _start(self, port: SerialPort) -> node.Hello:
+        """Return the hello of a node that then sends scans at the right rate."""
+        self._decoder, self._believer = node.NodeDecoder(), Believer(self._rate)
+        port.discard_input()
+        port.write(b"\0" + node.encode_command(node.START, self._rate))  # the zero ends whatever was begun before
+        hello = self._wait_for_hello(port)
+        if hello.version != node.VERSION:
+            raise ValueError(f"protocol: expected version {node.VERSION}, found {hello.version}")
+        if not 0 < hello.scale < np.inf or not hello.axes:
+            raise ValueError(f"hello: expected a scale and an axis, found {hello}")
+        if abs(hello.rate / self._rate - 1) > _RATE_TOLERANCE:
+            raise ValueError(f"rate: expected {self._rate:g} Hz, found {hello.rate:g}")
+        self._check_clock(port)
+        return hello
+
+    def identify(self) -> node.Hello:
+        """Ask who answers, and free the port; a node that was sampling goes on."""
+        try:
+            port = SerialPort(self._path, BAUD)
+            try:
+                port.write(b"\0" + node.encode_command(node.WHO))
+                return self._wait_for_hello(port)
+            finally:
+                port.close()
+        except (*PORT_ERRORS, ValueError) as error:
+            raise DriverError(self._path, f"no node answers: {error}") from error
+
+    def _wait_for_hello(self, port: SerialPort) -> node.Hello:
+        """Wait for who was asked; ask again, as what is said at power-on may have spoiled the first answer."""
+        asked = time.monotonic()
+        end = asked + _HELLO_SECONDS
+        while self._decoder.hello is None:
+            now = time.monotonic()
+            if now > end:
+                raise ValueError(f"no hello within {_HELLO_SECONDS:g} s")
+            if now > asked + _AGAIN_SECONDS:
+                asked = now
+                port.write(b"\0" + node.encode_command(node.WHO))
+            self._decoder.feed(port.read())
+        return self._decoder.hello
+
+    def _check_clock(self, port: SerialPort) -> None:
+        """Compare the rate that a node has by its own clock: else its scans could not be told from false ones."""
+        scans = node.NO_SCANS
+        end = time.monotonic() + _SCANS_SECONDS + 8 / self._rate
+        while len(scans.counter) < 5:
+            if time.monotonic() > end:
+                raise ValueError("says who it is, but sends no scans")
+            scans = node.joined(scans, self._decoder.feed(port.read()))
+        step, us = np.diff(scans.counter).astype(float), np.diff(scans.time).astype(float)
+        found = 1e6 * float(np.median(step / np.maximum(us, 1.0)))
+        if abs(found / self._rate - 1) > _CLOCK_TOLERANCE:
+            raise ValueError(f"rate: expected {self._rate:g} Hz, found {found:.4g} by the node's own clock")
+        self._believer.consider(scans)
+
+    def read(self) -> Scans:
+        """Return the scans that have arrived; none if nothing came within 0.1 s.
+
+        Raises
+        ------
+        DeviceLost
+            If the port is gone, or the node has started anew.
+        """
+        if self._port is None:
+            raise DeviceLost(self._path, "is not open")
+        before = self._decoder.bad_bytes
+        arrived = self._decoder.feed(self._port.read())
+        scans, refused = self._believer.consider(arrived)
+        if self._believer.restarted:
+            raise DeviceLost(self._path, "the node has started anew")
+        known = scans.temperature[scans.temperature != node.NO_TEMPERATURE]
+        return Scans(
+            counts=scans.counts,
+            counter=(scans.counter % self.modulus).astype(np.int32),
+            temperature=float(known.mean()) / 100 if len(known) else float("nan"),
+            bad_bytes=self._decoder.bad_bytes - before + refused * node.SCAN_SIZE,
+            age=self._port.age,
+        )
+
+    def close(self) -> None:
+        """Stop the node if it still listens, and free the port."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close(node.encode_command(node.STOP))
+
+
+def search(path: str, _: int) -> PortAnswer | None:
+    """Ask for a node at a port."""
+    try:
+        hello = ModalwatchNode(path, 1.0).identify()
+    except DriverError:
+        return None
+    identity = {"product": hello.product, "serial": hello.serial}
+    found = Found(driver="modalwatch-node", place=path, identity=identity, rate=hello.rate, axes=hello.axes)
+    return PortAnswer(who=f"{hello.product} {hello.serial}", devices=(found,))
+
+
+class Believer:
+    """Tells scans from frames that damage made and the CRC let pass, once in 2^16.
+
+    Counter and clock of a node go on together. A scan is believed if it agrees with the one before or the one after;
+    the last of a read that does not agree with the one before waits for the next read.
+
+    Parameters
+    ----------
+    rate : scans a second [Hz]
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1e6 / rate
+        self._last, self._waiting = node.NO_SCANS, node.NO_SCANS  # one scan at most each
+        self.restarted = False  #: counter and clock of scans that agree have gone back
+
+    def consider(self, scans: node.NodeScans) -> tuple[node.NodeScans, int]:
+        """Take the next scans; return those to believe, and how many were refused."""
+        known = len(self._last.counter)
+        if known and not len(self._waiting.counter) and self._goes_on(scans):  # as nearly always
+            self._last, self.restarted = scans[-1:], False
+            return scans, 0
+        joined = node.joined(
+            node.joined(self._last, self._waiting) if len(self._waiting.counter) else self._last, scans
+        )
+        if len(joined.counter) < 2:
+            self._waiting = joined[known:]
+            return node.NO_SCANS, 0
+        agrees = self._agree(joined)
+        good = np.append(agrees, False) | np.append(False, agrees)
+        good[:known] = True
+        self._waiting = joined[-1:] if not good[-1] else node.NO_SCANS
+        new = joined if good.all() else joined[good]
+        self.restarted = bool(_went_back(new).any())
+        self._last = new[-1:]
+        return new[known:], int(np.count_nonzero(~good)) - len(self._waiting.counter)
+
+    def _goes_on(self, scans: node.NodeScans) -> bool:
+        """Tell whether scans follow the last one and each other without a gap, by the node's clock too."""
+        counter, time = (
+            np.concatenate([getattr(part, name) for part in (self._last, scans)]) for name in ("counter", "time")
+        )
+        if len(counter) < 2 or np.count_nonzero(counter[1:] - counter[:-1] != 1):
+            return False
+        us = (time[1:] - time[:-1]).view(np.int32)
+        slack = _CLOCK_SLACK + _CLOCK_TOLERANCE * self._period
+        return bool(us.min() > self._period - slack and us.max() < self._period + slack)
+
+    def _agree(self, scans: node.NodeScans) -> npt.NDArray[np.bool_]:
+        """Tell of each pair of neighbours (n - 1,), not far apart, whether the clock has gone on as the counter has."""
+        step, us = np.diff(scans.counter).view(np.int32), np.diff(scans.time).view(np.int32)
+        expected = step * self._period
+        off = np.abs(us - expected)
+        return np.asarray((step > 0) & (expected < _NEIGHBOURS) & (off < _CLOCK_SLACK + _CLOCK_TOLERANCE * expected))
+
+
+def _went_back(scans: node.NodeScans) -> npt.NDArray[np.bool_]:
+    """Tell of each pair of neighbours whether the later one has both lower counter and earlier time."""
+    back = (np.diff(values).view(np.int32) < 0 for values in (scans.counter, scans.time))
+    return np.logical_and(*back)

@@ -1,0 +1,124 @@
+"""WitMotion WT901 on a serial line: low grade, for want of a counter."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from daq.drivers.addresses import Found, PortAnswer
+from daq.drivers.base import Scans
+from daq.drivers.rates import known_rate
+from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.errors import DeviceLost, DriverError
+from daq.protocol import witmotion as wit
+
+BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the one that it was told
+_LISTEN_SECONDS = 0.35  # at each of them: at ten scans a second three packets
+_COMMAND_SECONDS = 0.01
+_SETTLE_SECONDS = 0.15  # after a setting
+_ENOUGH = 2  # packets that make a baud rate the right one
+_BITS_A_BYTE = 10
+
+
+class Witmotion:
+    """Driver of one device, which is told to send accelerations only.
+
+    Parameters
+    ----------
+    port : path of the serial port
+    rate : scans a second, one of 10, 20, 50, 100, 200 [Hz]
+
+    Raises
+    ------
+    ValueError
+        If the device has no such rate.
+    """
+
+    scale = wit.SCALE
+    modulus = 1 << 16
+
+    def __init__(self, port: str, rate: float) -> None:
+        self._path, self._rate = port, known_rate(rate, wit.RATES, port)
+        self.delay = wit.filter_delay(self._rate)  #: of its filter [s]
+        self._port: SerialPort | None = None
+        self._decoder = wit.WitDecoder()
+
+    def open(self) -> dict[str, Any]:
+        """Find the baud rate at which it sends, set content, rate and filter."""
+        try:
+            port, baud = listen(self._path)
+        except (*PORT_ERRORS, DeviceLost, ValueError) as error:
+            raise DriverError(self._path, f"no WT901 answers: {error}") from error
+        self._port = port
+        try:
+            self._configure(port, baud)
+        except (*PORT_ERRORS, DeviceLost, ValueError) as error:
+            self.close()
+            raise DriverError(self._path, f"no WT901 answers: {error}") from error
+        return {"product": "WT901", "baud": baud}
+
+    def _configure(self, port: SerialPort, baud: int) -> None:
+        most = baud // (_BITS_A_BYTE * wit.PACKET_SIZE)
+        if self._rate > most:
+            raise ValueError(f"rate: expected at most {most} Hz at {baud} bit/s, found {self._rate}")
+        for command in wit.settings(self._rate):
+            port.write(command)
+            time.sleep(_COMMAND_SECONDS)
+        time.sleep(_SETTLE_SECONDS)
+        port.discard_input()
+        self._decoder = wit.WitDecoder()
+
+    def read(self) -> Scans:
+        """Return the scans that have arrived; none if nothing came within 0.1 s."""
+        if self._port is None:
+            raise DeviceLost(self._path, "is not open")
+        before = self._decoder.bad_bytes
+        scans = self._decoder.feed(self._port.read())
+        return Scans(
+            counts=scans.counts,
+            counter=(scans.number % self.modulus).astype(np.int32),
+            temperature=float(scans.temperature.mean()) / 100 if len(scans.temperature) else float("nan"),
+            bad_bytes=self._decoder.bad_bytes - before,
+            age=self._port.age,
+        )
+
+    def close(self) -> None:
+        """Free the port; the device goes on sending."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+
+def listen(path: str) -> tuple[SerialPort, int]:
+    """Return the open port of a device, and the baud rate at which its packets are intact.
+
+    Raises
+    ------
+    OSError
+        If the port cannot be opened.
+    ValueError
+        If no packet is heard at any.
+    """
+    for baud in BAUDS:
+        port, decoder = SerialPort(path, baud), wit.WitDecoder()
+        port.discard_input()
+        n, end = 0, time.monotonic() + _LISTEN_SECONDS
+        while time.monotonic() < end and n < _ENOUGH:
+            n += len(decoder.feed(port.read()).counts)
+        if n >= _ENOUGH:
+            return port, baud
+        port.close()
+    raise ValueError(f"no accelerations at {', '.join(map(str, BAUDS))} bit/s")
+
+
+def search(path: str, _: int) -> PortAnswer | None:
+    """Listen for a device at a port; it is asked nothing."""
+    try:
+        port, baud = listen(path)
+    except (*PORT_ERRORS, DeviceLost, ValueError):
+        return None
+    port.close()
+    identity = {"product": "WT901", "baud": baud}
+    rate = max(rate for rate in wit.RATES if rate <= baud // (_BITS_A_BYTE * wit.PACKET_SIZE))
+    found = Found(driver="witmotion", place=path, identity=identity, rate=float(rate))
+    return PortAnswer(who=f"WT901 at {baud} bit/s", devices=(found,))

@@ -1,0 +1,1 @@
+"""Files of measurements of other programs: read into recordings, and written."""

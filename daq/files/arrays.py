@@ -1,0 +1,147 @@
+"""Arrays of numpy's .npz and Matlab's .mat files."""
+
+import struct
+import tokenize
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from daq.errors import DataError
+from daq.files.archive_size import check_archive
+from daq.files.columns.time_column import time_column
+from daq.files.mat import read_mat
+from daq.files.origin import Origin, parse_origin
+from daq.types import FloatArray
+
+#: what numpy and scipy raise where a file is none of theirs, or damaged
+_DAMAGED = (
+    *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
+    *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError),
+)
+_MAX_CHANNELS = 10_000
+ORIGIN = "origin"  #: array of one text
+_DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """Signals as a file of arrays holds them."""
+
+    names: tuple[str, ...]
+    values: FloatArray  #: (n_samples, n_channels)
+    rate: float | None  #: [Hz]; None if the file does not say
+    t: FloatArray | None  #: (n_samples,) as they stand in it; None if the file does not say
+    t_name: str = "t"  #: of the array of times, or of the one that was looked for
+    origin: Origin | None = None  #: of an exported file
+
+
+def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:
+    """Read signals from arrays.
+
+    Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
+    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time`
+    (``t`` or ``time``, perhaps with its unit, unless given).
+
+    Parameters
+    ----------
+    path : of the file
+    time : name of the array of times
+    transposed : whether each row of ``data`` is a channel; asked for where there are more channels than samples and
+        neither names nor times tell
+
+    Raises
+    ------
+    DataError
+        Naming the file and the array.
+    """
+    arrays = _load(path)
+    t_name = time_column(arrays, time) or time or "t"
+    rate, t = _first(arrays, _RATE), arrays.pop(t_name, None)
+    data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
+    origin = _origin(path, arrays)
+    if data is None:
+        arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
+        lengths = {array.shape for array in arrays.values()}
+        if len(lengths) != 1 or len(next(iter(lengths))) != 1:
+            found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items()) or "nothing"
+            raise DataError(path, f"expected 'data' or one array (n_samples,) a channel, found {found}")
+        data, names = np.column_stack(list(arrays.values())), np.array(list(arrays))
+    values = _numbers(path, "data", data)
+    if values.ndim != 2:
+        raise DataError(path, f"data: expected (n_samples, n_channels), found {values.shape}")
+    values = values.T if transposed else values
+    if transposed is None:
+        _ask_orientation(path, values.shape, names, t)
+    if values.shape[1] > _MAX_CHANNELS:
+        raise DataError(path, f"data: expected up to {_MAX_CHANNELS} channels, found {values.shape[1]}")
+    return Arrays(
+        names=_channel_names(path, names, values.shape[1]),
+        values=values,
+        rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
+        t=None if t is None else _numbers(path, t_name, t).ravel(),
+        t_name=t_name,
+        origin=origin,
+    )
+
+
+def _ask_orientation(path: Path, shape: tuple[int, int], names: object, t: object) -> None:
+    """Refuse an array with more channels than samples, unless names or times tell that it is meant so."""
+    n_samples, n_channels = shape
+    named = names is not None and np.size(np.asarray(names)) == n_channels
+    timed = t is not None and np.size(np.asarray(t)) == n_samples
+    if n_samples < n_channels and not named and not timed:
+        raise DataError(
+            path,
+            f"data: found {shape}, which is {n_channels} channels of {n_samples} samples: say --transpose if each row "
+            "is a channel, --no-transpose if each column is one",
+        )
+
+
+def _origin(path: Path, arrays: dict[str, Any]) -> Origin | None:
+    """Take the origin of an exported file out of its arrays; an array of numbers of that name is a signal."""
+    found = arrays.get(ORIGIN)
+    if found is None or np.asarray(found).dtype.kind != "U":
+        return None
+    return parse_origin(str(np.asarray(arrays.pop(ORIGIN)).squeeze()), path)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        if path.suffix.lower() == ".npz":
+            check_archive(path)
+            with path.open("rb") as opened, np.load(opened) as file:
+                return dict(file)
+        return read_mat(path)
+    except DataError:
+        raise
+    except OSError as error:
+        raise DataError(path, f"cannot be read: {error.strerror or error}") from error
+    except _DAMAGED as error:
+        raise DataError(path, f"holds no arrays: {error}") from error
+
+
+def _first(arrays: dict[str, Any], names: tuple[str, ...]) -> Any:  # noqa: ANN401 - whatever the file holds
+    return next((arrays.pop(name) for name in names if name in arrays), None)
+
+
+def _numbers(path: Path, name: str, array: Any) -> FloatArray:  # noqa: ANN401 - whatever the file holds
+    try:
+        values = np.asarray(array, np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(path, f"{name}: expected numbers, found {np.asarray(array).dtype}") from error
+    if not values.size or np.isinf(values).any():
+        raise DataError(path, f"{name}: expected finite numbers, found {'inf' if values.size else 'none'}")
+    return values
+
+
+def _channel_names(path: Path, names: Any, n: int) -> tuple[str, ...]:  # noqa: ANN401 - whatever the file holds
+    if names is None:
+        return tuple(f"ch{i + 1}" for i in range(n))
+    found = tuple(str(np.asarray(name).squeeze()).strip() for name in np.ravel(names))
+    if len(found) != n or len(set(found)) != n:
+        raise DataError(path, f"channels: expected {n} different names, found {found}")
+    return found

@@ -1,0 +1,1 @@
+"""CAN traffic recorded by other programs."""

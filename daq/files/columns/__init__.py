@@ -1,0 +1,1 @@
+"""Columns of tables: headings with units, times, dates, temperatures, sampling grids."""

@@ -1,0 +1,85 @@
+"""Temperatures that a file of measurements holds beside its signals."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from daq.errors import DataError
+from daq.files.columns.headings import TEMPERATURES, parted, plain
+from daq.types import FloatArray
+
+_COLDEST, _HOTTEST = -90.0, 150.0  # degC: what is beyond is no temperature of a structure or a sensor
+_OLDEST = 1800.0  # s: a reading says nothing of what is farther from it
+
+
+def mean_temperature(path: Path, names: Sequence[str], values: FloatArray, rate: float) -> FloatArray:
+    """Return the mean of columns of temperatures (n_samples,) [degC]; NaN where none has a reading within half an hour.
+
+    Between readings, which may be seldom, it is interpolated.
+
+    Parameters
+    ----------
+    path : of their file
+    names : of the columns
+    values : (n_samples, n_columns) as they stand in the file, NaN where there is no reading
+    rate : samples a second [Hz]
+
+    Raises
+    ------
+    DataError
+        Naming a column whose unit is none of temperatures, or that holds some that no structure has.
+    """
+    total, count = np.zeros(len(values)), np.zeros(len(values))
+    for name, column in zip(names, values.T, strict=True):
+        found = _between(_celsius(path, name, column), rate)
+        known = np.isfinite(found)
+        total[known] += found[known]
+        count += known
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _celsius(path: Path, name: str, values: FloatArray) -> FloatArray:
+    """Return temperatures [degC] of a column, whose name says their unit if it is another."""
+    unit = parted(name)[1]
+    worth, zero = TEMPERATURES.get(plain(unit), (0.0, 0.0)) if unit else (1.0, 0.0)
+    if not worth:
+        raise DataError(path, f"column {name!r}: expected a unit of temperatures, degC, K or degF, found {unit!r}")
+    found = values * worth + zero
+    wrong = found[(found < _COLDEST) | (found > _HOTTEST)]
+    if len(wrong):
+        raise DataError(
+            path,
+            f"column {name!r}: expected temperatures of {_COLDEST:g} to {_HOTTEST:g} degC, found {wrong[0]:g}: "
+            "another unit stands after the name, as in `temperature [K]`",
+        )
+    return found
+
+
+def _between(readings: FloatArray, rate: float) -> FloatArray:
+    """Return temperatures (n_samples,) between readings, NaN far from all."""
+    known = np.flatnonzero(np.isfinite(readings))
+    if not len(known):
+        return readings
+    place = np.arange(len(readings))
+    after = np.searchsorted(known, place)
+    nearest = np.minimum(
+        np.abs(place - known[np.maximum(after - 1, 0)]), np.abs(place - known[np.minimum(after, len(known) - 1)])
+    )
+    return np.where(nearest <= _OLDEST * rate, np.interp(place, known, readings[known]), np.nan)
+
+
+def known_mean(values: FloatArray) -> float:
+    """Return the mean of what is known, NaN if nothing is."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def temperature_remark(names: Sequence[str], temperature: FloatArray) -> str:
+    """Say which columns were taken as temperatures, and what they hold; "" where there are none."""
+    if not names:
+        return ""
+    what = ", ".join(repr(name) for name in names)
+    known = temperature[np.isfinite(temperature)]
+    held = f"{known.min():.4g} to {known.max():.4g} degC" if len(known) else "no reading"
+    return f"temperature of the structure: {what}{', their mean' if len(names) > 1 else ''}: {held}"

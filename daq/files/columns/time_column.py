@@ -1,0 +1,141 @@
+"""Detection of the time column of a table, or time array of a file, and of its unit."""
+
+import itertools
+import re
+from collections.abc import Collection, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from daq.errors import DataError
+from daq.files.columns.date_cells import CLOCK, DAY, reads
+from daq.files.columns.headings import parted
+from daq.types import FloatArray
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}  #: [s]
+_SPELT = {
+    "s": ("sec", "second", "seconds"),
+    "ms": ("msec", "millis", "millisecond", "milliseconds"),
+    "us": ("usec", "µs", "μs", "micros", "microsecond", "microseconds"),
+    "ns": ("nsec", "nanosecond", "nanoseconds"),
+    "min": ("minute", "minutes"),
+    "h": ("hour", "hours"),
+    "d": ("day", "days"),
+}
+_WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
+_BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
+_DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
+_DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
+_ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
+_SLOWEST, _FASTEST = 1 - 1e-9, 200e3  # Hz: no log of a structure's accelerations is beyond, unless somebody says so
+_USUAL = 20e3  # Hz: up to which a unit is proposed
+_LEAST_PERIOD = 1e-12  # s
+_LATEST = 1e20  # of a time: nanoseconds since 1970 are less
+
+
+def time_column(names: Collection[str], asked: str | None) -> str | None:
+    """Return the name of the column of times, None where there is none.
+
+    Parameters
+    ----------
+    names : of all columns
+    asked : the name that it should have; else ``t``, ``time``, ``timestamp`` or ``datetime``, large or small, alone or
+        with a unit as ``time [ms]``, ``Time (s)`` or ``t_us``
+    """
+    if asked is not None:
+        return asked if asked in names else None
+    bare = [name for name in names if _BARE.fullmatch(name)]
+    united = (name for name in names if _BARE.fullmatch(_parted(name)[0]) and header_unit(name))
+    surely = (name for name in bare if name != _DOUBTFUL)
+    return next(itertools.chain(surely, united, bare), None)
+
+
+def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:
+    """Return the name of the column of dates that times of day belong to, None where there is none.
+
+    One that is called so and cannot be read is told by its cells.
+
+    Parameters
+    ----------
+    names : of all columns
+    first : cells of the first line
+    time : column of times
+    """
+    cell = dict(zip(names, first, strict=False))
+    if time is None or not reads(CLOCK, cell.get(time, "")):
+        return None
+    called = [name for name in names if _DAYS.fullmatch(_parted(name)[0])]
+    return next((name for name in called if reads(DAY, cell.get(name, ""))), called[0] if called else None)
+
+
+def header_unit(name: str) -> str | None:
+    """Return the unit that a column of times says to be in, None if it says none that is known."""
+    return _WORDS.get(_parted(name)[1].lower())
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """Return a name and its unit, either in brackets or after it; "" where there is none."""
+    bare, unit = parted(name)
+    if unit:
+        return bare, unit
+    found = _ENDED.fullmatch(name.strip())
+    return (found["name"], found["unit"]) if found else (name, "")
+
+
+def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> FloatArray:
+    """Return times (n_rows,) in seconds.
+
+    Parameters
+    ----------
+    path : of the file that holds them
+    name : of their column; its unit is heeded
+    t : as they stand in the file
+    given : their unit by hand, of `TIME_UNITS`; it goes before that of `name`
+
+    Raises
+    ------
+    DataError
+        If nobody says the unit, and seconds would make a rate that no log of a structure's accelerations has.
+    """
+    unit = given or header_unit(name)
+    if unit is None:
+        _ask(path, name, t)
+    return t * TIME_UNITS[unit or "s"]
+
+
+def _ask(path: Path, name: str, t: FloatArray) -> None:
+    """Refuse times that cannot be meant as seconds."""
+    step = np.diff(np.where(np.abs(t) < _LATEST, t, np.nan))
+    known = step[np.isfinite(step)]
+    period = float(np.median(known)) if len(known) else 0.0
+    if period < _LEAST_PERIOD or _SLOWEST <= 1 / period <= _FASTEST:  # what does not increase is told elsewhere
+        return
+    rates = {unit: 1 / (period * worth) for unit, worth in TIME_UNITS.items()}
+    usual = [f"{unit} ({hertz:.6g} Hz)" for unit, hertz in rates.items() if _SLOWEST <= hertz <= _USUAL]
+    raise DataError(
+        path,
+        f"column {name!r}: times in seconds would make {rates['s']:.3g} Hz, which no log of a structure has: "
+        f"say their unit by --time-unit, as {' or '.join(usual) or ', '.join(TIME_UNITS)}; s if it is right",
+    )
+
+
+def time_remark(name: str, given: str | None) -> str | None:
+    """Say in which unit times were taken, None where they are in seconds and nothing else was said."""
+    said = header_unit(name)
+    if given is not None and said not in (None, given):
+        return f"times of {name!r} are taken in {given}, as --time-unit says, not in {said}"
+    unit = given or said or "s"
+    return f"times of {name!r} are in {unit}" if unit != "s" else None
+
+
+def date_remark(name: str, began: int) -> str:
+    """Say that times were taken from dates, and when the first was [ns UTC]."""
+    first = datetime.fromtimestamp(began // 10**6 / 1000, UTC).isoformat(timespec="milliseconds")
+    return f"times of {name!r} are dates, UTC where they state no zone: the first is {first}"
+
+
+def no_times(names: Collection[str], asked: str | None) -> str:
+    """Say that there is no such column, and what to do."""
+    what = "of times, as 't' or 'time [ms]'" if asked is None else f"{asked!r} of times"
+    return f"has no column {what}, but {', '.join(names):.100}: give --time NAME or --rate"

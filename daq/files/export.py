@@ -1,0 +1,178 @@
+"""Recordings to logs, and to files that `read_data` reads."""
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from daq.errors import DataError
+from daq.files.arrays import ORIGIN as ORIGIN_ARRAY
+from daq.files.columns.temperatures import known_mean
+from daq.files.csv import ORIGIN as ORIGIN_COMMENT
+from daq.files.mat import write_mat
+from daq.files.measurement_file import UNIVERSAL
+from daq.files.origin import Origin
+from daq.files.uff import write_universal
+from daq.log.channel_map import CHANNELS, ChannelMap
+from daq.log.mcap_log import LogWriter
+from daq.types import Block, Channel, FloatArray, Recording, find_gaps
+
+_LARGEST = (1 << 30) - 1  # count
+_LEAST_SCALE = float(np.finfo(float).tiny)  # m/s2 a count: what is less has no quotients
+_BLOCK_SECONDS = 1.0
+
+
+def write_recording(
+    path: Path,
+    recording: Recording,
+    attachments: Mapping[str, str] | None = None,
+    temperature: FloatArray | None = None,
+) -> None:
+    """Write a recording to a new log, its channel map attached.
+
+    Counts are at most 2^30, so that a value is kept to 1e-9 of its device's largest one. A sample that a device lacks
+    of one of its channels is a gap of the device.
+
+    Parameters
+    ----------
+    path : of the new file
+    recording : Recording
+    attachments : name -> text, beside the channel map
+    temperature : (n_samples,) [degC], NaN where not known; that of the recording unless given
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    ValueError
+        If two channels stand on the same axis of a device.
+    """
+    write_recordings(path, [recording], attachments, None if temperature is None else [temperature])
+
+
+def write_recordings(
+    path: Path,
+    recordings: Sequence[Recording],
+    attachments: Mapping[str, str] | None = None,
+    temperatures: Sequence[FloatArray] | None = None,
+) -> None:
+    """Write recordings that follow each other to one new log; what lies between them is missing.
+
+    Parameters
+    ----------
+    path : of the new file
+    recordings : of the same channels on one time grid, as of `in_order`; each is written as by `write_recording`
+    attachments : name -> text, beside the channel map
+    temperatures : of each recording (n_samples,) [degC], NaN where not known; those of the recordings unless given
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    ValueError
+        If two channels stand on the same axis of a device.
+    """
+    first = recordings[0]
+    places = [(channel.device, channel.axis) for channel in first.channels]
+    for device, axis in places:
+        if places.count((device, axis)) > 1:
+            raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
+    known = ChannelMap(channels=first.channels, on_grid=True)
+    writer = LogWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
+    for number, recording in enumerate(recordings):
+        warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
+        skipped = round((recording.start - first.start) * 1e-9 * first.rate)
+        blocks = [block for device in _devices(recording) for block in _blocks(recording, device, warmth, skipped)]
+        for block in sorted(blocks, key=lambda block: block.first_index):
+            writer.write(block)
+    writer.close()
+
+
+def _devices(recording: Recording) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(channel.device for channel in recording.channels))
+
+
+def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int) -> Iterator[Block]:
+    """Yield the blocks of one device, numbered from the number of samples that lie before the recording."""
+    axes = {c.axis: i for i, c in enumerate(recording.channels) if c.device == device}
+    data = np.zeros((len(recording.data), max(axes) + 1))
+    data[:, list(axes)] = recording.data[:, list(axes.values())]
+    there = np.asarray(np.isfinite(data).all(axis=1))
+    largest = float(np.abs(data[there]).max(initial=0.0))
+    scale = max(largest / _LARGEST, _LEAST_SCALE) if largest > 0 else 1.0
+    counts = np.rint(np.where(there[:, None], data, 0.0) / scale).astype(np.int32)
+    edges = np.flatnonzero(np.diff(np.r_[False, there, False].astype(np.int8)))
+    length = max(1, round(_BLOCK_SECONDS * recording.rate))
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        for first in range(start, stop, length):
+            end = min(first + length, stop)
+            yield Block(
+                device=device,
+                rate=recording.rate,
+                first_index=skipped + first,
+                counts=counts[first:end],
+                scale=scale,
+                pair_index=skipped + first,
+                pair_time=recording.start + round(first / recording.rate * 1e9),
+                temperature=known_mean(warmth[first:end]),
+            )
+
+
+def export_recording(path: Path, recording: Recording) -> None:
+    """Write a recording to a new file that `read_data` reads: .npz, .mat, .uff, .unv, else a table of text.
+
+    Times count from the recording's start; a missing sample is NaN, which universal files do not have. Each states its
+    origin: the devices and axes of the channels, and the start. In a table that is a comment before the header.
+
+    Raises
+    ------
+    DataError
+        If the file exists or cannot be written, or a universal file is asked for and samples are missing.
+    """
+    if path.suffix.lower() in UNIVERSAL and (missing := np.count_nonzero(np.isnan(recording.data))):
+        raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
+    names = [channel.name for channel in recording.channels]
+    arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
+    origin = Origin(start=recording.start, channels=recording.channels).text
+    try:
+        with path.open("xb") as file:
+            if path.suffix.lower() == ".npz":
+                np.savez_compressed(file, **arrays, **{ORIGIN_ARRAY: np.array(origin)})  # type: ignore[arg-type]
+            elif path.suffix.lower() == ".mat":
+                write_mat(file, arrays | {"channels": np.array(names, object), ORIGIN_ARRAY: origin})
+            elif path.suffix.lower() in UNIVERSAL:
+                write_universal(path, recording)
+            else:
+                _write_csv(file, recording, names, origin)
+    except OSError as error:
+        raise DataError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _write_csv(file: IO[bytes], recording: Recording, names: list[str], origin: str) -> None:
+    """Write times [s] to the nanosecond and values [m/s2] to nine digits."""
+    row = io.StringIO(newline="")
+    row.write(f"{ORIGIN_COMMENT}{origin}\n")
+    csv.writer(row, lineterminator="\n").writerow(["t", *names])
+    file.write(row.getvalue().encode())
+    t = np.arange(len(recording.data)) / recording.rate
+    np.savetxt(file, np.column_stack([t, recording.data]), delimiter=",", fmt=["%.9f", *["%.9g"] * len(names)])
+
+
+def with_channels(recording: Recording, channels: tuple[Channel, ...]) -> Recording:
+    """Return a recording whose channels stand on the devices and axes of others of the same names.
+
+    Raises
+    ------
+    ValueError
+        If a name is missing among `channels`.
+    """
+    place = {channel.name: channel for channel in channels}
+    for channel in recording.channels:
+        if channel.name not in place:
+            raise ValueError(f"channel {channel.name!r}: expected one of {', '.join(place)}")
+    moved = tuple(place[channel.name] for channel in recording.channels)
+    return replace(recording, channels=moved, gaps=find_gaps(moved, recording.data))

@@ -1,0 +1,112 @@
+"""Files of measurements that follow each other: a logger that begins a new table every five minutes."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from daq.errors import DataError
+from daq.files.columns.time_grid import TOLERANCE
+from daq.files.differentiation import differentiated
+from daq.files.measurement_file import DataOptions, Measured, devices_of, read_measured, read_undifferentiated
+from daq.types import Recording, find_gaps
+
+_RATES_ALIKE = 2e-5  # relative: a tenth of what shifts of frequencies are told by
+_MOST_OVERLAP = 1.5  # samples: by what dates are rounded to ...
+_MOST_DRIFT = 1e-4  # ... and of a file's length: by what a converter is faster than the clock
+
+
+def read_in_order(paths: Sequence[Path], options: DataOptions) -> tuple[Measured, ...]:
+    """Read one file of measurements, or several that follow each other, as `read_measured` and `in_order` do.
+
+    Velocities are differentiated across files: a derivative lacks both ends of a record, but not of each of its files.
+    """
+    if len(paths) == 1:
+        return (read_measured(paths[0], options),)
+    found = in_order([(path, read_undifferentiated(path, options)) for path in paths])
+    if not options.velocities:
+        return found
+    runs: list[list[Measured]] = []
+    for part in found:
+        if runs and (part.recording.start - runs[-1][-1].recording.end) * 1e-9 * part.recording.rate < 0.5:
+            runs[-1].append(part)
+        else:
+            runs.append([part])
+    return tuple(part for run in runs for part in _differentiated(run, options.velocities))
+
+
+def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
+    """Return what files hold by time, at one rate, that of the longest, the same channels on the same devices.
+
+    Each begins on the time grid of the first, as many samples after the one before as their dates tell, to the nearest:
+    a logger whose converter and clock differ by some tens of parts in a million drops no file for it, however many
+    there are.
+
+    Parameters
+    ----------
+    files : paths, and what was read of them; one file alone stays as it is
+
+    Raises
+    ------
+    DataError
+        Naming a file that has no dates, other channels or another rate than the longest, or that overlaps another.
+    """
+    if len(files) == 1:
+        return (files[0][1],)
+    for path, measured in files:
+        if not measured.dated:
+            raise DataError(path, "states no dates: its place among the other files is not known; import it alone")
+    ordered = sorted(files, key=lambda file: file[1].recording.start)
+    model_path, model = max(((path, m.recording) for path, m in ordered), key=lambda file: len(file[1].data))
+    recordings = [replace(_alike(path, m.recording, model_path, model), rate=model.rate) for path, m in ordered]
+    places = [0]  # samples from the first one's start
+    for (before_path, _), (path, _), (before, found) in zip(ordered, ordered[1:], pairwise(recordings), strict=False):
+        places.append(places[-1] + len(before.data) + _pause(path, found, before_path, before))
+    patterns = zip(*([channel.device for channel in recording.channels] for recording in recordings), strict=True)
+    channels = devices_of(model.channels, list(patterns))
+    return tuple(
+        replace(
+            measured,
+            recording=replace(
+                recording,
+                start=recordings[0].start + round(place / model.rate * 1e9),
+                channels=channels,
+                gaps=find_gaps(channels, recording.data),
+            ),
+        )
+        for (_, measured), recording, place in zip(ordered, recordings, places, strict=True)
+    )
+
+
+def _alike(path: Path, found: Recording, model_path: Path, model: Recording) -> Recording:
+    """Return a recording with its channels in the order of the model's; the fewer samples, the less its rate says."""
+    names, wanted = ([channel.name for channel in one.channels] for one in (found, model))
+    if sorted(names) != sorted(wanted):
+        other = sorted(set(names) ^ set(wanted))
+        raise DataError(path, f"has not the channels of {model_path}: only one of them has {', '.join(other):.100}")
+    if abs(found.rate / model.rate - 1) > max(_RATES_ALIKE, TOLERANCE / len(found.data)):
+        raise DataError(path, f"has {found.rate:.8g} samples a second, {model_path} {model.rate:.8g}")
+    if names == wanted:
+        return found
+    place = [names.index(name) for name in wanted]
+    return replace(found, channels=tuple(found.channels[i] for i in place), data=found.data[:, place])
+
+
+def _pause(path: Path, found: Recording, before_path: Path, before: Recording) -> int:
+    """Return how many samples lie between a recording and the one before."""
+    pause = (found.start - before.end) * 1e-9
+    if pause * found.rate < -max(_MOST_OVERLAP, _MOST_DRIFT * len(before.data)):
+        raise DataError(path, f"begins {-pause:.6g} s before {before_path} ends")
+    return max(round(pause * found.rate), 0)
+
+
+def _differentiated(run: Sequence[Measured], velocities: Collection[str]) -> Iterator[Measured]:
+    """Yield parts that follow each other without a pause, with accelerations in the place of velocities."""
+    together = np.concatenate([part.recording.data for part in run])
+    whole = differentiated(replace(run[0].recording, data=together, gaps=()), velocities)
+    ends = np.cumsum([len(part.recording.data) for part in run])
+    for part, data in zip(run, np.split(whole.data, ends[:-1]), strict=True):
+        gaps = find_gaps(part.recording.channels, data)
+        yield replace(part, recording=replace(part.recording, data=data, gaps=gaps))

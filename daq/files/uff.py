@@ -1,0 +1,192 @@
+"""Time histories of universal files (UFF dataset 58), as modal test systems export and import them.
+
+References
+----------
+Structural Dynamics Research Corporation: universal file format, datasets 58 (function at nodal DOF) and 164 (units),
+kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
+"""
+
+import re
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+
+from daq.errors import DataError
+from daq.files.arrays import Arrays
+from daq.files.differentiation import derivative
+from daq.files.origin import Origin
+from daq.types import Channel, FloatArray, Recording
+
+_TIME_RESPONSE = 1
+_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION = 0, 1, 11, 12
+_READ = {_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION}
+_KINDS = {8: "displacement", 9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
+_AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+_TIME = 17  # of an abscissa [s]
+_BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
+_SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
+_SAME = 1e-6  # relative: sampling intervals are printed with six digits
+
+Dataset = dict[str, Any]  # as pyuff returns it
+
+
+def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
+    """Read the time responses of a universal file, text or binary; other functions and geometry are passed over.
+
+    A channel is named after its node and direction, ``12_x`` or ``12_-y``, with the entity before if the file has one
+    (``tower_12_x``); where nodes do not tell channels apart, after the first ID line. Lengths are converted to metres
+    as dataset 164 says; velocities become accelerations.
+
+    Parameters
+    ----------
+    path : Path
+    wanted : collection of str, optional
+        Names of the channels to read; all unless given.
+
+    Raises
+    ------
+    DataError
+        Naming the file and the dataset, counted from 1.
+    """
+    sets = _datasets(path)
+    length = next((s["length"] for _, s in sets if s["type"] == 164), 1.0)
+    if not length > 0:
+        raise DataError(path, f"dataset 164: expected a positive factor of length, found {length}")
+    series = [(number, s) for number, s in sets if s["type"] == 58 and s["func_type"] == _TIME_RESPONSE]
+    if not series:
+        held = ", ".join(sorted({str(s["type"]) for _, s in sets})) or "none"
+        raise DataError(path, f"holds no time response (dataset 58, function type 1); its datasets are of type {held}")
+    names = _names(path, series)
+    chosen = [i for i, name in enumerate(names) if wanted is None or name in wanted]
+    columns = [_column(path, *series[i], names[i]) for i in chosen]
+    _check_same(path, [series[i] for i in chosen])
+    rate = 1 / series[chosen[0]][1]["abscissa_inc"] if chosen else None
+    return Arrays(
+        names=tuple(names[i] for i in chosen) if chosen else tuple(names),
+        values=np.column_stack(columns) / length if chosen else np.empty((0, len(names))),
+        rate=rate,
+        t=None,
+        origin=_origin([(names[i], series[i][1]) for i in chosen]),
+    )
+
+
+def write_universal(path: Path, recording: Recording) -> None:
+    """Write a recording as time responses (text, twelve digits): channels' names in ID line 1, their origin in 3 and 4.
+
+    The interval between samples is printed with six digits, as the format asks for. The file must be there and empty.
+
+    Parameters
+    ----------
+    path : of the file
+    recording : Recording
+    """
+    t = np.arange(len(recording.data)) / recording.rate
+    responses = [
+        pyuff.prepare_58(
+            func_type=_TIME_RESPONSE,
+            id1=channel.name,
+            id2="acceleration [m/s2]",
+            id3=_BEGUN.format(recording.start),
+            id4=_PLACE.format(channel.device, channel.axis),
+            rsp_ent_name="NONE",
+            rsp_node=0,
+            rsp_dir=0,
+            ref_ent_name="NONE",
+            ref_node=0,
+            ref_dir=0,
+            abscissa_spacing=1,
+            abscissa_spec_data_type=_TIME,
+            ordinate_spec_data_type=_ACCELERATION,
+            orddenom_spec_data_type=_UNKNOWN,
+            binary=0,
+            data=column,
+            x=t,
+        )
+        for channel, column in zip(recording.channels, recording.data.T, strict=True)
+    ]
+    pyuff.UFF(str(path)).write_sets([_SI_UNITS, *responses], "overwrite")
+
+
+def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
+    """Return the origin that the ID lines of all channels state, None if any states none."""
+    begun = [re.fullmatch(_BEGUN.format(r"(\d+)"), str(s["id3"]).strip()) for _, s in series]
+    place = [re.fullmatch(_PLACE.format("(.+)", r"(\d+)"), str(s["id4"]).strip()) for _, s in series]
+    if not series or not all(begun) or not all(place):
+        return None
+    channels = tuple(
+        Channel(name=name, device=found[1], axis=int(found[2]))
+        for (name, _), found in zip(series, place, strict=True)
+        if found
+    )
+    return Origin(start=min(int(found[1]) for found in begun if found), channels=channels)
+
+
+def _datasets(path: Path) -> list[tuple[int, Dataset]]:
+    """Return the datasets that pyuff knows, with their numbers."""
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise DataError(path, f"cannot be read: {error.strerror}") from error
+    number = 0
+    try:
+        file = pyuff.UFF(str(path))
+        kinds = [int(kind) for kind in file.get_set_types()]
+        found = []
+        for number, kind in enumerate(kinds, 1):
+            found.append((number, file.read_sets(number - 1) if kind in {58, 164} else {"type": kind}))
+    except Exception as error:  # pyuff raises nothing narrower
+        raise DataError(path, f"dataset {number}: cannot be read: {error}".splitlines()[0]) from error
+    return found
+
+
+def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
+    """Return the name of each channel, all different."""
+    by_node = [_node_name(s) for _, s in series]
+    by_line = [line if (line := str(s["id1"]).strip()) != "NONE" else "" for _, s in series]
+    numbered = by_node if all(s["rsp_node"] for _, s in series) else []  # node 0 is none
+    for names in (numbered, by_line, by_node):
+        if not names:
+            continue
+        if len(set(names)) == len(names) and all(names):
+            return names
+    twice = next(name for name in by_node if by_node.count(name) > 1)
+    places = ", ".join(str(number) for (number, _), name in zip(series, by_node, strict=True) if name == twice)
+    raise DataError(path, f"datasets {places}: expected different channels, found {twice!r} in each")
+
+
+def _node_name(series: Dataset) -> str:
+    entity, direction = str(series["rsp_ent_name"]).strip(), int(series["rsp_dir"])
+    axis = ("-" if direction < 0 else "") + _AXES.get(abs(direction), "")
+    return "_".join(part for part in (entity if entity != "NONE" else "", str(series["rsp_node"]), axis) if part)
+
+
+def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:
+    """Return one channel [acceleration, lengths as in the file], checked."""
+    kind = int(series["ordinate_spec_data_type"])
+    if kind not in _READ:
+        held = _KINDS.get(kind, f"data of type {kind}")
+        raise DataError(path, f"dataset {number} ({name}): expected acceleration or velocity, found {held}")
+    if int(series["abscissa_spacing"]) != 1 or not series["abscissa_inc"] > 0:
+        raise DataError(path, f"dataset {number} ({name}): expected even steps of time, found uneven ones")
+    values = np.asarray(series["data"])
+    if np.iscomplexobj(values) or not len(values) or np.isinf(values).any():
+        raise DataError(path, f"dataset {number} ({name}): expected finite real numbers")
+    column = values.astype(np.float64)
+    return derivative(column, 1 / series["abscissa_inc"]) if kind == _VELOCITY else column
+
+
+def _check_same(path: Path, series: Sequence[tuple[int, Dataset]]) -> None:
+    """Refuse channels that were not sampled together."""
+    said = [(number, len(s["data"]), float(s["abscissa_inc"]), float(s["abscissa_min"])) for number, s in series]
+    for number, n, step, start in said[1:]:
+        first, n_first, step_first, start_first = said[0]
+        together = abs(step / step_first - 1) < _SAME and abs(start - start_first) < step_first / 2
+        if n != n_first or not together:
+            raise DataError(
+                path,
+                f"dataset {number}: expected {n_first} samples every {step_first:g} s from {start_first:g} s, as in "
+                f"dataset {first}, found {n} every {step:g} s from {start:g} s",
+            )

@@ -1,0 +1,1 @@
+"""Binary format of the log: messages, chunks and indexes."""

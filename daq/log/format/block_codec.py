@@ -1,0 +1,97 @@
+"""Blocks as messages of a log, both directions side by side."""
+
+import numpy as np
+
+from daq.log.format.accel_block_pb2 import AccelBlock
+from daq.log.format.rice import Packed, PackedColumn, pack, unpack, unpack_columns
+from daq.types import Block, Flag, IntArray
+
+_MAX_AXES = 10_000
+_MAX_INDEX = 1 << 53
+_MAX_TIME = 1 << 62  # ns: in the year 2116
+_MAX_SCANS = 1 << 26
+_MAX_SECONDS = 1e6  # of a block
+_CODE = 64  # times the order of the differences
+
+
+def encode_block(block: Block) -> bytes:
+    """Return a block as protobuf; every int32 is kept exactly."""
+    offset = block.pair_index - block.first_index
+    message = AccelBlock(
+        time=block.pair_time - _after(offset, block.rate),
+        rate=block.rate,
+        first_index=block.first_index,
+        n_axes=block.counts.shape[1],
+        n_scans=block.n_scans,
+        scale=block.scale,
+        temperature=block.temperature,
+        flags=int(block.flags),
+        clock=block.clock,
+        pair_offset=offset,
+    )
+    if block.n_scans:
+        packed = pack(block.counts)
+        message.coding.extend(_CODE * order + n_low for order, n_low in zip(packed.order, packed.n_low, strict=True))
+        message.start.extend(packed.start)
+        message.bits = packed.bits
+    return message.SerializeToString()
+
+
+def _after(n_scans: int, rate: float) -> int:
+    """Return how long scans take at their nominal rate [ns]."""
+    return round(n_scans / rate * 1e9)
+
+
+def decode_block(device: str, data: bytes) -> Block:
+    """Return the block of a device from protobuf.
+
+    Raises
+    ------
+    ValueError
+        If its counts are not as many as it says.
+    """
+    message = AccelBlock.FromString(data)
+    _check(message)
+    old = message.pair_time != 0
+    return Block(
+        device=device,
+        rate=message.rate,
+        first_index=message.first_index,
+        counts=_counts(message),
+        scale=message.scale,
+        pair_index=message.pair_index if old else message.first_index + message.pair_offset,
+        pair_time=message.pair_time if old else message.time + _after(message.pair_offset, message.rate),
+        temperature=message.temperature,
+        flags=Flag(message.flags),
+        clock=message.clock,
+    )
+
+
+def _check(message: AccelBlock) -> None:
+    """Refuse figures that no device has: what is computed of them would be no number, no time, or too large."""
+    bounds: tuple[tuple[str, float, float, float], ...] = (
+        ("rate", message.rate, 1e-6, 1e9),
+        ("scale", message.scale, float(np.finfo(float).tiny), 1e12),
+        ("n_axes", message.n_axes, 0, _MAX_AXES),
+        ("first_index", message.first_index, -_MAX_INDEX, _MAX_INDEX),
+        ("pair_index", message.pair_index, -_MAX_INDEX, _MAX_INDEX),
+        ("pair_offset", message.pair_offset, -_MAX_INDEX, _MAX_INDEX),
+        ("pair_time", message.pair_time, -_MAX_TIME, _MAX_TIME),
+        ("time", message.time, -_MAX_TIME, _MAX_TIME),
+        ("n_scans / rate", message.n_scans, 0, min(_MAX_SCANS, message.rate * _MAX_SECONDS + 2)),
+    )
+    for name, value, least, greatest in bounds:
+        if not least <= value <= greatest:  # NaN too
+            raise ValueError(f"{name}: expected {least:g} to {greatest:g}, found {value:g}")
+
+
+def _counts(message: AccelBlock) -> IntArray:
+    """Return counts (n_scans, n_axes); old logs keep axes apart, or first differences as they are."""
+    if message.coding:
+        order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True)
+        return unpack(Packed(order, tuple(message.start), n_low, message.bits), message.n_scans)
+    if message.packed:
+        columns = [PackedColumn(a.order, tuple(a.start), a.n_low, a.low, a.high) for a in message.packed]
+        return unpack_columns(columns, message.n_scans)
+    difference = np.array(message.difference, np.int32).reshape(message.n_axes, -1)
+    return np.cumsum(difference.view(np.uint32), axis=1, dtype=np.uint32).view(np.int32).T

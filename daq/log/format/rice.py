@@ -1,0 +1,174 @@
+"""Integers in few bits: differences of the order that leaves least, Rice-coded; both directions side by side.
+
+What a sensor measures is noise upon something that is smooth at its rate. Its differences of some order are nearly
+white, and small; of white noise of a normal distribution a Rice code takes a tenth of a bit more than entropy allows.
+All arithmetic is modulo 2^32, so that every int32 comes back exactly, whatever the order.
+
+A residual r is made positive as u = 2 r, or -2 r - 1 if r < 0. Of each axis the `n_low` lower bits of all u stand one
+after those of another, the greatest first; behind those of the last axis each u of each axis has as many zeros as
+u / 2^n_low says, and a one. The bits end in zeros. In logs of before each axis had its bytes for itself.
+
+References
+----------
+R. F. Rice, Some practical universal noiseless coding techniques, JPL Publication 79-22 (1979).
+T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Cambridge University CUED/F-INFENG/TR.156
+(1994): differences of fixed order, the parameter from the mean.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from daq.types import IndexArray, IntArray
+
+ORDERS = range(4)  #: of differences that are tried
+_BITS = 32
+_NEAR = np.array([[-1], [0], [1]])
+_Unsigned = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Samples of all axes."""
+
+    order: tuple[int, ...]  #: of the differences of each axis
+    start: tuple[int, ...]  #: of each axis the first sample and its differences of lower order; of order 0 its mean
+    n_low: tuple[int, ...]  #: bits of each residual that stand apart, of each axis
+    bits: bytes
+
+
+@dataclass(frozen=True)
+class PackedColumn:
+    """Samples of one axis, as in old logs: lower bits and the rest in bytes of their own."""
+
+    order: int
+    start: tuple[int, ...]
+    n_low: int
+    low: bytes
+    high: bytes
+
+
+def pack(counts: IntArray) -> Packed:
+    """Pack counts (n, n_axes), n > 0."""
+    residual, orders, start = _least(np.ascontiguousarray(counts.T))
+    u = (residual << np.uint32(1)) ^ (residual.view(np.int32) >> 31).view(np.uint32)
+    n_low = _n_low(u, len(counts) - orders)
+    bits = np.unpackbits(u.astype(">u4").view(np.uint8).reshape(-1, 4), axis=1).reshape(*u.shape, _BITS)
+    rest = u >> n_low[:, None].astype(np.uint32)
+    axes = tuple(zip(orders.tolist(), n_low.tolist(), strict=True))
+    low = [axis[order:, _BITS - n :].ravel() for axis, (order, n) in zip(bits, axes, strict=True)]
+    high = np.concatenate([axis[order:] for axis, (order, _) in zip(rest, axes, strict=True)])
+    ends = np.cumsum(high + np.uint32(1), dtype=np.intp) - 1
+    unary = np.zeros(int(ends[-1]) + 1 if len(ends) else 0, np.uint8)
+    unary[ends] = 1
+    packed = np.packbits(np.concatenate([*low, unary])).tobytes()
+    return Packed(tuple(orders.tolist()), start, tuple(n_low.tolist()), packed)
+
+
+def _least(samples: IntArray) -> tuple[_Unsigned, IndexArray, tuple[int, ...]]:
+    """Return what the best differences of samples (n_axes, n) leave, zeros in front of them; their orders; `start`.
+
+    The powers of differences of one order after another are the moments of a spectrum, whose logarithm is convex: once
+    they grow they go on growing.
+    """
+    middle = (samples.sum(1, dtype=np.int64) // samples.shape[1]).astype(np.int32)
+    before = samples.view(np.uint32)
+    least = before - middle.view(np.uint32)[:, None]
+    size, orders, first = _size(least), np.zeros(len(samples), np.intp), []
+    for order in ORDERS[1 : samples.shape[1]]:
+        first.append(before[:, order - 1].view(np.int32))
+        after = np.zeros_like(before)
+        after[:, order:] = before[:, order:] - before[:, order - 1 : -1]
+        better = (found := _size(after)) < size
+        if not better.any():
+            break
+        least[better], size[better], orders[better] = after[better], found[better], order
+        before = after
+    heads = (first[:order] if order else [middle] for order in orders.tolist())
+    return least, orders, tuple(int(head[axis]) for axis, taken in enumerate(heads) for head in taken)
+
+
+def _size(differences: _Unsigned) -> npt.NDArray[np.float32]:
+    return np.asarray(np.abs(differences.view(np.int32), dtype=np.float32).sum(1))
+
+
+def _n_low(u: _Unsigned, n: IndexArray) -> IndexArray:
+    """Return how many lower bits to take apart on each axis, for the fewest in all: near the logarithm of the mean.
+
+    Parameters
+    ----------
+    u : (n_axes, n_samples), zeros where there is no residual
+    n : (n_axes,) residuals
+    """
+    guess = np.log2(np.maximum(1, u.sum(1, dtype=np.int64) / np.maximum(1, n))).astype(np.intp)
+    tried = np.clip(guess + _NEAR, 0, _BITS - 1)
+    bits = (u >> tried[:, :, None].astype(np.uint32)).sum(2, dtype=np.int64) + n * tried
+    return np.asarray(tried[bits.argmin(0), np.arange(len(u))])
+
+
+def unpack(packed: Packed, n: int) -> IntArray:
+    """Return counts (n, n_axes).
+
+    Raises
+    ------
+    ValueError
+        If the axes do not hold n samples each.
+    """
+    if not packed.order or len(packed.order) != len(packed.n_low):
+        raise ValueError(f"packed counts: expected axes, found {len(packed.order)} orders, {len(packed.n_low)} lengths")
+    n_start = [max(1, order) for order in packed.order]
+    if max(packed.n_low) > _BITS or max(packed.order) > n or len(packed.start) != sum(n_start):
+        raise ValueError(f"packed counts: expected {sum(n_start)} start values, found {len(packed.start)}")
+    n_residuals = [n - order for order in packed.order]
+    low, high = np.split(
+        np.unpackbits(np.frombuffer(packed.bits, np.uint8)),
+        [sum(n_each * n_low for n_each, n_low in zip(n_residuals, packed.n_low, strict=True))],
+    )
+    rest = _rest(high, sum(n_residuals))
+    columns, start = [], iter(packed.start)
+    for order, n_low, n_each in zip(packed.order, packed.n_low, n_residuals, strict=True):
+        residual = _joined(low[: n_each * n_low], rest[:n_each], n_low)
+        low, rest = low[n_each * n_low :], rest[n_each:]
+        columns.append(_summed(residual, order, [next(start) for _ in range(max(1, order))]))
+    return np.stack(columns, axis=1)
+
+
+def unpack_columns(columns: list[PackedColumn], n: int) -> IntArray:
+    """Return counts (n, n_axes) of an old log, as `unpack`."""
+    return np.stack([_column(column, n) for column in columns], axis=1)
+
+
+def _column(column: PackedColumn, n: int) -> IntArray:
+    n_low = max(0, n - column.order) * column.n_low
+    low = np.frombuffer(column.low, np.uint8)
+    if len(low) != -(-n_low // 8):
+        raise ValueError(f"packed counts: expected {n_low} bits, found {len(low)} bytes")
+    bits = np.packbits(np.r_[np.unpackbits(low)[:n_low], np.unpackbits(np.frombuffer(column.high, np.uint8))])
+    return unpack(Packed((column.order,), column.start, (column.n_low,), bits.tobytes()), n)[:, 0]
+
+
+def _rest(high: npt.NDArray[np.uint8], n: int) -> _Unsigned:
+    """Return the upper part of residuals (n,) from their bits."""
+    ends = np.flatnonzero(high)
+    if len(ends) != n:
+        raise ValueError(f"packed counts: expected {n} residuals, found {len(ends)}")
+    return (np.diff(ends, prepend=-1) - 1).astype(np.uint32)
+
+
+def _joined(low: npt.NDArray[np.uint8], rest: _Unsigned, n_low: int) -> _Unsigned:
+    """Return residuals (n,) from both their parts; `low` has all bits of one after those of another."""
+    whole = np.zeros((len(rest), _BITS), np.uint8)
+    whole[:, _BITS - n_low :] = low.reshape(len(rest), n_low)
+    u = np.packbits(whole).view(">u4").astype(np.uint32) | rest << np.uint32(n_low)
+    return np.asarray((u >> np.uint32(1)) ^ (np.uint32(0) - (u & np.uint32(1))))
+
+
+def _summed(residual: _Unsigned, order: int, start: list[int]) -> IntArray:
+    """Return samples from their differences."""
+    first = np.array(start, np.int32).view(np.uint32)
+    if order == 0:
+        return np.asarray((residual + first[0]).view(np.int32))
+    for value in first[::-1]:
+        residual = np.cumsum(np.append(value, residual), dtype=np.uint32)
+    return residual.view(np.int32)

@@ -1,0 +1,169 @@
+"""A whole log as recordings."""
+
+import itertools
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from daq.errors import LogError
+from daq.log.channel_map import CHANNELS, ChannelMap, parse_channel_map
+from daq.log.mcap_log import read_attachments, read_log
+from daq.log.parts import BEGINNING, AnyLog, LogExcerpt, files_of
+from daq.timing.resampling import NO_DELAYS, Assembler
+from daq.types import Block, Channel, Event, Recording, find_gaps
+
+DEVICE_LOST = "/event/device_lost"
+HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an imported log
+    "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
+    "writes one"
+)
+_MAX_VALUES = 1 << 28  # of a window: 2 GB
+_LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
+_ABSENT_SECONDS = 2.0  # of silence where an excerpt begins, after which a device counts as lost
+_PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
+
+
+def load_recordings(
+    log: AnyLog,
+    *,
+    window_seconds: float | None = None,
+    channels: tuple[Channel, ...] | None = None,
+    late: Mapping[str, float] = NO_DELAYS,
+) -> Iterator[Recording]:
+    """Yield the recordings of a log, cut in windows of equal length.
+
+    Parameters
+    ----------
+    log : its path, or all files of a run
+    window_seconds : length of a window [s]; unless given, the whole log is one
+    channels : which axis of which device is which sensor; unless given, as the log's own channel map says
+    late : device -> delay of its scans, which is removed [s]
+
+    Yields
+    ------
+    Recording
+        NaN where a device has a gap or is missing altogether. What is left at the end after the last whole window is
+        left out, unless it is all there is.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read, does not say what its channels are, has no scan of them, or, asked for as one
+        recording, is almost nothing but an outage.
+    ValueError
+        If the window is not positive.
+    """
+    if window_seconds is not None and not window_seconds > 0:
+        raise ValueError(f"window_seconds: expected a positive number, found {window_seconds}")
+    stored = read_channel_map(log)
+    if channels is None and stored is None:
+        raise LogError(str(log), "does not say which channel is which sensor")
+    on_grid = bool(stored and stored.on_grid) and not any(late.values())
+    known = ChannelMap(channels=channels or stored.channels, on_grid=on_grid)  # type: ignore[union-attr]
+    rates = _rates(log, known.channels)
+    rate = min(rates.values())
+    length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
+    pieces = _cut(log, known, rates, length / rate, late, by_record=window_seconds is not None)
+    if window_seconds is None:
+        yield from _joined(log, pieces)
+    else:
+        yield from _whole(pieces, length)
+
+
+def read_channel_map(log: AnyLog) -> ChannelMap | None:
+    """Return the channel map attached to a log, None if there is none; errors as for `read_log`."""
+    text = read_attachments(log).get(CHANNELS)
+    return None if text is None else parse_channel_map(text, files_of(log)[0])
+
+
+def absent_devices(log: AnyLog, devices: Collection[str]) -> set[str]:
+    """Return the devices that are silent where an excerpt begins: that they were lost may be reported before it."""
+    absent: set[str] = set()
+    if isinstance(log, LogExcerpt) and log.start > BEGINNING:
+        absent |= set(devices)
+        until: float | None = None
+        for item in read_log(log):
+            if isinstance(item, Block):
+                until = item.time_of(item.first_index) + _ABSENT_SECONDS * 1e9 if until is None else until
+                if item.pair_time > until:
+                    break
+                absent.discard(item.device)
+    return absent
+
+
+def _rates(log: AnyLog, channels: tuple[Channel, ...]) -> dict[str, float]:
+    """Return the rates of the channels' devices [Hz], as far as the log has them."""
+    devices = {channel.device for channel in channels}
+    rates: dict[str, float] = {}
+    for item in read_log(log):
+        if isinstance(item, Block) and item.device in devices:
+            rates.setdefault(item.device, item.rate)
+        if len(rates) == len(devices):
+            break
+    if not rates:
+        raise LogError(str(log), f"holds no scan of {', '.join(sorted(devices))}")
+    return rates
+
+
+def _cut(
+    log: AnyLog,
+    known: ChannelMap,
+    rates: dict[str, float],
+    seconds: float,
+    late: Mapping[str, float],
+    *,
+    by_record: bool,
+) -> Iterator[Recording]:
+    """Yield windows one after the other, the last one shorter."""
+    devices = {c.device for c in known.channels}
+    missing = devices - rates.keys()
+    all_rates = rates | dict.fromkeys(missing, min(rates.values()))
+    values = seconds * min(rates.values()) * (1 + max(channel.axis for channel in known.channels)) * len(devices)
+    if values > _MAX_VALUES:
+        raise LogError(str(log), f"a window of {seconds:g} s has {values:.3g} samples, expected up to {_MAX_VALUES:g}")
+    assembler = Assembler(
+        known.channels,
+        all_rates,
+        window_seconds=seconds,
+        step_seconds=seconds,
+        on_grid=known.on_grid,
+        late=late,
+        by_record=by_record,
+    )
+    for device in missing | absent_devices(log, devices):
+        yield from assembler.push_event(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
+    try:
+        for item in read_log(log):
+            if isinstance(item, Event):
+                yield from assembler.push_event(item)
+            elif item.device in rates:
+                yield from assembler.push(item)
+        yield from assembler.finish()
+    except (ArithmeticError, ValueError) as error:
+        raise LogError(str(log), f"holds scans and times that do not fit together: {error}") from error
+
+
+def _whole(pieces: Iterable[Recording], n: int) -> Iterator[Recording]:
+    """Yield pieces of `n` samples; the first one however long."""
+    pieces = iter(pieces)
+    yield from itertools.islice(pieces, 1)
+    yield from (piece for piece in pieces if len(piece.data) == n)
+
+
+def _joined(log: AnyLog, pieces: Iterable[Recording]) -> Iterator[Recording]:
+    """Yield pieces joined to one recording; nothing if there are none."""
+    parts = list(pieces)
+    if not parts:
+        return
+    first = parts[0]
+    places = [round((part.start - first.start) * 1e-9 * first.rate) for part in parts]
+    held = sum(len(part.data) for part in parts)
+    if places[-1] > _LARGEST_SHARE * held:
+        raise LogError(str(log), f"is {places[-1] / held:.0f} times as long as what it holds: give a window")
+    data = np.full((places[-1] + len(parts[-1].data), len(first.channels)), np.nan)
+    for place, part in zip(places, parts, strict=True):
+        data[place : place + len(part.data)] = part.data
+    known = [part.temperature for part in parts if np.isfinite(part.temperature)]
+    temperature = float(np.mean(known)) if known else float("nan")
+    yield replace(first, data=data, temperature=temperature, gaps=find_gaps(first.channels, data))

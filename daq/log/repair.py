@@ -1,0 +1,304 @@
+"""Recovery of the data in a damaged log, and repair of the log."""
+
+import contextlib
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import FileIO
+from pathlib import Path
+from typing import IO, cast
+
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
+
+from daq.errors import LogError
+from daq.log.file_lock import lock
+from daq.log.format.chunks import WholeReads, chunk_records
+from daq.log.mcap_log import MAGIC, PROFILE, SCHEMAS
+from daq.log.recovery import NotPlainError, PlainLog
+
+_LAST_OPCODE = 0x0F  # of the format's records
+_LARGEST_REST = 64 << 20  # bytes held in memory, to be put back if the disk takes no end
+_DAMAGE = (McapError, ZstdError, struct.error, ValueError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogState:
+    """State of a log."""
+
+    n_messages: int  #: in whole chunks
+    lost_chunks: int  #: damaged, so that what is in them is lost
+    lost_bytes: int  #: after the last whole record: half a chunk where a log was cut
+    finished: bool  #: it ends with its summary, as stock readers ask for
+
+    @property
+    def whole(self) -> bool:
+        """Tell whether nothing needs to be mended."""
+        return self.finished and not self.lost_chunks
+
+    def __add__(self, other: "LogState") -> "LogState":
+        """Return what two files are worth together."""
+        return LogState(
+            n_messages=self.n_messages + other.n_messages,
+            lost_chunks=self.lost_chunks + other.lost_chunks,
+            lost_bytes=self.lost_bytes + other.lost_bytes,
+            finished=self.finished and other.finished,
+        )
+
+    def __str__(self) -> str:
+        """Say it in a few words."""
+        if self.whole:
+            return "whole"
+        chunks = f"{self.lost_chunks} chunks damaged" if self.lost_chunks else ""
+        cut = "" if self.finished else f"cut, {self.lost_bytes} bytes of an unfinished chunk"
+        return ", ".join(part for part in (cut, chunks) if part)
+
+
+@dataclass
+class _Survey:
+    """Findings of one pass through a log."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    n_messages: int = 0
+    lost_chunks: int = 0
+    good: int = 0  # bytes up to the end of the last whole record
+    finished: bool = False
+
+    def note(self, record: object) -> None:
+        if isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self.channels[record.id] = record
+        elif isinstance(record, Message):
+            self.n_messages += 1
+
+
+def inspect_log(path: Path) -> LogState:
+    """Read a whole log and tell what it is worth.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read or is not a log.
+    """
+    return _state(path, _survey(path))
+
+
+def repair_log(path: Path) -> LogState:
+    """Mend a log in place: every whole chunk kept, the summary rebuilt, so that stock readers open it.
+
+    A log that is whole is not touched. One that only lacks its end gets it. Of any other, what is sound is copied to a
+    new file beside it, which takes its place at the end. A log that another process still writes is refused.
+
+    Returns
+    -------
+    LogState
+        What the log was worth before.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read, is not a log, is being written, or the new one cannot be written.
+    """
+    try:
+        if not has_end(path) and (ended := _ended(path)):
+            return ended
+        return _copied(path)
+    except OSError as error:
+        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+
+
+def _copied(path: Path) -> LogState:
+    """Put what is sound of a log in its place, unless it is whole."""
+    survey = _survey(path)
+    state = _state(path, survey)
+    if state.whole:
+        return state
+    with path.open("rb") as file:
+        if not lock(file):
+            raise LogError(path, "is being written: it cannot be mended now")
+        _replace(path, survey)
+    return state
+
+
+def _ended(path: Path) -> LogState | None:
+    """Write the end that a log lacks; None, and nothing done, if it lacks more or is no log of ours."""
+    with path.open("r+b", buffering=0) as file:  # a buffer would be written once more on closing, with what was refused
+        if next(_records(file, _Survey()), None) != Header(PROFILE, "modalwatch") or not lock(file):
+            return None
+        try:
+            log = PlainLog(file)
+        except NotPlainError:
+            return None
+        rest = file.seek(0, os.SEEK_END) - log.good
+        if rest > _LARGEST_REST:
+            return None
+        _end(file, log)
+    return LogState(n_messages=log.n_messages, lost_chunks=0, lost_bytes=rest, finished=False)
+
+
+def _end(file: FileIO, log: PlainLog) -> None:
+    """Put the end in the place of an unfinished rest, or leave that as it was if the disk does not take it."""
+    file.seek(log.good)
+    rest = file.read()
+    try:
+        _put(file, log.good, log.end())
+    except OSError:
+        with contextlib.suppress(OSError):
+            _put(file, log.good, rest)
+        raise
+
+
+def _put(file: FileIO, at: int, data: bytes) -> None:
+    file.seek(at)
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) :]
+    file.truncate()
+    os.fsync(file.fileno())
+
+
+def has_end(path: Path) -> bool:
+    """Tell at a glance whether a log ends as a finished one does; errors as for `inspect_log`."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
+            return file.read() == MAGIC
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _replace(path: Path, survey: _Survey) -> None:
+    """Put a log made of what can be saved in the place of another."""
+    temporary = path.with_name(f".{path.name}.repairing")
+    try:
+        with temporary.open("wb") as file:
+            _copy(path, survey, file)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _survey(path: Path) -> _Survey:
+    survey = _Survey()
+    for record in _salvage(path, survey):
+        survey.note(record)
+    return survey
+
+
+def _state(path: Path, survey: _Survey) -> LogState:
+    return LogState(
+        n_messages=survey.n_messages,
+        lost_chunks=survey.lost_chunks,
+        lost_bytes=path.stat().st_size - survey.good,
+        finished=survey.finished,
+    )
+
+
+def _salvage(path: Path, survey: _Survey) -> Iterator[object]:
+    """Yield all records that can be read, those of chunks too; note in the survey what cannot."""
+    try:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise LogError(path, "is not an MCAP log")
+            file.seek(0)
+            records = _records(file, survey)
+            _check_header(path, next(records, None))
+            for record in records:
+                yield from _opened(record, survey) if isinstance(record, Chunk) else (record,)
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _check_header(path: Path, record: object) -> None:
+    """Refuse what another program wrote."""
+    if not isinstance(record, Header):
+        raise LogError(path, "is not an MCAP log: it has no header")
+    if record.profile != PROFILE:
+        raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r}")
+
+
+def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
+    """Yield records as they stand in the file, until its end or the first one whose frame is damaged.
+
+    A record that is damaged inside is stepped over, by its own length.
+    """
+    stream = cast(IO[bytes], WholeReads(file))
+    records = StreamReader(stream, emit_chunks=True).records
+    while True:
+        start = file.tell()
+        try:
+            record = next(records)
+        except StopIteration:
+            survey.finished, survey.good = True, file.tell()
+            return
+        except (EndOfFile, *_DAMAGE):
+            if not _step_over(file, start):
+                return
+            survey.lost_chunks += 1
+            records = StreamReader(stream, emit_chunks=True, skip_magic=True).records
+            continue
+        survey.good = file.tell()
+        yield record
+
+
+def _step_over(file: IO[bytes], start: int) -> bool:
+    """Go to the record behind that at `start`; False if there is none."""
+    file.seek(start)
+    frame = file.read(9)
+    behind = start + 9 + int.from_bytes(frame[1:], "little")
+    file.seek(0, os.SEEK_END)
+    if len(frame) < 9 or behind + 9 > file.tell():
+        return False
+    file.seek(behind)
+    opcode = file.read(1)[0]
+    file.seek(behind)
+    return 0 < opcode <= _LAST_OPCODE
+
+
+def _opened(chunk: Chunk, survey: _Survey) -> list[object]:
+    """Return the records of a chunk; none if it is damaged."""
+    try:
+        return [*chunk_records(chunk)]
+    except _DAMAGE:
+        survey.lost_chunks += 1
+        return []
+
+
+def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:
+    """Write what can be saved of a log to a new one."""
+    writer = Writer(file, compression=CompressionType.ZSTD)
+    writer.start(profile=PROFILE, library="modalwatch")
+    schemas: dict[int, int] = {0: 0}  # number in the old file -> in the new one; 0 is none
+    channels: dict[int, int] = {}
+    for record in _salvage(path, _Survey()):
+        if isinstance(record, Attachment):
+            writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, record.metadata)
+        elif isinstance(record, Message) and record.channel_id in survey.channels:
+            channel = survey.channels[record.channel_id]
+            if channel.schema_id not in survey.schemas and channel.message_encoding not in SCHEMAS:
+                continue  # of the view, which `log expand` makes again
+            if channel.schema_id not in schemas:
+                schemas[channel.schema_id] = writer.register_schema(*_schema(survey, channel))
+            if channel.id not in channels:
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schemas[channel.schema_id], channel.metadata
+                )
+            writer.add_message(channels[channel.id], record.log_time, record.data, record.publish_time, record.sequence)
+    writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _schema(survey: _Survey, channel: Channel) -> tuple[str, str, bytes]:
+    """Return name, encoding and text of a channel's schema; ours if the chunk is lost in which it stood."""
+    schema = survey.schemas.get(channel.schema_id)
+    return (schema.name, schema.encoding, schema.data) if schema else SCHEMAS[channel.message_encoding]

@@ -1,0 +1,1 @@
+"""Device clocks and sampling times: from arrival times to one time grid."""

@@ -1,0 +1,330 @@
+"""Blocks of many devices on one grid: a function of the sequence of blocks and events, and of nothing else."""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from daq.timing.clock_fit import ClockFit
+from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, Recording, find_gaps
+
+_HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
+_LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
+_BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
+_PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
+_SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
+_CHUNK = 1 << 13
+_PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
+
+NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
+
+
+@lru_cache
+def _kernel(ratio: float) -> FloatArray:
+    """Return the table (phases + 1, taps) of a low-pass at the Nyquist frequency of a grid `ratio` times as fast."""
+    half = half_taps(ratio)
+    x = np.arange(1 - half, half + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
+    table = np.sinc(ratio * x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / half) ** 2, 0, 1)))
+    return np.asarray(table / table.sum(1, keepdims=True))
+
+
+def half_taps(ratio: float) -> int:
+    """Return how many scans on each side of a sample it is made of."""
+    return int(np.ceil(_HALF / ratio))
+
+
+def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> FloatArray:
+    """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
+
+    Windowed sinc (Kaiser, beta 8.75) of 32 taps at the grid's rate, -80 dB below 0.4 of it.
+
+    Parameters
+    ----------
+    scans : (n_scans, n_axes); at least `half_taps` on each side of every position
+    position : (n,) [scans]
+    ratio : samples of the grid a scan, at most 1
+    """
+    table, half = _kernel(ratio), half_taps(ratio)
+    out = np.empty((len(position), scans.shape[1]))
+    columns = [sliding_window_view(np.ascontiguousarray(column), 2 * half) for column in scans.T]
+    for start in range(0, len(position), _CHUNK):
+        part = position[start : start + _CHUNK]
+        base = np.floor(part).astype(np.intp)
+        phase = (part - base) * _PHASES
+        row = np.minimum(phase.astype(np.intp), _PHASES - 1)
+        weight = table[row] + (phase - row)[:, None] * (table[row + 1] - table[row])
+        for axis, windows in enumerate(columns):
+            out[start : start + len(part), axis] = np.einsum("nt,nt->n", windows[base - half + 1], weight)
+    return out
+
+
+class _Stretch:
+    """Blocks and clock of one device from one start to the next; `late` is its delay [ns]."""
+
+    def __init__(self, clock: ClockFit, late: int) -> None:
+        self.clock, self._late = clock, late
+        self.blocks: deque[Block] = deque()
+
+    def index_at(self, time: int) -> tuple[float, float]:
+        """Return the (fractional) scan at a time [ns UTC], the delay removed, and scans per second of UTC there."""
+        return self.clock.index_at(time + self._late)
+
+    def time_at(self, index: int) -> int:
+        """Return the time of a scan, the delay removed [ns UTC]."""
+        return self.clock.time_at(index) - self._late
+
+    def add(self, block: Block) -> None:
+        self.clock.add(block.pair_index, block.pair_time)
+        self.blocks.append(block)
+
+    def forget(self, index: float) -> None:
+        """Drop blocks that end before a scan, but for the last one."""
+        while len(self.blocks) > 1 and self.blocks[0].end_index < index:
+            self.blocks.popleft()
+
+    def scans(self, first: int, last: int) -> FloatArray:
+        """Return scans first .. last - 1 in m/s2 (n, n_axes), NaN where one is missing."""
+        out = np.full((last - first, self.blocks[0].counts.shape[1]), np.nan)
+        for block in self.blocks:
+            start, stop = max(first, block.first_index), min(last, block.end_index)
+            if start < stop:
+                part = block.counts[start - block.first_index : stop - block.first_index]
+                out[start - first : stop - first] = part * block.scale
+        return out
+
+    def resampled(self, start: int, n: int, rate: float, ratio: float | None) -> FloatArray | None:
+        """Return scans on a grid (n, n_axes), None if there is none near it; without a ratio they lie on it."""
+        first, scan_rate = self.index_at(start)
+        if ratio is None:
+            return self.scans(round(first), round(first) + n)
+        position: FloatArray = first + np.arange(n, dtype=float) * (scan_rate / rate)
+        low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
+        if not any(block.first_index < high and block.end_index > low for block in self.blocks):
+            return None
+        return interpolate(self.scans(low, high), position - low, ratio)
+
+
+class _Device:
+    """Stretches of one device, one a start; `clocks` are those that devices share, by name, `late` its delay [ns]."""
+
+    def __init__(
+        self, rate: float, grid_rate: float, n_axes: int, clocks: dict[str, ClockFit], late: int, *, on_grid: bool
+    ) -> None:
+        self._rate, self._grid_rate, self._n_axes, self._clocks = rate, grid_rate, n_axes, clocks
+        self._late = late
+        self._ratio = None if on_grid else grid_rate / rate
+        self._half = half_taps(self._ratio) if self._ratio else 0
+        self._stretches: deque[_Stretch] = deque()
+        self.lost = False
+
+    def add(self, block: Block) -> None:
+        if not self._stretches or block.flags & Flag.RESTARTED:
+            own = ClockFit(self._rate)
+            clock = self._clocks.setdefault(block.clock, own) if block.clock else own
+            self._stretches.append(_Stretch(clock, self._late))
+        self._stretches[-1].add(block)
+        self.lost = False
+
+    @property
+    def ready(self) -> bool:
+        return self.heard and self._stretches[-1].clock.span >= _SETTLE_SECONDS
+
+    @property
+    def heard(self) -> bool:
+        return bool(self._stretches)
+
+    @property
+    def first_time(self) -> int:
+        """Time from which on there can be samples [ns UTC]."""
+        stretch = self._stretches[-1]
+        return stretch.time_at(stretch.blocks[0].first_index + self._half)
+
+    @property
+    def end_time(self) -> int:
+        """Time before which there can be samples, unless more blocks come [ns UTC]."""
+        stretch = self._stretches[-1]
+        return stretch.time_at(stretch.blocks[-1].end_index - self._half)
+
+    @property
+    def temperatures(self) -> list[float]:
+        return [block.temperature for stretch in self._stretches for block in stretch.blocks]
+
+    def reaches(self, time: int) -> bool:
+        """Tell whether all scans needed for samples before `time` are here."""
+        stretch = self._stretches[-1]
+        return stretch.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
+
+    def next_time(self, time: int) -> int | None:
+        """Return the time of the first scan that is not before `time`, None if there is none."""
+        return next(
+            (
+                max(time, stretch.time_at(block.first_index))
+                for stretch in self._stretches
+                for block in stretch.blocks
+                if stretch.time_at(block.end_index) > time
+            ),
+            None,
+        )
+
+    def forget(self, time: int) -> None:
+        """Drop blocks that end well before `time`."""
+        for stretch in self._stretches:
+            stretch.forget(stretch.index_at(time)[0] - 2 * self._half)
+        while len(self._stretches) > 1 and self._stretches[1].time_at(self._stretches[1].blocks[0].first_index) < time:
+            self._stretches.popleft()
+
+    def resampled(self, start: int, n: int) -> FloatArray:
+        """Return scans on the grid (n, n_axes), NaN where they are missing."""
+        out = np.full((n, self._n_axes), np.nan)
+        for stretch in self._stretches:
+            signal = stretch.resampled(start, n, self._grid_rate, self._ratio)
+            if signal is not None:
+                signal = signal[:, : self._n_axes]
+                np.copyto(out[:, : signal.shape[1]], signal, where=~np.isnan(signal))
+        return out
+
+
+class Assembler:
+    """Cuts the streams of many devices into recordings on one grid.
+
+    Parameters
+    ----------
+    channels : analysed channels
+    rates : device -> nominal scans a second [Hz]; the grid has the slowest one
+    window_seconds, step_seconds : length of a window and distance of their starts [s]
+    on_grid : scans of all devices lie on one grid already, as those of an imported file: nothing is interpolated
+    late : device -> delay of its scans, which is removed [s]; it needs interpolation, and so no `on_grid`
+    by_record : after a pause of all devices the next window begins with what comes then, and what little a record has
+        over makes none; else windows stay on their grid, and hold all that came
+    """
+
+    def __init__(
+        self,
+        channels: tuple[Channel, ...],
+        rates: Mapping[str, float],
+        *,
+        window_seconds: float,
+        step_seconds: float,
+        on_grid: bool = False,
+        late: Mapping[str, float] = NO_DELAYS,
+        by_record: bool = True,
+    ) -> None:
+        self._channels, self._by_record = channels, by_record
+        self._rate = min(rates.values())
+        n_axes = 1 + max(channel.axis for channel in channels)
+        self._on_grid = on_grid
+        clocks: dict[str, ClockFit] = {}
+        self._devices = {
+            name: _Device(rate, self._rate, n_axes, clocks, round(late.get(name, 0.0) * 1e9), on_grid=on_grid)
+            for name, rate in rates.items()
+        }
+        self._n = round(window_seconds * self._rate)
+        self._step = round(round(step_seconds * self._rate) / self._rate * 1e9)  # whole samples: none is left over
+        self._next: int | None = None  # start of the next window [ns UTC]
+
+    def push(self, block: Block) -> Iterator[Recording]:
+        """Take a block; yield the windows that are complete with it.
+
+        Raises
+        ------
+        ValueError
+            If the device is not one of this site.
+        """
+        if block.device not in self._devices:
+            raise ValueError(f"device: expected one of {', '.join(self._devices)}, found {block.device!r}")
+        self._devices[block.device].add(block)
+        yield from self._complete()
+
+    def push_event(self, event: Event) -> Iterator[Recording]:
+        """Take an event; a device that is lost no longer holds a window open."""
+        device = self._devices.get(event.payload.get("device", ""))
+        if event.topic == "/event/device_lost" and device is not None:
+            device.lost = True
+            yield from self._complete()
+
+    def finish(self) -> Iterator[Recording]:
+        """Yield what is left when no more comes: windows that a device no longer reaches, and a last, shorter one."""
+        alive = [d for d in self._devices.values() if d.heard and not d.lost]
+        alive = alive or [d for d in self._devices.values() if d.heard]
+        if not alive:
+            return
+        if self._next is None:
+            self._next = self._first(alive)
+        ends = [d.end_time for d in alive]
+        end = max(ends) if self._on_grid else min(ends)
+        while (left := int((end - self._next) * 1e-9 * self._rate + 1e-3)) > 0:  # ends are rounded to ns
+            yield from self._cut(self._next, min(left, self._n))
+
+    def _complete(self) -> Iterator[Recording]:
+        alive = [d for d in self._devices.values() if not d.lost]
+        if not alive or not all(d.ready for d in alive):
+            return
+        if self._next is None:
+            self._next = self._first(alive)
+        while all(d.reaches(self._next + self._window_ns) for d in alive):
+            yield from self._cut(self._next, self._n)
+
+    def _first(self, devices: list[_Device]) -> int:
+        """Return where the first window starts: where all devices are there; on a common grid, where one is."""
+        return (min if self._on_grid else max)(device.first_time for device in devices)
+
+    def _cut(self, start: int, n: int) -> Iterator[Recording]:
+        """Yield a window of `n` samples, if there is one, and go on to the next."""
+        signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
+        there = np.any([np.isfinite(signal).any(1) for signal in signals.values()], axis=0)
+        unused = _unused(there) if self._by_record else n * (not there.any())
+        if not unused:
+            yield self._recording(start, signals)
+        if there.any():
+            self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)
+        else:
+            self._next = start + self._step * self._empty_steps(start)
+        for device in self._devices.values():
+            device.forget(self._next)
+
+    def _empty_steps(self, start: int) -> int:
+        """Return the number of steps from an empty window to one near the next scan: a pause may last for years."""
+        times = [time for device in self._devices.values() if (time := device.next_time(start)) is not None]
+        return max(
+            1,
+            (min(times, default=start) - self._window_ns - round(_PAUSE_SCANS / self._rate * 1e9) - start)
+            // self._step,
+        )
+
+    @property
+    def _window_ns(self) -> int:
+        return round(self._n / self._rate * 1e9)
+
+    def _recording(self, start: int, signals: Mapping[str, FloatArray]) -> Recording:
+        temperatures = [device.temperatures for device in self._devices.values()]
+        data = np.column_stack([signals[channel.device][:, channel.axis] for channel in self._channels])
+        return Recording(
+            channels=self._channels,
+            data=data,
+            rate=self._rate,
+            start=start,
+            temperature=_mean([_mean(values) for values in temperatures]),
+            gaps=find_gaps(self._channels, data),
+        )
+
+
+def _unused(there: BoolArray) -> int:
+    """Return how many samples of a window are to be left out for it to begin with a record; 0 if it does.
+
+    A recorder that pauses begins its records when it likes; what little a record has left over makes no window.
+    """
+    little = _LITTLE * len(there)
+    edges = np.diff(np.concatenate([[True], there, [True]]).astype(np.int8))
+    for begin, end in zip(np.flatnonzero(edges < 0), np.flatnonzero(edges > 0), strict=True):
+        if end - begin > little:
+            return int(end) if begin < little else 0
+    return 0
+
+
+def _mean(values: list[float]) -> float:
+    """Return the mean of what is known, NaN if nothing is: not every device has a thermometer."""
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")

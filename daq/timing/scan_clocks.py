@@ -1,0 +1,78 @@
+"""Sampling times of single scans for viewers: devices that share a clock get one time per index.
+
+A clock is fitted anew with every block, so the time of a scan depends on when it is asked for. Here each second of a
+clock is asked for once, and everything between two seconds lies on the line between them.
+"""
+
+import numpy as np
+
+from daq.timing.clock_fit import ClockFit
+from daq.types import Block, Flag, IndexArray
+
+_KEPT = 64  # seconds of a clock, and clocks that devices share: more than lie between the first and the last to ask
+
+
+class ScanClock:
+    """Times of scans by one clock, from one start to the next.
+
+    Parameters
+    ----------
+    rate : nominal scans a second [Hz]
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._fit, self._spacing = ClockFit(rate), max(1, round(rate))
+        self._known: dict[int, int] = {}  # second, by its number -> time of its first scan [ns UTC]
+
+    def add(self, block: Block) -> None:
+        """Take the (index, time) pair of a block."""
+        self._fit.add(block.pair_index, block.pair_time)
+
+    def times(self, index: IndexArray) -> IndexArray:
+        """Return times [ns UTC] of scans by their indices (n,); they ascend where these do, and gaps cost nothing."""
+        second, within = np.divmod(index, self._spacing)
+        numbers = np.unique(np.concatenate((second, second + 1)))
+        known = np.array([self._time(int(number)) for number in numbers], np.int64)
+        place = np.searchsorted(numbers, second)  # the next number is the next second
+        begin = known[place]
+        return np.asarray(begin + within * (known[place + 1] - begin) // self._spacing, np.intp)
+
+    def _time(self, number: int) -> int:
+        known = self._known.get(number)
+        if known is not None:
+            return known
+        time = self._fit.time_at(number * self._spacing)
+        before, behind = self._known.get(number - 1), self._known.get(number + 1)
+        if before is not None:
+            time = max(time, before + self._spacing)
+        if behind is not None:
+            time = min(time, behind - self._spacing)
+        self._known[number] = time
+        if len(self._known) > _KEPT:
+            del self._known[next(iter(self._known))]
+        return time
+
+
+class ScanClocks:
+    """The clocks of a run's devices: each its own, from one start to the next, or one that they share."""
+
+    def __init__(self) -> None:
+        self._own: dict[str, ScanClock] = {}
+        self._ends: dict[str, int] = {}  # device -> index after its last block
+        self._shared: dict[str, ScanClock] = {}
+
+    def add(self, block: Block) -> ScanClock:
+        """Take a block, of each device in order; return the clock that its indices are of."""
+        if block.clock:
+            clock = self._shared.setdefault(block.clock, ScanClock(block.rate))
+            if len(self._shared) > _KEPT:
+                del self._shared[next(iter(self._shared))]
+        else:
+            if block.flags & Flag.RESTARTED or block.first_index < self._ends.get(block.device, 0):
+                self._own.pop(block.device, None)  # began anew, be it in a block that has not come
+            self._ends[block.device] = block.end_index
+            if block.device not in self._own:
+                self._own[block.device] = ScanClock(block.rate)
+            clock = self._own[block.device]
+        clock.add(block)
+        return clock

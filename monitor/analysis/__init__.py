@@ -1,0 +1,1 @@
+"""From logs and tables to observations of a structure, and their explanation."""

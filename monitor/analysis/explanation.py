@@ -1,0 +1,156 @@
+"""From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from monitor.analysis.event import Event, event_of
+from monitor.analysis.observation import Observation
+from monitor.analysis.stationarity import of_one_state
+from monitor.errors import State, StateError
+from updater import (
+    Circumstances,
+    Explained,
+    ModalDataError,
+    ModalMean,
+    PairingError,
+    Reference,
+    ReferenceStep,
+    SensorHealth,
+    Structure,
+    Updating,
+    allowed_causes,
+    diagnose,
+    learn_reference,
+    nominal_reference,
+    sensor_health,
+)
+from updater.validation.acting_causes import with_acting
+
+_FILE_MAY_BE_OFF = "model_parameters"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explanation:
+    """A diagnosis with what it rests on."""
+
+    explained: Explained
+    sought: Reference  #: that the causes were sought with: of a file that is far off, a nearer model's
+    measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
+    event: ModalMean  #: (n_tracks,) those that this reference knows, as they were compared
+    circumstances: Circumstances  #: of the logs
+
+    @property
+    def reference(self) -> Reference:
+        """Of the structure as it was, or of the structure file."""
+        return self.sought.file
+
+    @property
+    def health(self) -> SensorHealth:
+        """Gain, polarity and delay of every channel against the reference, with the causes that act on it."""
+        extended = self.explained.extended
+        reference = with_acting(self.sought, extended) if extended else self.sought
+        return sensor_health(reference, self.event, self.circumstances)
+
+
+def _as_measured(modes: ModalMean, observation: Observation) -> ModalMean:
+    """Return all modes of an observation, without the model's shapes where only frequencies were measured."""
+    return modes if observation.shaped else modes.without_shapes()
+
+
+def explain(
+    structure: Structure,
+    before: Observation | None,
+    now: Observation,
+    heldout: Observation | None = None,
+    on_cause: Callable[[str], None] = lambda _: None,
+    *,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
+) -> Explanation:
+    """Explain what has changed since reference logs; without them, what the structure file gets wrong about logs.
+
+    Parameters
+    ----------
+    structure : as its file says
+    before, now : the reference logs, if there are any, and those to explain; of the reference logs, the windows of
+        the state that most of them show are used
+    heldout : logs that the fit must not see, to measure the gain on
+    on_cause : called with the name of each cause before it is weighed
+    only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
+        own parameters are taken as they are
+
+    Raises
+    ------
+    StateError
+        If fewer than three modes can be compared, or modes cannot be right; says of which state.
+    """
+    steps: tuple[ReferenceStep, ...] = ()
+    with _blamed_on("reference" if before else "current"):
+        if before:
+            before, steps = of_one_state(before)
+            reference = learn_reference(
+                structure,
+                before.estimates,
+                before.tracks,
+                before.lateness.delays,
+                stated=before.stated,
+                shaped=before.shaped,
+            )
+        else:
+            devices = sorted(set(now.lateness.devices.values()))
+            filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else _all_fixed(structure)
+            reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
+    with _blamed_on("heldout"):
+        unused = _event(reference, heldout, before) if heldout else None
+    with _blamed_on("current"):
+        event = _event(reference, now, before)
+        explained = diagnose(
+            reference,
+            event.modes,
+            heldout=unused.modes if unused else None,
+            every=_as_measured(event.measured, now),
+            heldout_every=_as_measured(unused.measured, heldout) if unused and heldout else None,
+            circumstances=event.circumstances,
+            on_cause=on_cause,
+            only=only,
+            without=without,
+        )
+    diagnosis = explained.diagnosis.model_copy(update={"reference_steps": steps})
+    return Explanation(
+        explained=replace(explained, diagnosis=diagnosis),
+        sought=reference,
+        measured=event.measured,
+        event=event.modes,
+        circumstances=event.circumstances,
+    )
+
+
+def _all_fixed(structure: Structure) -> Structure:
+    return structure.model_copy(update={"updating": Updating(fixed=("*",))})
+
+
+@contextmanager
+def _blamed_on(state: State) -> Iterator[None]:
+    try:
+        yield
+    except (ModalDataError, PairingError) as error:
+        raise StateError(state, str(error)) from error
+
+
+def explain_change(
+    structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
+) -> Explained:
+    """Explain what has changed since the reference logs; errors as for `explain`."""
+    return explain(structure, before, after, heldout).explained
+
+
+def _event(reference: Reference, observation: Observation, before: Observation | None) -> Event:
+    event = event_of(
+        reference,
+        replace(observation.lateness, estimates=observation.estimates),
+        observation.tracks,
+        observation.conditions,
+        before.conditions if before else None,
+    )
+    return event if observation.shaped else replace(event, modes=event.modes.without_shapes())

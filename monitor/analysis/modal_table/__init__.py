@@ -1,0 +1,1 @@
+"""Tables of modes from other programs."""

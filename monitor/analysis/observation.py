@@ -1,0 +1,197 @@
+"""Observation of a structure: windows of recordings with their tracked modes."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from daq import FloatArray, IndexArray, Recording
+from monitor.analysis.event import Conditions
+from monitor.errors import RecordLengthError
+from oma import ChannelFault, IdentificationError, ModalEstimate, aligned
+from oma.windows import Windows, identify_windows
+from updater import (
+    Structure,
+    TrackedModes,
+    build_model,
+    stack_tracks,
+)
+from updater.modal_data.averaging import choose_tracks
+from updater.modal_data.delay_removal import NOT_LATE, InTime, in_time, without_known
+
+_PERIODS = 250  # of the structure's first mode in a window: what identification needs
+_FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
+_MOST_WINDOWS = 24
+_LEAST_WINDOWS = 3  # from which their own scatter is learnt
+_IN_TIME: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observation:
+    """Modes of many windows of one state."""
+
+    windows: Windows
+    estimates: tuple[ModalEstimate, ...]
+    tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
+    temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
+    rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
+    lateness: InTime = NOT_LATE  #: what the devices were late by, which the estimates are without
+    shaped: bool = True  #: whether shapes were measured; else only frequencies count
+    stated: bool = False  #: whether deviations are taken at their word: too few windows to learn their scatter from
+    sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept
+
+    @property
+    def modes(self) -> TrackedModes:
+        """In the order of the tracks."""
+        return stack_tracks(self.estimates, self.tracks)
+
+    @property
+    def conditions(self) -> Conditions:
+        """In the windows that gave modes."""
+        return Conditions(
+            temperature=self.temperature, rms=self.rms, tones=self.windows.harmonics, left_out=given_up(self)
+        )
+
+    def chosen(self, windows: IndexArray) -> "Observation":
+        """Return some of the windows that gave modes."""
+        return replace(
+            self,
+            estimates=tuple(self.estimates[w] for w in windows),
+            tracks=tuple(self.tracks[w] for w in windows),
+            temperature=self.temperature[windows],
+            rms=self.rms[windows],
+        )
+
+
+def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, record: float = math.inf) -> float:
+    """Return the length [s] of the windows that logs are cut into.
+
+    Parameters
+    ----------
+    structure : its first mode says how much identification needs
+    shortest : duration of the shortest log [s]
+    n_logs : how many there are
+    record : length of a record of a logger that pauses, in which a window lies if it can [s]
+
+    Raises
+    ------
+    RecordLengthError
+        If there is too little for three windows.
+    """
+    first = float(build_model(structure, shear_flexible=True, mass="consistent").modes(1).frequency[0])
+    need = _PERIODS / first
+    n = min(max(1, _MOST_WINDOWS // n_logs), int(shortest / need))
+    if n * n_logs < _LEAST_WINDOWS:
+        less = int(shortest / -(-_LEAST_WINDOWS // n_logs))
+        way_out = f"; --window {less} takes shorter ones, which are less sure" if less * first > _FEWEST_PERIODS else ""
+        raise RecordLengthError(
+            f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
+            f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
+        )
+    seconds = shortest / n
+    parts = min(math.ceil(record / seconds), int(record / need)) if math.isfinite(record) else 0
+    return record / parts if parts else seconds
+
+
+def observe(
+    recordings: Iterable[Recording],
+    on_window: Callable[[Recording], None] = lambda _: None,
+    late: Mapping[str, float] = _IN_TIME,
+) -> Observation:
+    """Identify the modes of every window and track them.
+
+    Parameters
+    ----------
+    recordings : windows
+    on_window : called before each window is analysed
+    late : channel -> delay that is known of it, which is taken out [s]
+
+    Raises
+    ------
+    IdentificationError
+        If fewer than three windows give modes, or no mode is seen in most of them.
+    """
+    devices: dict[str, str] = {}
+    seen: list[tuple[int, float, float]] = []
+    last: list[Recording] = []
+
+    def note(recording: Recording) -> None:
+        devices.update({channel.name: channel.device for channel in recording.channels})
+        seen.append((recording.start, recording.temperature, root_mean_square(recording)))
+        last[:] = [recording]
+        on_window(recording)
+
+    windows = identify_windows(recordings, on_window=note)
+    return follow(windows, devices, seen, last[-1] if last else None, late)
+
+
+def follow(
+    windows: Windows,
+    devices: dict[str, str],
+    seen: Sequence[tuple[int, float, float]],
+    sample: Recording | None = None,
+    late: Mapping[str, float] = _IN_TIME,
+) -> Observation:
+    """Track the modes of windows, the devices' constant delays taken out; errors as for `observe`.
+
+    Parameters
+    ----------
+    windows : what identification made of them
+    devices : of each channel
+    seen : start [ns UTC], temperature [degC] and rms [m/s2] of every window, those that gave no modes included
+    sample : signals of the last window, to be kept
+    late : channel -> delay that is known of it, which is taken out [s]
+    """
+    if len(windows.estimates) < _LEAST_WINDOWS:
+        why = f": {windows.problems[0]}" if windows.problems else ""
+        raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")
+    removed = windows.delays or ({},) * len(windows.estimates)
+    known = [without_known(e, r, devices, late) for e, r in zip(windows.estimates, removed, strict=True)]
+    lateness = in_time([e for e, _ in known], [r for _, r in known], devices)
+    estimates = lateness.estimates
+    _, kept, tracks = choose_tracks(estimates)
+    if not len(kept):
+        raise IdentificationError("no mode is seen in most of the windows")
+    temperature, rms = _at_windows(seen, estimates)
+    return Observation(
+        windows=windows,
+        estimates=estimates,
+        tracks=tuple(tracks),
+        temperature=temperature,
+        rms=rms,
+        lateness=lateness,
+        sample=_aligned(sample, lateness.removed[-1], late) if sample else None,
+    )
+
+
+def _aligned(recording: Recording, removed: Mapping[str, float], late: Mapping[str, float]) -> Recording:
+    """Return a recording without the delays [s] that its modes show by device, and those known by channel."""
+    own = [replace(c, device=c.name) for c in recording.channels]
+    tau = {c.name: removed.get(c.device, 0.0) + late.get(c.name, 0.0) for c in recording.channels}
+    return replace(aligned(replace(recording, channels=tuple(own)), tau), channels=recording.channels)
+
+
+def root_mean_square(recording: Recording) -> float:
+    """Return the root mean square over time and channels, each channel's mean taken off [m/s2]."""
+    present = np.isfinite(recording.data)
+    count = np.maximum(present.sum(0), 1)
+    mean = np.where(present, recording.data, 0.0).sum(0) / count
+    square = np.where(present, recording.data - mean, 0.0) ** 2
+    return float(np.sqrt(np.mean(square.sum(0) / count)))
+
+
+def _at_windows(
+    seen: Sequence[tuple[int, float, float]], estimates: Sequence[ModalEstimate]
+) -> tuple[FloatArray, FloatArray]:
+    """Return temperature and rms of the windows that gave modes; alignment may have moved their start a little."""
+    start = np.array([at for at, _, _ in seen])
+    chosen = [seen[int(np.argmin(np.abs(start - estimate.start)))] for estimate in estimates]
+    return np.array([t for _, t, _ in chosen]), np.array([rms for _, _, rms in chosen])
+
+
+def given_up(observation: Observation) -> dict[str, ChannelFault]:
+    """Return the faults of the channels that no window gave shapes of."""
+    there = {c for e in observation.estimates for c in e.channels}
+    return {c: fault for c, fault in observation.windows.faults.items() if c not in there}

@@ -1,0 +1,143 @@
+"""A diagnosis in the terminal: the verdict first, then what it rests on."""
+
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Console, RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from monitor.results.comparison import DiscrepancyResult, ModeBeside, Vector
+from monitor.text.causes import (
+    MARK,
+    NOT_COMPARED,
+    calibration_text,
+    cause_text,
+    change_gain_text,
+    failed_text,
+    left_over_text,
+    missed_text,
+    model_gain_text,
+)
+from monitor.text.quantities import plain, share_text
+from monitor.text.sensors import health_text
+from monitor.text.verdicts import verdict_text
+from updater import Cause, Diagnosis, Gain
+
+_STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
+_FAR = 3.0  # standard deviations from which a frequency is off
+_STANDS_OUT = 3.0  # times what noise leaves, from which a sensor is named
+_MOST = 6  # refused causes that are told one by one
+
+
+def say_answer(console: Console, diagnosis: Diagnosis) -> None:
+    """Print verdict, causes and the next step."""
+    console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
+    for cause in diagnosis.causes:
+        console.print(_cause(cause))
+    if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
+        console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
+
+
+def say_evidence(
+    console: Console, diagnosis: Diagnosis, found: DiscrepancyResult | None, nodes: Sequence[Vector]
+) -> None:
+    """Print what a diagnosis rests on: residual forces, modes, sensors, gain and refused causes.
+
+    Parameters
+    ----------
+    found : comparison of measured with simulated modes; None: not known
+    nodes : of the model [m]
+    """
+    if diagnosis.calibration is not None:
+        console.print(calibration_text(diagnosis.calibration), markup=False)
+    if found is not None:
+        _compared(console, diagnosis, found, nodes)
+    if line := _gain(diagnosis, found.gain_std if found else None):
+        console.print(escape(line))
+    _refused(console, diagnosis)
+
+
+def _compared(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
+    """Print measured modes and sensors compared with simulated ones."""
+    known = diagnosis.verdict != "unexplained"
+    if not known and found.balance and (where := left_over_text(found.balance, nodes)):
+        console.print(escape(where))
+    console.print(_modes(found))
+    if not all(mode.compared for mode in found.modes):
+        console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
+    health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
+    for line in (_sensor(found), health, missed_text(found.sensors)):
+        if line:
+            console.print(escape(line))
+
+
+def _cause(cause: Cause) -> str:
+    line = f"  [bold]{escape(cause_text(cause))}[/] (probability {share_text(cause.probability)})"
+    if cause.cannot_be_told_from:
+        line += f"\n    indistinguishable from {', '.join(map(plain, cause.cannot_be_told_from))}"
+    return line
+
+
+def _modes(found: DiscrepancyResult) -> RenderableType:
+    """Return the table of modes; frequencies off by more than three standard deviations stand out.
+
+    Those that take no part in the answer are marked, and stand back.
+    """
+    after = any(m.off_percent_after is not None for m in found.modes)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with causes %", "MAC"] * after:
+        table.add_column(name, justify="right", no_wrap=True)
+    for mode in found.modes:
+        mark = "" if mode.compared else f"{MARK} "
+        cells = [mark + _or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not seen"), *_off(mode)]
+        cells += [_or(mode.off_percent_after, "+.3f"), _or(mode.mac_after, ".4f")] * after
+        table.add_row(*cells, style=None if mode.compared else "dim")
+    return table
+
+
+def _off(mode: ModeBeside) -> list[str]:
+    if mode.off_percent is None or not mode.std_percent:
+        return ["-", "-", "-"]
+    sigmas = mode.off_percent / mode.std_percent
+    style = ("[red]", "[/]") if abs(sigmas) > _FAR and mode.compared else ("", "")
+    return [f"{mode.off_percent:+.3f}", f"{style[0]}{sigmas:+.1f}{style[1]}", _or(mode.mac, ".4f")]
+
+
+def _or(value: float | None, form: str, missing: str = "-") -> str:
+    return missing if value is None else format(value, form)
+
+
+def _sensor(found: DiscrepancyResult) -> str:
+    """Name the sensor that lies farthest from the simulated shapes, if it stands out of the noise."""
+    worst = max(found.sensors, key=lambda s: s.residual / max(s.noise, 1e-12), default=None)
+    if worst is None or worst.residual < _STANDS_OUT * worst.noise:
+        return ""
+    after = "" if worst.residual_after is None else f", {100 * worst.residual_after:.1f} % with the causes"
+    return (
+        f"sensor farthest from the simulated shapes: {worst.channel}, {100 * worst.residual:.1f} % of a typical "
+        f"component{after} (noise leaves {100 * worst.noise:.1f} %)"
+    )
+
+
+def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
+    """Return the gain of the written model with standard deviations; or that it may be chance."""
+    gain = diagnosis.gain
+    if gain is None:
+        return "on data that were not used to find them the causes do not improve the fit significantly" * bool(
+            diagnosis.causes
+        )
+    data = "on held-out logs" if gain.heldout else "on the logs that its causes were fitted to"
+    changes = change_gain_text(gain)
+    return f"extended model {data}: {model_gain_text(gain, std)}{f'; {changes}' if changes else ''}"
+
+
+def _refused(console: Console, diagnosis: Diagnosis) -> None:
+    """Print the causes that were refused, the nearest first; the hopeless ones only by name, and those that failed."""
+    nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
+    for rejected in nearest[:_MOST]:
+        console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
+    if len(nearest) > _MOST:
+        console.print(f"  nor {', '.join(plain(r.cause) for r in nearest[_MOST:])}", style="dim")
+    for failed in diagnosis.failed:
+        console.print(escape(failed_text(failed)), style="yellow")

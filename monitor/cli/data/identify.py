@@ -1,0 +1,214 @@
+"""`identify`: the modes of logs."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+
+from daq import AnyLog, LogError, Recording, as_logs, read_attachments
+from monitor.analysis.logs import log_channels, log_recordings
+from monitor.analysis.stationarity import frequency_change
+from monitor.analysis.time_range import WHOLE, TimeRange
+from monitor.cli.data.identify_output import Findings, as_json, console, say_modes
+from monitor.cli.exit_codes import DONE
+from monitor.cli.output import write_json
+from monitor.cli.range_options import say_range
+from monitor.errors import ArgumentError
+from monitor.settings import Settings, parse_attached
+from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
+from oma.windows import Windows, identify_windows
+from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
+from updater.modal_data.averaging import FusedModes, fuse
+from updater.modal_data.setups import merge_setups
+from updater.modal_data.synchrony import LOW_MPC, Asynchrony, asynchrony
+from updater.validation.model_modes import ModelModes, model_modes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command line."""
+
+    method: str = "ssi-data"
+    window: float | None = None  #: [s]; the log's settings', else the whole log
+    band: tuple[float, float] | None = None  #: [Hz]; the log's settings', else chosen
+    structure: Path | None = None  #: to compare with; the one attached to the log, if any
+    references: tuple[str, ...] = ()  #: channels that stay while others are moved: each log is a set-up of its own
+    within: TimeRange = WHOLE  #: of all logs together, of each if they are set-ups
+
+
+def identify_command(
+    paths: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None, out: Path | None = None
+) -> int:
+    """Print the modes; write them as JSON, draw them and fill a folder where asked."""
+    if options.method not in METHODS:
+        raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
+    if options.band is not None and not 0 < options.band[0] < options.band[1]:
+        raise ArgumentError("--band", f"expected 0 < low < high, found {options.band[0]:g} {options.band[1]:g}")
+    logs = _logs(paths, options)
+    settings = _settings(logs[0])
+    window = options.window or (settings.analysis.window_seconds if settings else None)
+    band = options.band or (settings.analysis.band if settings else None)
+    method = METHODS[options.method]()
+    if options.references:
+        windows, fused = _merged(logs, window, method, band, options.references)
+    else:
+        windows, fused = _identify(logs, window, method, band)
+    model = _model(fused.estimate, logs[0], options.structure)
+    partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
+    windows_of = partial(_recordings, logs[:1] if options.references else logs, window)
+    late = None if options.references else _asynchrony(windows_of(), windows, fused.estimate)
+    change = None if options.references else frequency_change(windows, windows_of, method, band)
+    shown = Findings(windows=windows, fused=fused, partners=partners, asynchrony=late, change=change)
+    say_modes(logs, shown, setups=bool(options.references))
+    about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
+    content = as_json(shown) | {"method": about | {"options": asdict(method)}}
+    if json_path:
+        write_json(json_path, content)
+    if picture or out:
+        recording, found = _first(windows_of(), method, band)
+        if picture:
+            _draw(picture, recording, found, fused.estimate)
+        if out:
+            over_time = () if options.references else windows.estimates
+            _fill(out, over_time, fused.estimate, recording, found, model, content)
+    return DONE
+
+
+def _logs(paths: Sequence[Path], options: Options) -> Sequence[AnyLog]:
+    """Return the logs to read, or their parts within a range."""
+    logs = as_logs(paths)
+    if not options.references:
+        return options.within.of_logs(logs, say_range)
+    if len(logs) < 2:
+        raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
+    return [options.within.of_log(log, say_range) for log in logs]
+
+
+def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
+    """Return the delays between channels if shapes are far from real; from the first window that gave modes."""
+    if (mpc(estimate.shape) >= LOW_MPC).all():
+        return None
+    first = next(r for r in recordings if r.start == windows.estimates[0].start)
+    return asynchrony(first, estimate)
+
+
+def _first(
+    recordings: Iterable[Recording], method: Method, band: tuple[float, float] | None
+) -> tuple[Recording, Identification]:
+    """Return the first window that gives modes, and all that was found in it."""
+    for recording in recordings:
+        with suppress(IdentificationError):
+            return recording, identify_all(recording, method, band)
+    raise AssertionError("a window that gave modes gives none")
+
+
+def _draw(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
+    """Draw one window, with the modes of all."""
+    from monitor.views.plots.mode_shapes import draw_modes  # matplotlib: only where a picture is asked for
+
+    try:
+        draw_modes(path, recording, found, estimate)
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
+        raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
+
+
+def _fill(
+    folder: Path,
+    windows: Sequence[ModalEstimate],
+    estimate: ModalEstimate,
+    recording: Recording,
+    found: Identification,
+    model: ModelModes | None,
+    content: dict[str, Any],
+) -> None:
+    """Write everything into a folder, and say what."""
+    from monitor.views.plots.identification_folder import (  # matplotlib: only where pictures are asked for
+        Results,
+        write_folder,
+    )
+
+    if model:
+        agreement = zip(estimate.channels, model.comac.tolist(), strict=True)
+        content = content | {"comac": {channel: c if np.isfinite(c) else None for channel, c in agreement}}
+    results = Results(
+        estimate=estimate, windows=windows, recording=recording, found=found, model=model, content=content
+    )
+    try:
+        written = write_folder(folder, results)
+    except OSError as error:
+        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror or error}") from error
+    console.print(f"{escape(str(folder))}: {', '.join(path.name for path in written)}", soft_wrap=True)
+
+
+def _settings(log: AnyLog) -> Settings | None:
+    """Return the settings attached to a log."""
+    text = read_attachments(log).get("site.toml")
+    return None if text is None else parse_attached(text, f"{log}: site.toml")
+
+
+def _attached_structure(log: AnyLog) -> Structure | None:
+    text = read_attachments(log).get("structure.toml")
+    return None if text is None else parse_structure(text, f"{log}: structure.toml")
+
+
+def _identify(
+    logs: Sequence[AnyLog], window: float | None, method: Method, band: tuple[float, float] | None
+) -> tuple[Windows, FusedModes]:
+    named = ", ".join(map(str, logs))
+    try:
+        with console.status("reading ...") as status:
+            number = iter(range(1, 1 << 30))
+            windows = identify_windows(
+                _recordings(logs, window),
+                method,
+                band,
+                lambda _: status.update(f"window {next(number)} ..."),
+                uncertain=True,
+            )
+        if not windows.estimates:
+            raise LogError(named, windows.problems[0])
+        return windows, fuse(windows.estimates)
+    except OmaError as error:
+        raise LogError(named, str(error)) from error
+
+
+def _merged(
+    logs: Sequence[AnyLog],
+    window: float | None,
+    method: Method,
+    band: tuple[float, float] | None,
+    references: Sequence[str],
+) -> tuple[Windows, FusedModes]:
+    """Identify each log as a set-up of its own, and merge."""
+    parts = [_identify([log], window, method, band) for log in logs]
+    try:
+        return merge_setups(parts, references)
+    except OmaError as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
+
+
+def _recordings(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
+    """Yield the windows of logs that have the same channels."""
+    names = {channel.name for channel in log_channels(logs[0])}
+    for log in logs:
+        found = {channel.name for channel in log_channels(log)}
+        if found != names:
+            other = ", ".join(sorted(found ^ names))
+            raise LogError(str(log), f"expected the channels of {logs[0]}; only one of the two has {other}")
+        yield from log_recordings(log, window)
+
+
+def _model(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
+    """Return the modes of the given or attached structure beside the measured ones; None if there is no structure."""
+    structure = load_structure(path) if path else _attached_structure(log)
+    if structure is None:
+        return None
+    try:
+        return model_modes(estimate, structure)
+    except UpdaterError as error:
+        raise StructureError(path or f"{log}: structure.toml", str(error)) from error

@@ -1,0 +1,209 @@
+"""`import`: a file of measurements becomes a log."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from rich.markup import escape
+
+from daq import (
+    ACCELERATIONS,
+    TIME_UNITS,
+    DataError,
+    DataOptions,
+    Measured,
+    Recording,
+    acceleration,
+    read_in_order,
+    with_channels,
+    write_recordings,
+)
+from monitor.analysis.time_range import instant
+from monitor.cli.data.new_site import learning_notes, new_site
+from monitor.cli.exit_codes import DONE
+from monitor.cli.terminal import Terminal
+from monitor.errors import ArgumentError
+from monitor.service.site import Site, load_site
+from updater import parse_structure, portable_text
+
+_RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
+
+console = Terminal()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """Arguments of the command line about a file of measurements."""
+
+    rate: float | None = None  #: [Hz], if it has no times
+    unit: str | None = None  #: of the numbers; what the columns say, else m/s2
+    scale: float | None = None  #: units a number
+    start: str | None = None  #: ISO 8601
+    time: str | None = None  #: column of times; t or time unless given
+    time_unit: str | None = None  #: what the column says unless given
+    columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
+    velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
+    temperature: str | None = None  #: column of temperatures; all that say so unless given
+    transposed: bool | None = None  #: whether rows of an array are channels
+    structure: Path | None = None
+    site: Path | None = None
+    new_site: Path | None = None  #: to be written, with these channels
+    dbc: Path | None = None  #: of a CAN log: what its frames say
+    counter: str | None = None  #: of a CAN log: signal that counts scans
+
+
+def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
+    """Write the log; say what is in it."""
+    if len(data) > 1 and options.start is not None:
+        raise ArgumentError("--start", f"not of {len(data)} files, which say by dates when each begins")
+    parts = _read(data, options)
+    with ExitStack() as undone:
+        if options.new_site is not None:
+            if options.structure is None or options.site is not None:
+                raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
+            recorded = [part.recording for part in parts]
+            undone.enter_context(new_site(options.new_site, options.structure, out, recorded))
+        recordings, notes = _write(data[0], out, options, parts)
+    _say(out, recordings, parts, options.new_site)
+    for note in notes:
+        console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
+    return DONE
+
+
+def _write(
+    data: Path, out: Path, options: ImportOptions, parts: Sequence[Measured]
+) -> tuple[Sequence[Recording], list[str]]:
+    """Write the log; return what it holds, and what is to be noted."""
+    recordings = [part.recording for part in parts]
+    attachments: dict[str, str] = {}
+    notes: list[str] = []
+    if options.structure is not None:
+        attachments["structure.toml"], lacking = _structure_text(data, recordings[0], options.structure)
+        if lacking:
+            notes.append(f"no column for {', '.join(lacking)} of {options.structure}")
+    path = options.new_site or options.site
+    if path is not None:
+        site = load_site(path)
+        recordings = [_for_site(data, recording, site, path) for recording in recordings]
+        attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
+        if site.settings.temperature is not None and any(np.isfinite(one.temperature) for one in recordings):
+            notes.append(f"[temperature] of {path} goes before the log's temperatures; leave it out there")
+        if options.new_site is not None:
+            notes += learning_notes(site.settings, sum(recording.duration for recording in recordings), path)
+    write_recordings(out, recordings, attachments, [part.temperature for part in parts])
+    return recordings, notes
+
+
+def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], new_site: Path | None) -> None:
+    """Say what was written, and as what it was taken."""
+    gaps = [gap for recording in recordings for gap in recording.gaps]
+    seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
+    console.print(
+        f"{escape(str(out))}: {len(recordings[0].channels)} channels, {seconds:.6g} s at {rate:.6g} Hz, "
+        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}",
+        soft_wrap=True,
+    )
+    if len(recordings) > 1:
+        console.print(_sequence(recordings), soft_wrap=True)
+    if new_site is not None:
+        console.print(
+            escape(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` watches the log"),
+            soft_wrap=True,
+        )
+    for remark in parts[0].remarks:
+        console.print(escape(f"{'first file: ' if len(parts) > 1 else ''}{remark}"), soft_wrap=True)
+
+
+def _sequence(recordings: Sequence[Recording]) -> str:
+    """Say what lies between recordings that follow each other."""
+    pauses = [(after.start - before.end) * 1e-9 for before, after in pairwise(recordings)]
+    real = [pause for pause in pauses if pause > 0.5 / recordings[0].rate]
+    longest = f", the longest {max(real):.6g} s" if real else ""
+    warm = [recording.temperature for recording in recordings if np.isfinite(recording.temperature)]
+    means = f"; their mean temperatures: {min(warm):.4g} to {max(warm):.4g} degC" if warm else ""
+    return f"{len(recordings)} files by their dates, {len(real)} pauses between them{longest}{means}"
+
+
+def _read(data: Sequence[Path], options: ImportOptions) -> tuple[Measured, ...]:
+    if options.time_unit is not None and options.time_unit not in TIME_UNITS:
+        raise ArgumentError("--time-unit", f"expected one of {', '.join(TIME_UNITS)}, found {options.time_unit!r}")
+    asked = DataOptions(
+        rate=options.rate,
+        factor=_factor(options),
+        start=None if options.start is None else start_of(options.start),
+        time=options.time,
+        time_unit=options.time_unit,
+        columns=columns_of(options.columns),
+        velocities=options.velocities,
+        temperature=options.temperature,
+        transposed=options.transposed,
+    )
+    try:
+        return read_in_order(data, asked)
+    except ValueError as error:  # of a name or a record too short: what the other arguments may be was checked
+        raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
+
+
+def _factor(options: ImportOptions) -> float | None:
+    """Return what a number is worth [m/s2] if that was said by hand."""
+    if options.unit is None and options.scale is None:
+        return None
+    worth = acceleration(options.unit or "m/s2")
+    if worth is None:
+        raise ArgumentError("--unit", f"expected one of {', '.join(ACCELERATIONS)}, found {options.unit!r}")
+    return worth * (options.scale or 1.0)
+
+
+def columns_of(options: Sequence[str]) -> dict[str, str] | None:
+    """Return column -> channel from NAME or NAME=SENSOR; None for all columns."""
+    pairs = [(option.rpartition("=") if "=" in option else (option, "", option)) for option in options]
+    columns = {column: channel for column, _, channel in pairs}
+    if len(columns) < len(pairs) or len(set(columns.values())) < len(pairs):
+        raise ArgumentError("--column", f"expected different names, found {', '.join(options)}")
+    return columns or None
+
+
+def start_of(text: str) -> int:
+    """Return a time [ns UTC]; without a zone it is UTC."""
+    try:
+        return instant(text)
+    except ValueError as error:
+        raise ArgumentError("--start", str(error)) from error
+
+
+def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recording:
+    """Return the recording on the devices of a site, so that it can be replayed."""
+    names = {channel.name for channel in recording.channels}
+    for channel in site.settings.channels:
+        if channel.name not in names:
+            raise DataError(data, f"has no column {channel.name!r}, which {path} asks for")
+    for device in site.settings.device:
+        if abs(recording.rate / device.rate - 1) > _RATE_TOLERANCE:
+            raise DataError(
+                data, f"has {recording.rate:.6g} samples a second, device {device.name} of {path} {device.rate:g}"
+            )
+    try:
+        return with_channels(recording, site.settings.channels)
+    except ValueError as error:
+        raise DataError(data, f"{error} of {path}") from error
+
+
+def level(recordings: Sequence[Recording]) -> str:
+    """Say how much the channels move about their means: a wrong unit shows in that."""
+    columns = (np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(recordings[0].channels)))
+    rms = [np.nanstd(column) for column in columns if np.isfinite(column).any()]
+    return f", rms {min(rms):.2g} to {max(rms):.2g} m/s2" if rms else ""
+
+
+def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, list[str]]:
+    """Return the text of a structure file, once all columns are known to be sensors of it, and what has no column."""
+    text = portable_text(path)
+    known = parse_structure(text, path).channels
+    for channel in recording.channels:
+        if channel.name not in known:
+            raise DataError(data, f"column {channel.name!r} is no sensor of {path}; there are {', '.join(known)}")
+    there = {channel.name for channel in recording.channels}
+    return text, [channel for channel in known if channel not in there]

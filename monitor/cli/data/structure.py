@@ -1,0 +1,190 @@
+"""`structure`: what a structure file says, drawn, with what its sensors can see."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.markup import escape
+
+from monitor.analysis.channels import check_channels, measured_only
+from monitor.cli.data.parameters_output import SENSITIVITY_NOTE, parameter_table, parameters_json
+from monitor.cli.data.structure_output import (
+    as_json,
+    body_table,
+    channel_words,
+    clearer_words,
+    helper_words,
+    modes_table,
+    plan_tables,
+)
+from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.output import write_json
+from monitor.cli.terminal import Terminal
+from monitor.errors import ArgumentError
+from monitor.views.plots.structure import draw_structure
+from oma import PASS
+from updater import (
+    ModelError,
+    ParameterSensitivity,
+    Record,
+    Structure,
+    StructureError,
+    Target,
+    load_structure,
+    parameter_sensitivities,
+)
+from updater.planning.mode_visibility import ALIKE, Sight, look
+from updater.planning.target_mass import Plan, plan
+from updater.structure.unit_check import odd_units
+
+console = Terminal()
+_USUAL_RATE = 1000.0  # Hz
+_ELSE = "of another recorder --highest says how far, or --channels SITE.toml or a log of it"
+_UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """Options of the command."""
+
+    n_modes: int
+    seconds: float
+    damping: float
+    highest: float | None  #: None: as what is recorded at --channels, or at 1000 Hz
+    target: str | None
+    within: str
+    channels: Path | None
+    parameters: bool = False  #: whether the model parameters and their sensitivities are listed
+
+    def record(self, heard: float) -> Record:
+        """Return the record that is planned.
+
+        Parameters
+        ----------
+        heard : up to where modes are identified, unless that was said [Hz]
+
+        Raises
+        ------
+        ArgumentError
+            Naming the option that makes no sense.
+        """
+        highest = self.highest if self.highest is not None else heard
+        for name, value in (("--record", self.seconds), ("--damping", self.damping), ("--highest", highest)):
+            if not value > 0:
+                raise ArgumentError(name, f"expected a positive number, found {value:g}")
+        if self.damping >= 1:
+            raise ArgumentError("--damping", f"expected a ratio of critical such as 0.005, found {self.damping:g}")
+        return Record(seconds=self.seconds, damping=self.damping, highest=highest)
+
+    def wanted(self) -> Target | None:
+        """Return what is to be found, None if nothing is asked for.
+
+        Raises
+        ------
+        ArgumentError
+            Naming the option that is no mass or length.
+        """
+        if self.target is None:
+            return None
+        mass = measured("--target", self.target, "mass")
+        return Target(mass=mass, within=measured("--within", self.within, "length"))
+
+
+def measured(option: str, text: str, kind: str) -> float:
+    """Return a positive quantity with its unit, such as `50g` or `0.05 m`, in SI units.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    units = [unit for unit, (what, _) in _UNITS.items() if what == kind]
+    found = re.fullmatch(r"\s*([0-9.]+(?:e-?[0-9]+)?)\s*([a-z]+)\s*", text)
+    try:
+        value = float(found[1]) * _UNITS[found[2]][1] if found and found[2] in units else 0.0
+    except ValueError:
+        value = 0.0
+    if not value > 0:
+        raise ArgumentError(option, f"expected a {kind} in {' or '.join(units)}, such as 50{units[1]}, found {text!r}")
+    return value
+
+
+def structure_command(path: Path, asked: Asked, *, json_path: Path | None, picture: Path | None) -> int:
+    """Draw the structure, list its modes, and say what its sensors see; 1 if sensors and channels do not match."""
+    structure, target = load_structure(path), asked.wanted()
+    check = check_channels(structure, asked.channels) if asked.channels else None
+    record = asked.record(check.highest if check else PASS * _USUAL_RATE)
+    if check:
+        structure = measured_only(structure, check)
+    try:
+        sight = look(structure, asked.n_modes, record, target.within if target else None)
+        planned = _planned(sight, target)
+    except ModelError as error:
+        raise StructureError(path, str(error)) from error
+    picture = picture or path.with_suffix(".png")
+    try:
+        draw_structure(sight, picture, planned)
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
+        raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
+    _say(sight, planned)
+    for words in channel_words(structure, check):
+        console.print(escape(words))
+    sensitivities = _parameters(structure, asked.n_modes) if asked.parameters else None
+    notes = odd_units(structure)
+    if asked.highest is None and check is None:
+        notes = [
+            *notes,
+            f"modes are counted up to {record.highest:g} Hz, as recorded at {_USUAL_RATE:g} Hz; {_ELSE}",
+        ]
+    for note in notes:
+        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
+    console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
+    if json_path:
+        listed = {} if sensitivities is None else {"parameters": parameters_json(sensitivities)}
+        write_json(json_path, as_json(sight, planned) | listed)
+    return DONE if check is None or check.good else NEEDS_A_PERSON
+
+
+def _parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity]:
+    """List the parameters that may be updated with their sensitivities, and return these."""
+    _, found = parameter_sensitivities(structure, n_modes)
+    console.print(parameter_table(found) if found else "no parameter may be updated")
+    if found:
+        console.print(SENSITIVITY_NOTE, style="dim", soft_wrap=True)
+    return found
+
+
+def _planned(sight: Sight, target: Target | None) -> Plan | None:
+    """Return how to find the target.
+
+    Raises
+    ------
+    ModelError
+        If the sensors are too few to find anything.
+    """
+    if target is None:
+        return None
+    if sight.outlook is None:
+        raise ModelError(sight.too_few)
+    with console.status("playing records that are not measured yet"):
+        return plan(sight.outlook, target)
+
+
+def _say(sight: Sight, planned: Plan | None) -> None:
+    structure = sight.model.structure
+    members = f"{len(structure.member)} member" + "s" * (len(structure.member) != 1)
+    console.print(modes_table(sight))
+    console.print(
+        f"{sight.model.total_mass():.3f} kg; {members}, {sight.model.n_dofs} degrees of freedom, "
+        f"{len(structure.sensor)} sensors"
+    )
+    console.print(f"seen: largest motion at a sensor over the largest anywhere; alike: MAC at the sensors over {ALIKE}")
+    for words in clearer_words(sight):
+        console.print(escape(words))
+    if sight.outlook is None:
+        console.print(escape(sight.too_few))
+        return
+    console.print(body_table(sight, sight.outlook))
+    console.print(escape(helper_words(sight)))
+    for table in plan_tables(planned) if planned else []:
+        console.print(table)

@@ -1,0 +1,235 @@
+"""Tables and sentences of what sensors see, for the terminal."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from daq import FloatArray, IndexArray
+from monitor.analysis.channels import ChannelCheck, twins
+from monitor.text.quantities import duration_words, mass_words, stretches_text
+from updater import Outlook, Sensor, Structure, vagueness
+from updater.planning.detectability import blind
+from updater.planning.mode_visibility import Sight, clearer
+from updater.planning.target_mass import Plan, SensorSet
+
+_MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
+_PAIRS = 4  # that are named
+_WORTH_IT = 0.9  # of how far off a mass is located, that one more sensor must come under
+_SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sensor sets
+
+
+def modes_table(sight: Sight) -> Table:
+    """Return the modes and what the sensors see of each."""
+    structure = sight.model.structure
+    table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
+    for name in ("mode", "frequency [Hz]", "seen by sensors", "best sensor", "looks to them like"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for k, frequency in enumerate(sight.modes.frequency):
+        best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
+        alike = ", ".join(str(other + 1) for other in sight.alike(k))
+        seen = f"{100 * sight.seen[k]:.0f} %" if sight.is_seen(k) else "no"
+        table.add_row(str(k + 1), f"{frequency:.3f}", seen, escape(best), alike)
+    return table
+
+
+def clearer_words(sight: Sight) -> Iterator[str]:
+    """Say which modes stay unseen or alike, and the sensor that mends most of that."""
+    if sight.unseen:
+        yield f"no sensor sees {_modes(sight.unseen)}"
+    if sight.pairs_alike:
+        yield "cannot be told apart by shape: " + _pairs(sight.pairs_alike)
+    better = clearer(sight)
+    if better is None:
+        return
+    sensor, then = better
+    shown = sorted(set(sight.unseen) - set(then.unseen))
+    told = sorted(set(sight.pairs_alike) - set(then.pairs_alike))
+    gains = [f"shows {_modes(shown)}"] if shown else []
+    gains += ["tells apart " + _pairs(told)] if told else []
+    then_alike = sorted(set(then.pairs_alike) - set(sight.pairs_alike))
+    if gains and then_alike:
+        gains.append("which leaves alike " + _pairs(then_alike))
+    if gains:
+        yield f"a sensor at {_at(sensor)} {', '.join(gains)}"
+
+
+def channel_words(structure: Structure, check: ChannelCheck | None) -> Iterator[str]:
+    """Say which sensors measure the same, and which sensors and channels have no counterpart."""
+    for one, other in twins(structure):
+        yield f"{one} and {other} measure the same motion"
+    if check is None:
+        return
+    if check.good:
+        yield f"{check.path}: its {check.n_channels} channels are the structure's sensors"
+    if check.without_sensor:
+        yield f"{check.path}: no sensor of the structure for {', '.join(check.without_sensor)}"
+    if check.without_channel:
+        yield f"{check.path}: no channel for {', '.join(check.without_channel)}, left out above"
+
+
+def _modes(numbers: tuple[int, ...] | list[int]) -> str:
+    return f"mode{'s' * (len(numbers) > 1)} " + ", ".join(str(k + 1) for k in numbers)
+
+
+def _pairs(pairs: Sequence[tuple[int, int]]) -> str:
+    """Name some pairs of modes, or count many."""
+    if len(pairs) > _PAIRS:
+        return f"{len(pairs)} pairs"
+    return ", ".join(f"{a + 1} and {b + 1}" for a, b in pairs)
+
+
+def _at(sensor: Sensor) -> str:
+    x, y, z = sensor.at
+    along = "xyz"[int(np.argmax(np.abs(sensor.direction)))]
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) along {along}"
+
+
+def body_table(sight: Sight, outlook: Outlook) -> Table:
+    """Return, member by member, the weakest mass that raises the alarm, and how sure a body's place will be."""
+    mass, record = sight.typical_mass, outlook.record
+    title = (
+        f"A mass put on: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
+        f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
+    )
+    table = Table(box=SIMPLE_HEAD, title=title)
+    table.add_column("member")
+    for name in ("weakest seen", "at, m", "half of it sees", f"{mass_words(mass)} located to ±"):
+        table.add_column(name, justify="right")
+    table.add_column("blind, m")
+    place, _ = outlook.bound(mass)
+    members = outlook.reference.calibration.structure.member
+    median = [float(np.median(sight.weakest[outlook.member == m])) for m in range(len(members))]
+    shown = np.arange(len(members)) if len(members) <= _MEMBERS else _ends(np.argsort(median, kind="stable"))
+    for m, member in ((int(m), members[m]) for m in shown):
+        here = np.flatnonzero(outlook.member == m)
+        least = here[np.argmin(sight.weakest[here])]
+        table.add_row(
+            escape(member.name),
+            mass_words(float(sight.weakest[least])),
+            f"{outlook.places.position[least]:.2f}",
+            mass_words(median[m]),
+            f"{1000 * np.median(place[here]):.0f} mm",
+            stretches_text(blind(outlook, sight.weakest.tolist(), m)),
+        )
+    return table
+
+
+def _ends(order: IndexArray) -> IndexArray:
+    """Return the first and the last of an order."""
+    return np.concatenate([order[: _MEMBERS // 2], order[-(_MEMBERS // 2) :]])
+
+
+def helper_words(sight: Sight) -> str:
+    """Say where one more sensor would help most."""
+    if sight.helper is None or sight.outlook is None:
+        return ""
+    before = vagueness(sight.outlook, sight.typical_mass)
+    after, mass = sight.helper.vagueness, mass_words(sight.typical_mass)
+    found = f"{mass} anywhere located to ± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm"
+    if after > _WORTH_IT * before:
+        return f"one more sensor would hardly help: {found} at best (geometric mean over all places)"
+    return f"one more sensor helps most at {_at(sight.helper.changed)}: {found} (geometric mean over all places)"
+
+
+def plan_tables(planned: Plan) -> Iterator[RenderableType]:
+    """Return how long a record must be, place by place and for other numbers of sensors."""
+    target = planned.target
+    what = f"{mass_words(target.mass)} found within {1000 * target.within:g} mm in {100 * target.chance:g} of 100 cases"
+    table = Table(box=SIMPLE_HEAD, title=f"{what}, alarm included")
+    table.add_column("record before and after", justify="right")
+    table.add_column("on so much of the members' length", justify="right")
+    shares = [planned.present.share_found(float(s)) for s in planned.records]
+    for k, (seconds, share) in enumerate(zip(planned.records, shares, strict=True)):
+        if k in (0, len(shares) - 1) or share > shares[k - 1]:
+            table.add_row(duration_words(float(seconds)), f"{100 * share:.0f} %")
+    yield table
+    table = Table(box=SIMPLE_HEAD, title="Record needed, by sensors")
+    table.add_column("sensors", justify="right")
+    for share in _SHARES:
+        table.add_column(f"{100 * share:g} % of the length", justify="right")
+    for sensors in (planned.more, planned.present, *planned.fewer):
+        table.add_row(str(len(sensors.channels)), *_needed(sensors))
+    yield table
+    more = Sensor(channel="new", at=planned.more_at, direction=planned.more_along)
+    yield Text(f"{len(planned.more.channels)} sensors: one more at {_at(more)}")
+    if planned.left_out:
+        yield Text("fewer: left out in this order " + ", ".join(planned.left_out))
+
+
+def _needed(sensors: SensorSet) -> list[str]:
+    found = [sensors.seconds_for(share) for share in _SHARES]
+    return [duration_words(seconds) if np.isfinite(seconds) else "-" for seconds in found]
+
+
+def as_json(sight: Sight, planned: Plan | None) -> dict[str, Any]:
+    """Return all figures; null where no sensor sees a mode or no mass is enough."""
+    n = len(sight.modes.frequency)
+    return {
+        "name": sight.model.structure.name,
+        "total_mass": sight.model.total_mass(),
+        "channels": list(sight.model.structure.channels),
+        "frequencies": sight.modes.frequency.tolist(),
+        "seen": sight.seen.tolist(),
+        "auto_mac": [[None if np.isnan(v) else v for v in row] for row in sight.auto_mac.tolist()],
+        "alike": [[k + 1 for k in sight.alike(mode)] for mode in range(n)],
+        "body": _body(sight, sight.outlook) if sight.outlook else None,
+        "target": _target(planned) if planned else None,
+    }
+
+
+def _body(sight: Sight, outlook: Outlook) -> dict[str, Any]:
+    place, mass = outlook.bound(sight.typical_mass)
+    helper = sight.helper
+    return {
+        "record": outlook.record.seconds,
+        "damping": outlook.record.damping,
+        "modes": outlook.frequency.tolist(),
+        "typical_mass": sight.typical_mass,
+        "places": _places(outlook, np.arange(len(outlook.member))),
+        "weakest_mass": _finite(sight.weakest),
+        "position_std": place.tolist(),
+        "mass_std": mass.tolist(),
+        "one_more": helper
+        and {
+            "at": list(helper.changed.at),
+            "direction": list(helper.changed.direction),
+            "position_std": {"before": vagueness(outlook, sight.typical_mass), "after": helper.vagueness},
+        },
+    }
+
+
+def _places(outlook: Outlook, rows: IndexArray) -> list[dict[str, Any]]:
+    names = [member.name for member in outlook.reference.calibration.structure.member]
+    return [{"member": names[outlook.member[k]], "position": outlook.point[k].tolist()} for k in rows]
+
+
+def _target(planned: Plan) -> dict[str, Any]:
+    target = planned.target
+    sets = [planned.present, *planned.fewer]
+    return {
+        "mass": target.mass,
+        "within": target.within,
+        "chance": target.chance,
+        "places": _places(planned.outlook, planned.present.places),
+        "seconds": _finite(planned.present.seconds),
+        "records": [
+            {"seconds": float(s), "share": planned.present.share_found(float(s))} for s in planned.records.tolist()
+        ],
+        "sensors": [_set(sensors) for sensors in sets],
+        "one_more": _set(planned.more) | {"at": list(planned.more_at), "direction": list(planned.more_along)},
+    }
+
+
+def _set(sensors: SensorSet) -> dict[str, Any]:
+    needed = {str(share): _finite(np.array([sensors.seconds_for(share)]))[0] for share in (0.5, 0.8, 0.9, 0.95)}
+    return {"channels": list(sensors.channels), "seconds_for_share": needed}
+
+
+def _finite(values: FloatArray) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]

@@ -1,0 +1,1 @@
+"""The demo: a virtual rig, its monitor, and the truth compared with the answer."""

@@ -1,0 +1,105 @@
+"""The truth beside the answer."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.results.windows import AlarmResult, MassAnswer, Result, WindowResult
+from monitor.rig import Scenario
+from monitor.service.daemon import RunReport
+from monitor.text.causes import change_text
+
+_RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: what the demo calls found
+
+
+def reveal(
+    console: Console, out: Path, scenario: Scenario, found: list[Result], report: RunReport, rig: dict[str, Any]
+) -> int:
+    """Lay the truth beside the answer, write the files and say what to look at next."""
+    windows = [r for r in found if isinstance(r, WindowResult)]
+    answers = [w.answer for w in windows if w.answer]
+    alarms = [r for r in found if isinstance(r, AlarmResult) and r.state == "alarm"]
+    event = scenario.event[0]
+    false_alarm = bool(alarms) and alarms[0].time < rig["events"][0]
+    answer = answers[-1] if answers else None
+    distance = float(np.linalg.norm(np.subtract(answer.position, event.body.at))) if answer else None
+    error = answer.mass / event.body.mass - 1 if answer else None
+    right = (
+        distance is not None
+        and error is not None
+        and distance <= _RIGHT_PLACE
+        and abs(error) <= _RIGHT_MASS
+        and not false_alarm
+    )
+    summary = {
+        "seed": scenario.seed,
+        "truth": {"position": event.body.at, "mass": event.body.mass, "time": rig["events"][0]},
+        "answer": answer.model_dump(mode="json", exclude={"profile"}) if answer else None,
+        "distance": distance,
+        "mass_error": error,
+        "false_alarm": false_alarm,
+        "alarm_after_seconds": (alarms[0].time - rig["events"][0]) * 1e-9 if alarms else None,
+        "right": right,
+        "dropped": rig["dropped"] + report.dropped,
+        "sent": rig["sent"],
+    }
+    (out / "answer.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    said = [change_text(w.diagnosis) for w in windows if w.diagnosis]
+    console.print(_table(summary, answer, said[-1] if said else "nothing said"))
+    verdict = "[bold green]found[/]" if right else "[bold red]MISSED[/]" if answer is None else "[bold red]WRONG[/]"
+    console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {rig['sent']}\n")
+    _write_pictures(out, report)
+    _say_next(console, out, report)
+    return DONE if right else NEEDS_A_PERSON
+
+
+def _table(summary: dict[str, Any], answer: MassAnswer | None, said: str) -> Table:
+    table = Table("", "truth", "the monitor's answer", "off by", title="What the rig did, and what the monitor said")
+    truth = summary["truth"]
+    if answer is None:
+        table.add_row("body added", f"{1000 * truth['mass']:.0f} g", said, "")
+        return table
+    place = ", ".join(f"{v:.3f}" for v in truth["position"])
+    said = ", ".join(f"{v:.3f}" for v in answer.position)
+    table.add_row(
+        r"where \[m]",
+        place,
+        f"{said} ± {answer.position_std:.3f} ({answer.member})",
+        f"{1000 * summary['distance']:.0f} mm",
+    )
+    table.add_row(
+        r"how much \[g]",
+        f"{1000 * truth['mass']:.0f}",
+        f"{1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f}",
+        f"{100 * summary['mass_error']:+.1f} %",
+    )
+    table.add_row("alarm", "", f"{summary['alarm_after_seconds']:.0f} s after it happened", "")
+    return table
+
+
+def _write_pictures(out: Path, report: RunReport) -> None:
+    """Write the report and the viewer's file, both from the log alone."""
+    from monitor.views.report import run_report
+    from monitor.views.run import load_run
+    from monitor.views.viewer import write_recording
+
+    run = load_run(report.log)
+    run_report(run, out / "report.html")
+    write_recording(out / "overview.rrd", run.story)
+
+
+def _say_next(console: Console, out: Path, report: RunReport) -> None:
+    console.print("Read the report: ", f"{out}/report.html", soft_wrap=True)
+    console.print("Look at it:      ", f".venv/bin/rerun {out}/overview.rrd", soft_wrap=True)
+    console.print(
+        "Run it again:    ",
+        f".venv/bin/modalwatch replay {report.log}",
+        "   (the same modes and alarm, to the last digit)",
+        soft_wrap=True,
+    )
+    console.print("The whole answer:", f"{out}/answer.json", soft_wrap=True)

@@ -1,0 +1,61 @@
+"""`accept`: what raised an alarm is the new normal."""
+
+from pathlib import Path
+
+from rich.markup import escape
+
+from monitor.cli.exit_codes import DONE
+from monitor.cli.site.send import standing, tell
+from monitor.cli.terminal import Terminal
+from monitor.errors import ArgumentError
+from monitor.outputs.history import AlarmRow, HistoryError
+from monitor.service.operator_commands import Acceptance, Undoing
+from monitor.service.site import Site, load_site
+from monitor.text.quantities import utc
+
+console = Terminal()
+
+
+def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
+    """Leave word for the monitor of a site that the alarm that stands is the new normal.
+
+    Parameters
+    ----------
+    path : of SITE.toml
+    alarm : when it was raised, as `history` shows it or the beginning of that; the one that stands
+    cause : what the change is
+    by : who accepts it
+    """
+    site = load_site(path)
+    if not cause.strip():
+        raise ArgumentError("--as", "expected what the change is, such as 'pump, 150 g'")
+    found = _standing(site, alarm)
+    console.print(escape(f"the alarm of {utc(found.raised)}: {found.text}"), soft_wrap=True)
+    console.print(escape(f"is to be accepted as {cause!r}"), soft_wrap=True)
+    tell(site, Acceptance(cause=cause, by=by, alarm=found.raised))
+    return DONE
+
+
+def undo_command(path: Path, by: str, note: str) -> int:
+    """Leave word for the monitor of a site that the last acceptance was wrong."""
+    tell(load_site(path), Undoing(by=by, note=note))
+    return DONE
+
+
+def _standing(site: Site, alarm: str | None) -> AlarmRow:
+    """Return the alarm that stands, if it is the one that is meant.
+
+    Raises
+    ------
+    ArgumentError
+        If none stands, or another one.
+    """
+    try:
+        found = standing(site)
+    except HistoryError as error:
+        raise ArgumentError("ALARM", f"no alarm is known: {error}") from error
+    if found is None:
+        raise ArgumentError("ALARM", "no alarm stands")
+    if alarm is not None and not utc(found.raised).startswith(alarm):
+        raise ArgumentError("ALARM", f"expected the one that stands, {utc(found.raised)}, found {alarm!r}")
+    return found

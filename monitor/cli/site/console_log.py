@@ -1,0 +1,165 @@
+"""Journal of a run: one line for every result and event, for people or for programs.
+
+Lines are made in the log's thread and written in one of their own: a terminal that stands still stops nothing. Of
+events that repeat, such as the gaps of a loose plug, some a minute are said and the others counted.
+"""
+
+import json
+import logging
+import queue
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from logging.handlers import QueueHandler
+from typing import Any, TextIO
+
+from daq import Block, Event, Item, SupervisedThread
+from monitor.results.events import event_result
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
+from monitor.text.causes import change_text
+from monitor.text.sensors import health_text
+
+_A_MINUTE = 10  # lines of a kind, of one device
+_MINUTE = 60.0  # s
+_ROUTINE = (
+    "_back",
+    "_open",
+    "_resumed",
+    "_ok",
+    "_deleted",
+    "acknowledge",
+    "accept",
+    "undo",
+    "stopped",
+    "reloaded",
+    "_restored",
+    "_recovered",
+)
+
+
+def line(result: Result) -> str:
+    """Return one result as a line of text."""
+    if isinstance(result, ReferenceResult):
+        return f"reference: {len(result.modes)} modes, " + ", ".join(f"{m.frequency:.2f}" for m in result.modes) + " Hz"
+    if isinstance(result, AlarmResult):
+        return f"{result.state:>7}: {result.text}"
+    if isinstance(result, SelfTestResult):
+        return result.text
+    return _window_line(result)
+
+
+def _window_line(window: WindowResult) -> str:
+    start = f"window {window.index + 1:>3} {window.phase:<8}"
+    if window.problem:
+        return f"{start} {window.problem}"
+    text = f"{start} {len(window.modes)} modes"
+    if window.novelty:
+        text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
+    if window.faults:
+        text += f"; not heard: {', '.join(window.faults)}"
+    if window.sensors:
+        text += f"; {health_text(window.sensors)}"
+    return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text
+
+
+class Journal:
+    """Says what stands in the log, but for the signals.
+
+    Parameters
+    ----------
+    logger : that takes the lines
+    """
+
+    def __init__(self, logger: logging.Logger) -> None:
+        self._logger = logger
+        self._minute: dict[tuple[str, str], tuple[float, int]] = {}  # kind and device -> since when, how many lines
+
+    def take(self, item: Item) -> None:
+        """Take what was logged; never waits."""
+        if isinstance(item, Block):
+            return
+        result = event_result(item)
+        if result is not None:
+            self._say(_level(result), line(result), {"what": item.topic.rpartition("/")[2], "at": item.time})
+        elif item.topic.startswith("/event/"):
+            self._event(item)
+
+    def _event(self, event: Event) -> None:
+        what = event.topic.removeprefix("/event/")
+        unsaid = self._unsaid((what, str(event.payload.get("device", ""))))
+        if unsaid is None:
+            return
+        fields = {"what": what, "at": event.time, **event.payload} | ({"not_said": unsaid} if unsaid else {})
+        said = " ".join(f"{name}={_brief(value)}" for name, value in fields.items() if name not in {"what", "at"})
+        level = logging.INFO if what.endswith(_ROUTINE) else logging.WARNING
+        self._say(level, f"{what} {said}".rstrip(), fields)
+
+    def _unsaid(self, kind: tuple[str, str]) -> int | None:
+        """Return how many of a kind were not said before this one; None if this one is not to be said either."""
+        since, lines = self._minute.get(kind, (-_MINUTE, 0))
+        over = time.monotonic() - since >= _MINUTE
+        self._minute[kind] = (time.monotonic(), 1) if over else (since, lines + 1)
+        if not over:
+            return None if lines >= _A_MINUTE else 0
+        return max(0, lines - _A_MINUTE)
+
+    def _say(self, level: int, text: str, fields: dict[str, Any]) -> None:
+        self._logger.log(level, "%s", text, extra={"fields": fields})
+
+
+@contextmanager
+def journal(*, as_json: bool, stream: TextIO | None = None) -> Iterator[Journal]:
+    """Have lines written for as long as the context lasts.
+
+    Parameters
+    ----------
+    as_json : an object a line, instead of text
+    stream : that gets the lines; standard output unless given
+    """
+    logger = logging.Logger("modalwatch")
+    handler = logging.StreamHandler(stream or sys.stdout)
+    handler.setFormatter(_JsonLines() if as_json else _Lines())
+    lines: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
+    writer = SupervisedThread("journal", lambda: _write(lines, handler))
+    logger.addHandler(QueueHandler(lines))
+    writer.start()
+    try:
+        yield Journal(logger)
+    finally:
+        lines.put(None)
+        writer.ending.set()
+        writer.join()
+
+
+def _write(lines: "queue.SimpleQueue[logging.LogRecord | None]", handler: logging.Handler) -> None:
+    """Write lines until there are no more."""
+    while (record := lines.get()) is not None:
+        handler.handle(record)
+
+
+class _Lines(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return time and text."""
+        return f"{_utc(record)} {record.getMessage()}"
+
+
+class _JsonLines(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return time, level, text and all fields as one object; `at` is the time of the data [ns UTC]."""
+        known = {"time": _utc(record), "level": record.levelname.lower(), "text": record.getMessage().strip()}
+        return json.dumps(known | {"fields": record.__dict__["fields"]}, default=str)
+
+
+def _utc(record: logging.LogRecord) -> str:
+    return datetime.fromtimestamp(record.created, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _level(result: Result) -> int:
+    return logging.WARNING if isinstance(result, AlarmResult) and result.state == "alarm" else logging.INFO
+
+
+def _brief(value: object) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, default=str)
+    return json.dumps(text) if isinstance(value, str) and (" " in text or not text) else text

@@ -1,0 +1,65 @@
+"""Words that commands leave for a running monitor, and whether it has taken them."""
+
+import time
+
+from rich.markup import escape
+
+from monitor.cli.terminal import Terminal
+from monitor.errors import ArgumentError
+from monitor.outputs.history import AlarmRow, HistoryError, Reader, Span
+from monitor.service.operator_commands import Said, leave
+from monitor.service.site import Site
+
+console = Terminal()
+_EVER = Span(start=0, end=2**62)
+_FRESH = 10.0  # s: age of a monitor's last sign of life
+_WAIT, _LOOK = 3.0, 0.1  # s: until it has taken a word; between looks
+
+
+def tell(site: Site, said: Said) -> None:
+    """Leave a word, and say whether the monitor of a site has taken it.
+
+    Raises
+    ------
+    ArgumentError
+        If this user may not write to the state folder.
+    """
+    try:
+        path = leave(site.state, said)
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise ArgumentError("state", f"{site.state}: {why}: expected a user who may write there") from error
+    if not _runs(site):
+        console.print("no monitor runs here now: it takes it when it starts", soft_wrap=True)
+        return
+    end = time.monotonic() + _WAIT
+    while path.exists() and time.monotonic() < end:
+        time.sleep(_LOOK)
+    left = f"left for the monitor, which has not taken it within {_WAIT:g} s: {path}"
+    console.print(escape(left if path.exists() else "the monitor has taken it"), soft_wrap=True)
+
+
+def _runs(site: Site) -> bool:
+    vitals = site.source.vitals()
+    return vitals is not None and abs(time.time() - vitals["time"]) < _FRESH
+
+
+def standing(site: Site) -> AlarmRow | None:
+    """Return the alarm that stands, as far as the history knows.
+
+    Raises
+    ------
+    HistoryError
+        If it cannot be asked.
+    """
+    with Reader(site.source.url) as reader:
+        found = [row for row in reader.alarms(_EVER) if row.cleared is None]
+    return found[-1] if found else None
+
+
+def standing_if_known(site: Site) -> AlarmRow | None:
+    """Return the same, None too where the history cannot be asked."""
+    try:
+        return standing(site)
+    except HistoryError:
+        return None

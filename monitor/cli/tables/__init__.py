@@ -1,0 +1,1 @@
+"""Signatures of the commands, without their imports."""

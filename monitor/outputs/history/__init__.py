@@ -1,0 +1,24 @@
+"""Results over years: a database of windows, modes, alarms and events, in addition to the complete logs.
+
+The logs are the record; the database answers questions over long times at once, and can be made anew from them.
+"""
+
+from monitor.outputs.history.engines import database_url
+from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
+from monitor.outputs.history.recorder import HistoryRecorder
+from monitor.outputs.history.store import HistoryStore
+
+__all__ = [
+    "AlarmRow",
+    "DayRow",
+    "EventRow",
+    "HistoryError",
+    "HistoryRecorder",
+    "HistoryStore",
+    "Reader",
+    "Span",
+    "TrendPoint",
+    "WindowRow",
+    "database_url",
+]

@@ -1,0 +1,242 @@
+"""Questions to the history, each answered through an index."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from sqlalchemy import BigInteger, Row, Select, cast, func, literal, select
+from sqlalchemy.exc import SQLAlchemyError
+
+from monitor.outputs.history import schema
+from monitor.outputs.history.engines import reading_engines, said, shown_url
+from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.migrations import migrate
+
+Every = Literal["window", "day"]
+_NO_WRITING = "readonly database", "unable to open"  # what SQLite says where a user may only read
+_FINE_DAYS = 14  # a longer trend is told by the day
+
+
+@dataclass(frozen=True, kw_only=True)
+class Span:
+    """From when to when, ends included."""
+
+    start: int  #: [ns UTC]
+    end: int  #: [ns UTC]
+
+    @property
+    def every(self) -> Every:
+        """Resolution of a trend over it."""
+        return "window" if self.end - self.start <= _FINE_DAYS * schema.DAY else "day"
+
+    @property
+    def days(self) -> tuple[int, int]:
+        """First and last day, counted from 1970-01-01 UTC."""
+        return self.start // schema.DAY, self.end // schema.DAY
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowRow:
+    """One analysed window."""
+
+    end: int  #: [ns UTC]
+    start: int  #: [ns UTC]
+    number: int
+    phase: str
+    n_modes: int
+    t2: float | None
+    limit: float | None
+    problem: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DayRow:
+    """All windows of a day."""
+
+    day: int  #: since 1970-01-01 UTC
+    n: int
+    n_judged: int
+    n_over: int
+    level: float | None  #: highest novelty over its limit [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrendPoint:
+    """A mode in a window, or over a day."""
+
+    mode: int
+    time: int  #: end of the window, noon of the day [ns UTC]
+    n: int  #: windows that show it
+    frequency: float  #: mean [Hz]
+    lowest: float  #: [Hz]
+    highest: float  #: [Hz]
+    damping: float | None  #: [-]
+    shift_percent: float | None  #: against the baseline
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlarmRow:
+    """An alarm from its beginning to its end."""
+
+    raised: int  #: [ns UTC]
+    cleared: int | None  #: [ns UTC]; None while it stands
+    lasted: float | None  #: [s]
+    acknowledged: int | None  #: [ns UTC]
+    text: str  #: what is known of it
+    reopened: int  #: how often it went on after a short end
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventRow:
+    """Anything else that happened."""
+
+    time: int  #: [ns UTC]
+    topic: str
+    device: str
+    json: str
+
+
+class Reader:
+    """The history, opened for questions.
+
+    Raises
+    ------
+    HistoryError
+        If there is none, or it cannot be read; so do all its methods.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = shown_url(url)
+        refused: SQLAlchemyError | None = None
+        for engine in reading_engines(url):
+            file = engine.url.database
+            if refused is None and engine.dialect.name == "sqlite" and file and not Path(file).exists():
+                raise HistoryError(self.url, "there is no history yet")
+            try:
+                with engine.begin() as connection:
+                    migrate(connection, self.url)
+            except SQLAlchemyError as error:
+                engine.dispose()
+                refused = refused or error
+                if not any(word in said(error, engine.url) for word in _NO_WRITING):
+                    break
+            else:
+                self._engine = engine
+                return
+        raise HistoryError(self.url, said(refused, engine.url) if refused else "cannot be opened") from refused
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let go of the database."""
+        self._engine.dispose()
+
+    def span(self) -> Span | None:
+        """Return what the windows span; None if there are none."""
+        [(start, end)] = self._rows(select(func.min(schema.windows.c.end), func.max(schema.windows.c.end)))
+        return None if start is None else Span(start=start, end=end)
+
+    def windows(self, span: Span, most: int = 1000) -> list[WindowRow]:
+        """Return the last windows of a span, in the order of time."""
+        found = windows_query(span).limit(most)
+        return [WindowRow(**row._mapping) for row in reversed(self._rows(found))]
+
+    def days(self, span: Span) -> list[DayRow]:
+        """Return all windows of a span by the day."""
+        table, (first, last) = schema.window_days, span.days
+        found = select(table).where(table.c.day.between(first, last)).order_by(table.c.day)
+        return [DayRow(**row._mapping) for row in self._rows(found)]
+
+    def modes(self) -> list[int]:
+        """Return the identities of all modes ever tracked."""
+        table = schema.mode_days
+        return [row[0] for row in self._rows(select(table.c.mode).distinct().order_by(table.c.mode))]
+
+    def trend(self, mode: int, span: Span, every: Every | None = None) -> list[TrendPoint]:
+        """Return a mode's course over a span; by the day over more than two weeks unless told otherwise."""
+        if (every or span.every) == "day":
+            return [TrendPoint(**row._mapping) for row in self._rows(daily_trend_query(mode, span))]
+        return [TrendPoint(**row._mapping) for row in self._rows(trend_query(mode, span))]
+
+    def alarms(self, span: Span) -> list[AlarmRow]:
+        """Return the alarms that stood at any time of a span."""
+        table = schema.alarms
+        open_still = table.c.cleared.is_(None) | (table.c.cleared >= span.start)
+        found = select(table).where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
+        return [AlarmRow(**row._mapping) for row in self._rows(found)]
+
+    def events(self, span: Span, most: int = 1000, topic: str | None = None) -> list[EventRow]:
+        """Return the last events of a span, or of one kind, in the order of time."""
+        return [EventRow(**row._mapping) for row in reversed(self._rows(events_query(span, topic).limit(most)))]
+
+    def alarm_changes(self, span: Span, most: int) -> list[EventRow]:
+        """Return the last reported changes of the alarm in a span as events, in the order of time."""
+        table = schema.changes
+        query = (
+            select(table.c.time, table.c.state, table.c.text)
+            .where(table.c.time.between(span.start, span.end), table.c.quiet.is_(False))
+            .order_by(table.c.time.desc())
+            .limit(most)
+        )
+        return [
+            EventRow(time=time, topic=f"/alarm/{state}", device="", json=json.dumps({"text": text}))
+            for time, state, text in reversed(self._rows(query))
+        ]
+
+    def state(self) -> str:
+        """Return the state of the alarm: learning, normal, watch or alarm."""
+        table = schema.changes
+        last = self._rows(select(table.c.state).order_by(table.c.time.desc()).limit(1))
+        return str(last[0][0]) if last else "learning"
+
+    def diagnosis(self, since: int) -> str | None:
+        """Return the newest diagnosis since a time [ns UTC] as JSON."""
+        table = schema.diagnoses
+        query = select(table.c.json).where(table.c.end >= since).order_by(table.c.end.desc()).limit(1)
+        last = self._rows(query)
+        return str(last[0][0]) if last else None
+
+    def reference(self) -> str | None:
+        """Return the newest baseline as the JSON of a `ReferenceResult`."""
+        table = schema.references
+        last = self._rows(select(table.c.json).order_by(table.c.time.desc()).limit(1))
+        return str(last[0][0]) if last else None
+
+    def _rows(self, query: Select[*tuple[Any, ...]]) -> list[Row[*tuple[Any, ...]]]:
+        try:
+            with self._engine.connect() as connection:
+                return list(connection.execute(query))
+        except SQLAlchemyError as error:
+            raise HistoryError(self.url, said(error, self._engine.url)) from error
+
+
+def windows_query(span: Span) -> Select[*tuple[Any, ...]]:
+    """Return what asks for windows, the newest first."""
+    table = schema.windows
+    return select(table).where(table.c.end.between(span.start, span.end)).order_by(table.c.end.desc())
+
+
+def trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return what asks for a mode's course, window by window."""
+    table = schema.modes
+    frequency = table.c.frequency
+    columns = (frequency.label("lowest"), frequency.label("highest"), table.c.damping, table.c.shift_percent)
+    found = select(table.c.mode, table.c.end.label("time"), literal(1).label("n"), frequency, *columns)
+    return found.where(table.c.mode == mode, table.c.end.between(span.start, span.end)).order_by(table.c.end)
+
+
+def daily_trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return what asks for a mode's course, day by day."""
+    table, (first, last) = schema.mode_days, span.days
+    noon = (cast(table.c.day, BigInteger) * schema.DAY + schema.DAY // 2).label("time")
+    columns = (c for c in table.columns if c.name != "day")
+    return select(noon, *columns).where(table.c.mode == mode, table.c.day.between(first, last)).order_by(table.c.day)
+
+
+def events_query(span: Span, topic: str | None = None) -> Select[*tuple[Any, ...]]:
+    """Return what asks for events, or those of one kind, the newest first."""
+    table = schema.events
+    found = select(table).where(table.c.time.between(span.start, span.end)).order_by(table.c.time.desc())
+    return found if topic is None else found.where(table.c.topic == topic)

@@ -1,0 +1,101 @@
+"""Choice of diagnoses that are kept: an alarm that lasts for years is diagnosed with every window, mostly alike."""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+
+from pydantic import ValidationError
+from sqlalchemy import Connection, bindparam, delete, select
+
+from monitor.outputs.history import schema
+from updater import Cause, Diagnosis
+
+_BEYOND = 2.0  # standard deviations: what moves by less says the same
+_MOST = 8  # a day that say something new: one that wavers between two verdicts changes with every window
+_AT_ONCE = 500  # rows in memory
+
+
+def thin_diagnoses(connection: Connection) -> None:
+    """Delete what `told_before` finds."""
+    table, alarms = schema.diagnoses, schema.alarms.c
+    raised = sorted(connection.scalars(select(alarms.raised)))
+    cleared = sorted(connection.scalars(select(alarms.cleared).where(alarms.cleared.is_not(None))))
+    rows = connection.execute(
+        select(table.c.end, table.c.json).order_by(table.c.end).execution_options(yield_per=_AT_ONCE)
+    )
+    if gone := told_before(((end, json) for end, json in rows), raised, cleared):
+        these = delete(table).where(table.c.end == bindparam("gone"))
+        connection.execute(these, [{"gone": end} for end in gone])
+
+
+def told_before(diagnoses: Iterable[tuple[int, str]], raised: Sequence[int], cleared: Sequence[int]) -> list[int]:
+    """Return the ends of the diagnoses that need not be kept.
+
+    The first and the newest of each alarm are, and up to eight a day that say something else than the last one kept.
+    Done now and then, with what has come since, it leaves what it would have left at once.
+
+    Parameters
+    ----------
+    diagnoses : end of the window [ns UTC] and JSON, in the order of time
+    raised, cleared : times of all alarms, ascending [ns UTC]
+    """
+    gone: list[int] = []
+    known: Diagnosis | None = None  # the last one kept for what it says
+    of_alarm, day, n_of_day = -1, -1, 0
+    newest: int | None = None  # of its alarm by now, and nothing else
+    for end, json in diagnoses:
+        found, alarm = _read(json), bisect_right(raised, end) + bisect_left(cleared, end)
+        if newest is not None and alarm == of_alarm:
+            gone.append(newest)
+        if end // schema.DAY != day:
+            day, n_of_day = end // schema.DAY, 0
+        if alarm != of_alarm or (n_of_day < _MOST and not says_the_same(known, found)):
+            known, of_alarm, newest = found, alarm, None
+            n_of_day += 1
+        else:
+            newest = end
+    return gone
+
+
+def _read(json: str) -> Diagnosis | None:
+    try:
+        return Diagnosis.model_validate_json(json)
+    except ValidationError:
+        return None  # of another version
+
+
+def says_the_same(before: Diagnosis | None, now: Diagnosis | None) -> bool:
+    """Tell whether two diagnoses name the same causes at the same places, of the same size for all they know."""
+    if before is None or now is None or before.verdict != now.verdict or len(before.causes) != len(now.causes):
+        return False
+    pairs = zip(sorted(before.causes, key=_order), sorted(now.causes, key=_order), strict=True)
+    return all(_same(one, other) for one, other in pairs)
+
+
+def _order(cause: Cause) -> tuple[str, str, tuple[float, ...]]:
+    """Order causes by what they are: which is the likelier of two may change with every window."""
+    where = cause.where
+    return cause.cause, str(where and (where.member, where.channels)), (where and where.position) or ()
+
+
+def _same(one: Cause, other: Cause) -> bool:
+    if one.cause != other.cause or set(one.cannot_be_told_from) != set(other.cannot_be_told_from):
+        return False
+    return _same_place(one, other) and _same_size(one, other)
+
+
+def _same_place(one: Cause, other: Cause) -> bool:
+    a, b = one.where, other.where
+    if a is None or b is None:
+        return a is b
+    if (a.member, a.channels) != (b.member, b.channels) or (a.position is None) != (b.position is None):
+        return False
+    apart = math.dist(a.position, b.position) if a.position and b.position else 0.0
+    return apart <= _BEYOND * max(a.position_std or 0.0, b.position_std or 0.0)
+
+
+def _same_size(one: Cause, other: Cause) -> bool:
+    if one.parameters.keys() != other.parameters.keys():
+        return False
+    pairs = ((value, other.parameters[name]) for name, value in one.parameters.items())
+    return all(abs(a.value - b.value) <= _BEYOND * max(a.std, b.std) for a, b in pairs)

@@ -1,0 +1,75 @@
+"""Rows of a damaged SQLite file put into a new one: all that can be read, whatever lies between."""
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from urllib.parse import quote
+
+from monitor.outputs.history import schema
+
+_BATCH = 2000  # rows between two commits
+_MAX_TRIES = 500  # at places of one table that cannot be read
+_LAST_ROW = 2**62
+
+
+def salvage(source: Path, target: Path) -> Iterator[int]:
+    """Take over rows that the target does not have; yield how many after each batch, so that others may work between.
+
+    A row that cannot be read, or makes no sense, is left out.
+    """
+    with _opened(source, "ro") as damaged, _opened(target, "rw") as whole:
+        damaged.text_factory = lambda raw: raw.decode(errors="replace")
+        for table in schema.metadata.sorted_tables:
+            if table is schema.versions:
+                continue
+            names = [column.name for column in table.columns]
+            rows = (row for row in _readable(damaged, table.name, names) if _makes_sense(names, row))
+            marks, columns = ", ".join("?" * len(names)), ", ".join(f'"{name}"' for name in names)
+            put = f'INSERT OR IGNORE INTO "{table.name}" ({columns}) VALUES ({marks})'
+            while batch := list(islice(rows, _BATCH)):
+                before = whole.total_changes
+                with whole:
+                    whole.executemany(put, batch)
+                yield whole.total_changes - before
+
+
+class _opened:  # noqa: N801 - a context
+    """A connection that is closed at the end."""
+
+    def __init__(self, path: Path, mode: str) -> None:
+        self._connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode={mode}", uri=True, timeout=5.0)
+
+    def __enter__(self) -> sqlite3.Connection:
+        return self._connection
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
+
+
+def _readable(connection: sqlite3.Connection, table: str, names: list[str]) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of a table; behind a place that cannot be read it goes on further and further ahead."""
+    columns = ", ".join(f'"{name}"' for name in names)
+    query = f'SELECT rowid, {columns} FROM "{table}" WHERE rowid > ? ORDER BY rowid'
+    last, ahead, tries = 0, 1, 0
+    while last < _LAST_ROW and tries < _MAX_TRIES:
+        try:
+            for row in connection.execute(query, (last,)):
+                last, ahead = row[0], 1
+                yield row[1:]
+        except (sqlite3.Error, ValueError):
+            last, ahead, tries = last + ahead, 2 * ahead, tries + 1
+        else:
+            return
+
+
+def _makes_sense(names: list[str], row: tuple[object, ...]) -> bool:
+    """Return whether what is JSON can be read: pages and reports rely on that."""
+    for name, value in zip(names, row, strict=True):
+        if name == "json":
+            try:
+                json.loads(str(value))
+            except (ValueError, RecursionError):
+                return False
+    return True

@@ -1,0 +1,273 @@
+"""Results and events put into the database: each once, however often they are brought."""
+
+import json
+import math
+import sqlite3
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Self, cast
+
+from pydantic import ValidationError
+from sqlalchemy import Connection, ScalarSelect, Table, delete, func, select, update
+from sqlalchemy.dialects.postgresql import insert as postgres_insert
+from sqlalchemy.dialects.sqlite import insert as sqlite_insert
+from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
+
+from daq import Event
+from monitor.outputs.history import schema
+from monitor.outputs.history.daily import roll_up
+from monitor.outputs.history.engines import file_of, open_engine, said, shown_url
+from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.migrations import migrate
+from monitor.outputs.history.retention import thin_diagnoses
+from monitor.outputs.history.sqlite_file import SqliteFile, copy_open_file, is_damage
+from monitor.results.events import event_result
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
+from monitor.text.causes import change_text
+
+#: of one item, not of the database
+_NEVER = (
+    DataError,
+    IntegrityError,
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+
+
+class HistoryStore:
+    """The database, opened for writing.
+
+    Parameters
+    ----------
+    url : of the database, as SQLAlchemy spells it
+
+    Raises
+    ------
+    HistoryError
+        If it cannot be opened, or is of a later version.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = shown_url(url)
+        self._engine = open_engine(url)
+        try:
+            if self._engine.url.database and self._engine.dialect.name == "sqlite":
+                Path(self._engine.url.database).parent.mkdir(parents=True, exist_ok=True)
+            with self._engine.begin() as connection:
+                migrate(connection, self.url)
+            path = file_of(url)
+            self._file = SqliteFile(path) if path else None
+        except (SQLAlchemyError, OSError) as error:
+            self._engine.dispose()
+            raise self._error(error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let go of the database."""
+        self._engine.dispose()
+
+    def _error(self, error: Exception) -> HistoryError:
+        return HistoryError(self.url, said(error, self._engine.url), unusable=is_damage(error))
+
+    @property
+    def displaced(self) -> bool:
+        """True if the path of a SQLite file no longer leads to the one that is open."""
+        return self._file is not None and self._file.displacement() is not None
+
+    def check(self, *, whole: bool = False) -> bool:
+        """Look at the file: whether it is the one that was opened, and now and then whether it is whole.
+
+        Parameters
+        ----------
+        whole : whether to look at all of it now
+
+        Returns
+        -------
+        bool
+            Whether all of it was looked at, and is right.
+
+        Raises
+        ------
+        HistoryError
+            If it is not: moved, deleted, replaced or damaged.
+        """
+        if self._file is None:
+            return False
+        wrong = self._file.displacement()
+        looked = wrong is None and (whole or self._file.due)
+        if looked:
+            wrong = self._file.damage()
+        if wrong:
+            raise HistoryError(self.url, wrong, unusable=True)
+        return looked
+
+    def copy_to(self, path: Path) -> bool:
+        """Copy a SQLite database that is open although its path leads elsewhere; return whether that succeeded."""
+        try:
+            with closing(self._engine.raw_connection()) as connection:
+                return copy_open_file(cast(sqlite3.Connection, connection.driver_connection), path)
+        except (SQLAlchemyError, sqlite3.Error):
+            return False
+
+    def write(self, items: Sequence[Event]) -> int:
+        """Put items in, all or none; return how many no database will ever take: these are left out.
+
+        Raises
+        ------
+        HistoryError
+            If the database is locked, damaged or gone.
+        """
+        try:
+            with self._engine.begin() as connection:
+                days = {_write(connection, item) for item in items}
+                for day in sorted(day for day in days if day is not None):
+                    roll_up(connection, day)
+        except _NEVER:  # one of them would keep out all that come after it, for good
+            return 1 if len(items) == 1 else sum(self.write([item]) for item in items)
+        except SQLAlchemyError as error:
+            raise self._error(error) from error
+        return 0
+
+    def forget(self, keep: int) -> None:
+        """Delete the oldest events of kinds that there are more than `keep` of, and diagnoses that say nothing new.
+
+        Events by their number, not their age: a plug that is loose for a week fills no disk, and a clock that is set
+        ahead by years costs nothing.
+
+        Raises
+        ------
+        HistoryError
+            If the database is locked, damaged or gone.
+        """
+        try:
+            with self._engine.begin() as connection:
+                _forget_events(connection, keep)
+                thin_diagnoses(connection)
+        except SQLAlchemyError as error:
+            raise self._error(error) from error
+
+
+def _forget_events(connection: Connection, keep: int) -> None:
+    table = schema.events
+    topic, time = table.c.topic, table.c.time
+    many = select(topic).group_by(topic).having(func.count() > keep)
+    for kind in list(connection.scalars(many)):
+        newest = select(time).where(topic == kind).order_by(time.desc())
+        first = newest.limit(1).offset(keep - 1).scalar_subquery()
+        connection.execute(delete(table).where(topic == kind, time < first))
+
+
+def _write(connection: Connection, item: Event) -> int | None:
+    """Put one item in; return the day whose figures it changes."""
+    result = _result(item)
+    if result is None or isinstance(result, SelfTestResult):
+        payload = item.payload if result is None else _test_row(result)
+        row = {"time": item.time, "topic": item.topic[:64], "device": str(payload.get("device", ""))[:64]}
+        _put(connection, schema.events, [row | {"json": json.dumps(payload)}])
+    elif isinstance(result, ReferenceResult):
+        row = {"time": result.time, "n_windows": result.n_windows, "json": result.model_dump_json()}
+        _put(connection, schema.references, [row])
+    elif isinstance(result, AlarmResult):
+        _write_change(connection, result)
+    else:
+        return _write_window(connection, result)
+    return None
+
+
+def _result(item: Event) -> Result | None:
+    try:
+        return event_result(item)
+    except ValidationError:
+        return None  # left on disk by another version: kept as it is
+
+
+def _write_window(connection: Connection, window: WindowResult) -> int:
+    novelty = window.novelty
+    row = {
+        "end": window.end,
+        "start": window.start,
+        "number": window.index,
+        "phase": window.phase,
+        "n_modes": len(window.modes),
+        "t2": _finite(novelty.t2) if novelty else None,
+        "limit": _finite(novelty.limit) if novelty else None,
+        "problem": window.problem,
+    }
+    _put(connection, schema.windows, [row])
+    if window.phase != "learning":  # before, modes are counted and have no identity
+        _put(connection, schema.modes, _mode_rows(window))
+    if window.diagnosis:
+        text = change_text(window.diagnosis)
+        found = {"end": window.end, "verdict": window.diagnosis.verdict, "text": text}
+        _put(connection, schema.diagnoses, [found | {"json": window.diagnosis.model_dump_json()}])
+        if window.phase == "alarm":
+            _update_standing(connection, window.end, text=text)
+    return window.end // schema.DAY
+
+
+def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:
+    names = ("frequency", "frequency_std", "damping", "damping_std", "shift_percent", "shift_std_percent")
+    return [
+        {"mode": mode.id, "end": window.end} | {name: _finite(getattr(mode, name)) for name in names}
+        for mode in window.modes
+    ]
+
+
+def _test_row(test: SelfTestResult) -> dict[str, Any]:
+    """Return what is kept of a self-test; the log has the rest."""
+    return {"passed": test.passed, "mass": round(test.mass, 4), "places": test.places, "detected": test.detected}
+
+
+def _write_change(connection: Connection, change: AlarmResult) -> None:
+    row = {"time": change.time, "kind": change.kind, "state": change.state, "number": change.window}
+    _put(connection, schema.changes, [row | {"quiet": change.quiet, "text": change.text}])
+    if change.raised:
+        _put(connection, schema.alarms, [{"raised": change.time, "text": change.text, "reopened": 0}])
+    elif change.kind == "reopened":
+        _update_last(connection, change.time, cleared=None, lasted=None, reopened=_times_reopened())
+    elif change.kind == "acknowledged":
+        _update_last(connection, change.time, acknowledged=change.time)
+    elif change.kind == "accepted":
+        _update_last(connection, change.time, cleared=change.time, lasted=change.lasted, text=change.text)
+    elif change.kind == "state" and change.lasted is not None:
+        _update_last(connection, change.time, cleared=change.time, lasted=change.lasted)
+
+
+def _times_reopened() -> ScalarSelect[int]:
+    """Count how often an alarm went on, anew each time: the same however often a change is brought."""
+    found = select(func.count()).where(schema.changes.c.kind == "reopened")
+    return found.where(schema.changes.c.time >= schema.alarms.c.raised).scalar_subquery()
+
+
+def _update_last(connection: Connection, time: int, **values: object) -> None:
+    """Change what is known of the last alarm raised by then."""
+    table = schema.alarms
+    last = select(table.c.raised).where(table.c.raised <= time).order_by(table.c.raised.desc()).limit(1)
+    connection.execute(update(table).where(table.c.raised == last.scalar_subquery()).values(**values))
+
+
+def _update_standing(connection: Connection, time: int, text: str) -> None:
+    """Say what is known by now of the alarm that stands; a window that raises one comes before it, and changes none."""
+    table = schema.alarms
+    standing = table.c.raised <= time, table.c.cleared.is_(None) | (table.c.cleared > time)
+    connection.execute(update(table).where(*standing).values(text=text))
+
+
+def _put(connection: Connection, table: Table, rows: Iterable[dict[str, Any]]) -> None:
+    """Insert rows; one that is there already stays as it is."""
+    rows = list(rows)
+    if not rows:
+        return
+    insert = sqlite_insert if connection.dialect.name == "sqlite" else postgres_insert
+    connection.execute(insert(table).on_conflict_do_nothing(), rows)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

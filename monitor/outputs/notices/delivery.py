@@ -1,0 +1,116 @@
+"""Notices brought to one target: alarms in a lane of their own, everything else in another."""
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Self
+
+from daq import Block, Item
+from monitor.outputs.notices.filter import News
+from monitor.outputs.notices.lane import Lane, Quota
+from monitor.outputs.notices.transports import make_sender
+from monitor.settings import NotifySettings
+from monitor.text.notices import Notice
+from monitor.text.quantities import utc
+
+TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_back"
+_RETRY_FIRST = 10.0  # s
+_DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
+_OTHERS = ("trouble", "trend")  # kinds of notices that are no change of an alarm
+
+
+class Courier:
+    """Tells one target; a delivery of one lane never waits for one of the other.
+
+    Parameters
+    ----------
+    target : whom, and of what
+    spool : file for alarms that are not delivered yet, with one of its own for the rest beside it; what an earlier run
+        left there goes out first
+    site : name of what is watched
+    retry_seconds : before the second try; doubled with each
+    """
+
+    def __init__(self, target: NotifySettings, spool: Path, site: str, *, retry_seconds: float = _RETRY_FIRST) -> None:
+        self._target, self._site, self._news = target, site, News(site)
+        self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
+        self._lock, self._failing = threading.Lock(), False
+        quota = Quota(target.per_hour)
+        common = quota, retry_seconds, self._report
+        self.alarms = Lane(make_sender(target), spool, *common)  #: lane of what changes an alarm
+        other = spool.with_stem(f"{spool.stem}_other")
+        self.others = Lane(make_sender(target), other, *common, self._heartbeat)  #: lane of all the rest
+        self._lanes = self.alarms, self.others
+        self._beat_due = 0.0
+        self._data_seen = -math.inf
+
+    def go_on_from(self, before: "Courier") -> None:
+        """Take over from another one, which is ending: what it has told is no news any more."""
+        self._news = before._news
+        for lane, former in zip(self._lanes, before._lanes, strict=True):
+            lane.wait_for(former)
+
+    def put(self, item: Item) -> None:
+        """Take what was logged, in the log's order; never waits."""
+        if isinstance(item, Block):
+            self._data_seen = time.monotonic()
+            return
+        notice = self._news.of(item)
+        if notice is not None and notice.kind in self._target.on:
+            (self.others if notice.kind in _OTHERS else self.alarms).put(notice)
+
+    def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield topic and payload of what befell the deliveries since the last time."""
+        while not self._said.empty():
+            yield self._said.get()
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing goes out now."""
+        return next((lane.problem for lane in self._lanes if lane.problem), None)
+
+    def __enter__(self) -> Self:
+        for lane in self._lanes:
+            lane.thread.start()
+        return self
+
+    def stop(self) -> None:
+        """Ask both lanes to try once more, and to end; what is left waits on disk for the next start."""
+        for lane in self._lanes:
+            lane.thread.ending.set()
+
+    def __exit__(self, *_: object) -> None:
+        """End, after no longer than one delivery may take."""
+        self.stop()
+        end = time.monotonic() + self._target.timeout_seconds + 1.0
+        for lane in self._lanes:
+            lane.thread.join(max(0.0, end - time.monotonic()))
+
+    def _report(self, changed: Lane) -> None:
+        """Report once that deliveries fail, and once that they all succeed again; from the lanes' threads."""
+        if changed.problem is None:
+            for lane in self._lanes:
+                lane.due = 0.0  # the target takes something again
+        with self._lock:
+            problem, before = self.problem, self._failing
+            self._failing = problem is not None
+            if problem is not None and not before:
+                self._said.put((TOPIC_FAILED, {"to": self._where(), "why": problem}))
+            if problem is None and (before or changed.left):
+                self._said.put((TOPIC_BACK, {"to": self._where()}))
+
+    def _where(self) -> str:
+        """Name the target without what may be a secret in its address."""
+        return "webhook" if self._target.webhook else "command" if self._target.command else "mqtt"
+
+    def _heartbeat(self) -> Notice | None:
+        """Return a sign of life if one is due and data flow: whoever waits for it is to miss it otherwise."""
+        minutes, now = self._target.heartbeat_minutes, time.monotonic()
+        if minutes is None or now < self._beat_due or now - self._data_seen > _DATA_SECONDS:
+            return None
+        self._beat_due = now + 60 * minutes
+        at = time.time_ns()
+        return Notice(kind="heartbeat", site=self._site, time=at, utc=utc(at), state="", text="data flow")

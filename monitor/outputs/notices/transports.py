@@ -1,0 +1,194 @@
+"""The ways a notice goes out; each either delivers or raises `NoticeError`."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import ssl
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from email.utils import parsedate_to_datetime
+from http import HTTPStatus
+from itertools import chain
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import httpx
+
+from monitor.errors import MonitorError
+from monitor.outputs.notices.deadline import Deadline, DeadlineRunner
+from monitor.settings import NotifySettings
+from monitor.settings.redaction import masked, revealed, secrets_of_address
+from monitor.text.notices import Message, Notice, message
+
+_LOOK_SECONDS = 0.05  # between looks at whether a broker has refused
+_MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
+Sender = Callable[[list[Notice], int], None]  #: of notices, and how many others there were
+
+
+class NoticeError(MonitorError):
+    """A notice that could not be delivered.
+
+    Parameters
+    ----------
+    text : why
+    wait : that the target asks for before it is tried again [s]
+    """
+
+    def __init__(self, text: str, wait: float = 0.0) -> None:
+        super().__init__(text)
+        self.wait = wait
+
+
+def make_sender(target: NotifySettings) -> Sender:
+    """Return what delivers notices, several at once as one message."""
+    name, way = (
+        ("webhook", _by_webhook)
+        if target.webhook
+        else ("command", _by_command)
+        if target.command
+        else ("mqtt", _by_mqtt)
+    )
+    runner = DeadlineRunner()
+
+    def send(notices: list[Notice], others: int) -> None:
+        said = message(notices, target.template, others)
+        try:
+            runner.run(target.timeout_seconds, lambda deadline: way(target, said, deadline))
+        except TimeoutError as error:
+            raise NoticeError(f"{name}: {error}") from error
+        except ValueError as error:  # a zero byte for a program, a header that no server may be sent
+            raise NoticeError(f"this cannot be sent: {_said(error, target)}") from None
+
+    return send
+
+
+def _said(error: Exception, target: NotifySettings) -> str:
+    """Return the text of an error without parts of addresses and headers."""
+    values = [revealed(value) for value in target.headers.values()]
+    addresses = map(revealed, filter(None, (target.webhook, target.mqtt)))
+    parts = chain.from_iterable(map(secrets_of_address, addresses))
+    return masked(str(error), (*values, *(value.rpartition(" ")[2] for value in values), *parts))
+
+
+def _content(said: Message) -> dict[str, Any]:
+    """Return what programs read: the foremost notice's fields, `text` of all of them, and each one."""
+    return said.foremost.values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
+
+
+def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+    headers = {name: revealed(value) for name, value in target.headers.items()}
+
+    def trace(event: str, info: Mapping[str, Any]) -> None:
+        if event == "connection.connect_tcp.complete":
+            deadline.watch(info["return_value"].get_extra_info("socket").fileno())
+
+    try:
+        with (
+            httpx.Client(timeout=deadline.seconds) as client,
+            client.stream(
+                "POST",
+                revealed(target.webhook),
+                json=_content(said),
+                headers=headers,
+                extensions={"trace": trace},
+            ) as answer,
+        ):
+            answer.raise_for_status()  # what else it says is not waited for: it may never end
+    except httpx.HTTPStatusError as error:
+        code = error.response.status_code  # the server's own phrase is not repeated: it may quote the request
+        phrase = f" {HTTPStatus(code).phrase}" if code in set(HTTPStatus) else ""
+        raise NoticeError(f"webhook: {code}{phrase}", _wait(error.response.headers.get("Retry-After", ""))) from None
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        raise NoticeError(f"webhook: {type(error).__name__}: {_said(error, target)}") from None
+
+
+def _wait(asked: str) -> float:
+    """Return what `Retry-After` asks for [s]: a number, or a date; 0 for what is neither."""
+    try:
+        return float(asked) if asked.isdecimal() else parsedate_to_datetime(asked).timestamp() - time.time()
+    except (ValueError, OverflowError, OSError):  # a year that no calendar has, or no clock
+        return 0.0
+
+
+def _by_command(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+    values = said.foremost.values()
+    named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
+    try:
+        process = subprocess.Popen(
+            [revealed(word) for word in target.command or ()],
+            env=os.environ | named,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # a shell that is ended ends with all that it has started
+        )
+    except OSError as error:  # whose text may name the program
+        raise NoticeError(f"command: cannot be started: {error.strerror}") from None
+    with process:
+        deadline.on_expiry(lambda: _end(process))
+        process.communicate(said.text.encode())
+    if process.returncode:
+        raise NoticeError(f"command: exit status {process.returncode}")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _watched_tls(deadline: Deadline, made: ExitStack) -> ssl.SSLContext:
+    """Return the context of connections by TLS whose handshake is under the deadline, too; `made` closes them."""
+
+    class Watched(ssl.SSLContext):
+        def wrap_socket(self, sock: socket.socket, *rest: Any, **more: Any) -> ssl.SSLSocket:  # noqa: ANN401
+            deadline.watch(sock.fileno())
+            return made.enter_context(super().wrap_socket(sock, *rest, **more))
+
+    context = Watched(ssl.PROTOCOL_TLS_CLIENT)
+    context.load_default_certs()
+    return context
+
+
+def _by_mqtt(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+    try:
+        from paho.mqtt import MQTTException  # an extra
+        from paho.mqtt.client import Client
+        from paho.mqtt.enums import CallbackAPIVersion
+        from paho.mqtt.reasoncodes import ReasonCode
+    except ImportError as error:
+        raise NoticeError("mqtt: paho-mqtt is not installed: pip install 'modalwatch[fleet]'") from error
+    place = urlsplit(revealed(target.mqtt))
+    refused = ""
+
+    def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
+        nonlocal refused
+        refused = f"the broker refuses: {reason}" if reason.is_failure else ""
+
+    client, made = Client(CallbackAPIVersion.VERSION2), ExitStack()
+    client.on_connect = connected
+    client.on_socket_open = lambda _client, _data, connection: deadline.watch(connection.fileno())
+    client.connect_timeout = deadline.seconds
+    if place.username is not None:
+        client.username_pw_set(unquote(place.username), unquote(place.password or ""))
+    if place.scheme == "mqtts":
+        client.tls_set_context(_watched_tls(deadline, made))
+    try:
+        client.connect(place.hostname or "", place.port or _MQTT_PORTS[place.scheme])
+        client.loop_start()
+        topic = unquote(place.path).strip("/") or "modalwatch"
+        sent = client.publish(topic, json.dumps(_content(said)), qos=1)
+        while not (sent.is_published() or refused) and deadline.remaining:
+            sent.wait_for_publish(min(_LOOK_SECONDS, deadline.remaining))
+        if not sent.is_published():
+            raise NoticeError(f"mqtt: {refused or 'the broker has not taken it'}")
+    except (OSError, ValueError, RuntimeError, MQTTException) as error:
+        raise NoticeError(f"mqtt: {refused or _said(error, target)}") from None
+    finally:
+        client.disconnect()
+        client.loop_stop()
+        made.close()

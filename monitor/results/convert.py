@@ -1,0 +1,210 @@
+"""Arrays of the analysis put into the plain values of the log."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from daq import FloatArray, IndexArray, Recording
+from monitor.results.windows import (
+    AcceptedShift,
+    FlaggedDof,
+    IncrementPlace,
+    Interval,
+    MassAnswer,
+    MassIncrements,
+    ModeResult,
+    OtherPlace,
+    ProfilePoint,
+    ReferenceMode,
+    ReferenceResult,
+    Spectrum,
+    Vector,
+)
+from oma import ModalEstimate, OmaError, Stabilization, singular_values
+from updater import IncrementLocation, MassChange, MassUpdate, Model, Reference, Structure, build_model, real_shape
+
+_SPECTRUM_POINTS = 1024
+_DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
+
+
+def mode_results(
+    estimate: ModalEstimate, track: IndexArray, tracks: IndexArray, reference: Reference | None
+) -> list[ModeResult]:
+    """Return the tracked modes.
+
+    Parameters
+    ----------
+    estimate : of a window
+    track : (n_modes,) indices into the estimate's modes, or -1, in the order of the reference's
+    tracks : (n_modes,) which tracks these are
+    reference : that frequencies are compared with; None for none
+    """
+    shape = real_shape(estimate.shape)
+    return [
+        ModeResult(
+            id=int(tracks[row]) + 1,
+            frequency=float(estimate.frequency[i]),
+            frequency_std=float(estimate.frequency_std[i]),
+            damping=float(estimate.damping[i]),
+            damping_std=float(estimate.damping_std[i]),
+            shape=shape[i].tolist(),
+            **(_shift(estimate, int(i), reference, row) if reference else {}),
+        )
+        for row, i in enumerate(track)
+        if i >= 0
+    ]
+
+
+def _shift(estimate: ModalEstimate, mode: int, reference: Reference, row: int) -> dict[str, float]:
+    ratio = np.log(estimate.frequency[mode]) - reference.baseline.log_frequency[row]
+    std = np.hypot(reference.scatter.window_std[row], reference.baseline.log_frequency_std[row])
+    return {"shift_percent": float(100 * np.expm1(ratio)), "shift_std_percent": float(100 * std)}
+
+
+def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | None:
+    """Return the first three singular values and the poles for a picture; None where the window is too short."""
+    n_fft = 2 * _SPECTRUM_POINTS
+    try:
+        frequency, values = singular_values(recording, n_fft)
+    except OmaError:
+        return None
+    return Spectrum(
+        frequency=frequency.tolist(),
+        singular_values=np.round(10 * np.log10(np.maximum(values[:, :3].T, 1e-30)), 2).tolist(),
+        pole_frequency=np.round(poles.frequency, 4).tolist(),
+        pole_order=poles.order.tolist(),
+        pole_stable=poles.stable.tolist(),
+    )
+
+
+def reference_result(
+    reference: Reference, time: int, tracks: IndexArray, accepted: Sequence[AcceptedShift] = ()
+) -> ReferenceResult:
+    """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline.
+
+    Parameters
+    ----------
+    reference : as it is now
+    time : from when on [ns UTC]
+    tracks : (n_modes,) whose modes these are
+    accepted : in order
+    """
+    calibration, model = reference.calibration, reference.calibration.model
+    padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
+    motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
+    motion = motion / np.abs(motion).max(axis=(0, 1))
+    base = reference.baseline
+    return ReferenceResult(
+        time=time,
+        n_windows=int(base.n.max()),
+        **_geometry(model),
+        modes=[
+            ReferenceMode(
+                id=int(track) + 1,
+                frequency=float(np.exp(base.log_frequency[i])),
+                frequency_std=float(np.exp(base.log_frequency[i]) * base.log_frequency_std[i]),
+                damping=float(base.damping[i]),
+                model_frequency=float(calibration.nominal_frequency[i]),
+                mac=float(calibration.nominal_mac[i]),
+                displacement=[_vector(u) for u in motion[:, :, i]],
+            )
+            for i, track in enumerate(tracks)
+        ],
+        calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
+        delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
+        delay_wander=reference.delays.wander,
+        accepted=list(accepted),
+    )
+
+
+def _geometry(model: Model) -> dict[str, Any]:
+    lines: dict[str, list[int]] = {}
+    for member, (start, end) in zip(model.member_names, model.spans, strict=True):
+        lines.setdefault(member, [start]).append(end)
+    sensors = {s.channel: (s.at, s.direction) for s in model.structure.heard}
+    return {"nodes": [_vector(p) for p in model.nodes], "lines": lines, "sensors": sensors}
+
+
+def bare_reference(structure: Structure) -> ReferenceResult:
+    """Return a structure as it can be drawn, with nothing learnt about it."""
+    return ReferenceResult(time=0, n_windows=0, modes=[], calibrated={}, **_geometry(build_model(structure)))
+
+
+def mass_answer(structure: Structure, change: MassChange, n_windows: int, outlook: str) -> MassAnswer:
+    """Return a located mass in the structure's coordinates."""
+    at = {member.name: member.point for member in structure.member}
+    columns = (change.members, change.position, change.density, change.profile_mass)
+    return MassAnswer(
+        member=change.member,
+        position=_vector(at[change.member](change.distance)),
+        position_std=change.distance_std,
+        mass=change.mass,
+        mass_std=change.mass_std,
+        region=[
+            Interval(member=r.member, start=_vector(at[r.member](r.start)), end=_vector(at[r.member](r.stop)))
+            for r in change.region
+        ],
+        member_probability=change.member_probability,
+        p_value=change.p_value,
+        n_windows=n_windows,
+        outlook=outlook,
+        profile=[
+            ProfilePoint(member=m, position=_vector(at[m](s)), density=float(d), mass=float(g))
+            for m, s, d, g in zip(*columns, strict=True)
+        ],
+        others=[
+            OtherPlace(
+                member=a.member,
+                position=_vector(at[a.member](a.distance)),
+                position_std=a.distance_std,
+                mass=a.mass,
+                mass_std=a.mass_std,
+                probability=a.probability,
+            )
+            for a in change.alternatives[1:]
+        ],
+    )
+
+
+def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
+    """Return the one-step update's increments, not-a-number as None."""
+    return MassIncrements(
+        place=_place(update.location) if update.location else None,
+        increment=[_vector(v) for v in update.increment],
+        increment_std=[_vector(v) for v in update.increment_std],
+        normalised=[_said(v) for v in update.normalised],
+        normalised_std=[_said(v) for v in update.normalised_std],
+        totals=_vector(update.totals),
+        totals_std=_vector(update.totals_std),
+        z_limit=update.z_limit,
+        flagged=[FlaggedDof(node=f.node, direction=_DIRECTIONS[f.direction], z=f.z) for f in update.flagged],
+        n_windows=n_windows,
+    )
+
+
+def _place(found: IncrementLocation) -> IncrementPlace:
+    return IncrementPlace(
+        located=found.is_located,
+        fits=found.fits,
+        member=found.member,
+        position=_vector(found.position),
+        radius=found.radius,
+        region=[Interval(member=name, start=_vector(a), end=_vector(b)) for name, a, b in found.region],
+        mass=found.mass,
+        p_value=found.p_value,
+    )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _said(values: FloatArray) -> tuple[float | None, float | None, float | None]:
+    x, y, z = (_known(v) for v in values)
+    return x, y, z
+
+
+def _vector(values: FloatArray) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

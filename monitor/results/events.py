@@ -1,0 +1,38 @@
+"""Results as the events that stand for them in the log, and back."""
+
+from daq import Event
+from monitor.results.windows import (
+    TOPIC_ALARM,
+    TOPIC_REFERENCE,
+    TOPIC_SELF_TEST,
+    TOPIC_WINDOW,
+    AlarmResult,
+    ReferenceResult,
+    Result,
+    SelfTestResult,
+    WindowResult,
+)
+
+TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
+TOPIC_ACKNOWLEDGE = "/event/acknowledge"
+TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undo"
+TOPIC_REFUSED = "/event/refused"  # a file that says nothing sensible
+_TYPES: dict[str, type[Result]] = {
+    TOPIC_WINDOW: WindowResult,
+    TOPIC_REFERENCE: ReferenceResult,
+    TOPIC_ALARM: AlarmResult,
+    TOPIC_SELF_TEST: SelfTestResult,
+}
+
+
+def result_event(result: Result) -> Event:
+    """Return a result as the event that stands for it in the log."""
+    time_ns = result.end if isinstance(result, WindowResult) else result.time
+    topic = next(topic for topic, kind in _TYPES.items() if isinstance(result, kind))
+    return Event(topic=topic, time=time_ns, payload=result.payload())
+
+
+def event_result(event: Event) -> Result | None:
+    """Return the result that an event of the log stands for, None if it is none."""
+    kind = _TYPES.get(event.topic)
+    return kind.model_validate(event.payload) if kind else None

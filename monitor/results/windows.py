@@ -1,0 +1,329 @@
+"""Results of the monitoring loop as they are logged: plain values, read back to the last digit."""
+
+import json
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from monitor.detection import DetectorName
+from monitor.detection.alarm import Kind, State
+from monitor.results.comparison import ChannelHealth, DiscrepancyResult
+from updater import Diagnosis
+
+Vector = tuple[float, float, float]
+Phase = Literal["learning", "watching", "alarm"]
+
+
+def _number(value: object) -> object:
+    """Take null for not-a-number, as which a log holds what is not finite."""
+    return math.nan if value is None else value
+
+
+Number = Annotated[float, BeforeValidator(_number)]
+
+TOPIC_WINDOW = "/result/window"
+TOPIC_REFERENCE = "/result/reference"
+TOPIC_ALARM = "/result/alarm"
+TOPIC_SELF_TEST = "/result/self_test"
+
+
+class _Result(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+    def payload(self) -> dict[str, Any]:
+        """Return JSON-ready values; what is not finite as null, so that any reader of JSON takes them."""
+        values: dict[str, Any] = json.loads(self.model_dump_json())
+        return values
+
+
+class ModeResult(_Result):
+    """One tracked mode in one window."""
+
+    id: int  #: identity, counted from 1 in the baseline's order of frequency
+    frequency: float  #: [Hz]
+    frequency_std: Number  #: [Hz]
+    damping: Number  #: [-]
+    damping_std: Number  #: [-]
+    shift_percent: float | None = None  #: of frequency against the baseline [%]
+    shift_std_percent: float | None = None  #: its standard deviation, baseline's share included [%]
+    shape: list[float]  #: real part at each channel, unit norm [-]
+
+
+class DetectorFigure(_Result):
+    """Result of one detector for a window."""
+
+    detector: DetectorName
+    value: Number  #: squared distance from what the law predicts, over the number of modes [-]
+    limit: Number  #: that it passes by chance at the rate below [-]
+    false_alarms_per_year: float  #: its share of the stated rate
+
+
+class Unsure(_Result):
+    """Result of a window where the law is uncertain, as at temperatures not seen before."""
+
+    least_percent: float  #: smallest change of all frequencies alike that would have been a jump [%]
+    temperature: Number  #: of the window [degC]
+    coldest: Number  #: of the baseline's windows [degC]
+    warmest: Number  #: [degC]
+    silent_hours: float | None = (
+        None  #: since the last temperature reading, if there was one and the window has none [h]
+    )
+
+    @property
+    def outside(self) -> bool:
+        """Tell whether the baseline has not seen the temperature."""
+        return self.temperature < self.coldest or self.temperature > self.warmest
+
+
+class SingleMode(_Result):
+    """Mode that alone would put windows over a limit, which a wrong pole does, too, for some windows."""
+
+    mode: int  #: identity
+    windows: int  #: in a row so far
+    needed: int  #: from which on it is taken for a change
+
+
+class ModeTrend(_Result):
+    """Rate of change of one mode's frequency."""
+
+    mode: int  #: identity
+    percent_per_year: Number
+    std_percent_per_year: Number
+
+
+class TrendResult(_Result):
+    """Slow trend of the frequencies since the baseline, the effects of temperature and season removed."""
+
+    weeks: float  #: that it is estimated from
+    percent_per_year: float  #: of the mean over all modes
+    std_percent_per_year: float
+    modes: list[ModeTrend]  #: null rates of those that too few weeks show
+
+
+class DetectableChange(_Result):
+    """Smallest lasting changes of frequency that bring a detector to its limit, by what is learnt so far."""
+
+    alike_percent: Number  #: of all modes alike [%]
+    modes_percent: list[Number]  #: of each mode alone, by identities from 1 on, not finite where not detectable [%]
+    thermometer: bool  #: whether the baseline has temperatures
+
+
+class Novelty(_Result):
+    """Distance of a window from the baseline."""
+
+    t2: Number  #: of the detector nearest to its limit, or farthest over it [-]
+    limit: Number  #: of the same [-]
+    modes: list[int]  #: identities of the modes that entered
+    detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
+    unsure: Unsure | None = None  #: where changes must be at least three times what they must be by a sure law
+    single_mode: SingleMode | None = None  #: where one mode alone is inconsistent, not for long enough to be a change
+    detectable: DetectableChange | None = None  #: in the conditions of the window
+    trend: TrendResult | None = None  #: significant slow trend, unless forgiven; it is no part of the distance
+
+    @property
+    def level(self) -> float:
+        """Over the limit [-]; not-a-number where no mode entered."""
+        return self.t2 / self.limit if self.modes else math.nan
+
+
+class Interval(_Result):
+    """A stretch of a member."""
+
+    member: str
+    start: Vector  #: [m]
+    end: Vector  #: [m]
+
+
+class ProfilePoint(_Result):
+    """Posterior along the members."""
+
+    member: str
+    position: Vector  #: [m]
+    density: float  #: probability a metre [1/m]
+    mass: float  #: best mass at this place [kg]
+
+
+class OtherPlace(_Result):
+    """Another place where the mass may be, for all that the data say."""
+
+    member: str
+    position: Vector  #: on the member's axis [m]
+    position_std: Number  #: along the member [m]
+    mass: float  #: that it has if it is there [kg]
+    mass_std: Number  #: [kg]
+    probability: float  #: of the place [-]
+
+
+class MassAnswer(_Result):
+    """Place and size of an added mass, from all windows since the change."""
+
+    member: str
+    position: Vector  #: on the member's axis [m]
+    position_std: Number  #: along the member [m]
+    mass: float  #: [kg]
+    mass_std: Number  #: [kg]
+    region: list[Interval]  #: 95 % credible
+    member_probability: float  #: that it sits on this member [-]
+    p_value: Number  #: of the fit: chance of a worse one if a mass is the cause [-]
+    n_windows: int  #: windows that entered
+    profile: list[ProfilePoint]
+    outlook: str = ""  #: what more windows would give, and when they no longer do
+    others: list[OtherPlace] = []  #: places that the data leave open besides, as on a symmetric frame's other arm
+
+
+class FlaggedDof(_Result):
+    """A node and direction whose mass increment is beyond what undisturbed windows show."""
+
+    node: int  #: index into `ReferenceResult.nodes`
+    direction: Literal["x", "y", "z"]
+    z: float  #: normalised increment over its standard deviation [-]
+
+
+class IncrementPlace(_Result):
+    """Position of one point mass that explains the increments of all nodes best."""
+
+    located: bool  #: whether one mass fits and its 95 % region is short; else no place is claimed
+    fits: bool  #: whether one mass explains the increments
+    member: str
+    position: Vector  #: [m]
+    radius: float  #: distance to the farthest end of the region [m]
+    region: list[Interval]  #: 95 %
+    mass: float  #: of the order of the change [kg]
+    p_value: float  #: probability of a worse fit if one mass is the cause [-]
+
+
+class MassIncrements(_Result):
+    """Nodal mass increments of the one-step update (the paper's eqs 3 to 14)."""
+
+    place: IncrementPlace | None = None  #: None if nothing is flagged
+    increment: list[Vector]  #: (n_nodes,) by direction, diag(M_u) - diag(M) [kg]
+    increment_std: list[Vector]  #: [kg]
+    normalised: list[tuple[float | None, float | None, float | None]]  #: eq. 14 [kg]; None where it says nothing
+    normalised_std: list[tuple[float | None, float | None, float | None]]  #: [kg]
+    totals: Vector  #: sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
+    totals_std: Vector  #: [kg]
+    z_limit: float  #: |z| that one undisturbed window in 100 passes anywhere (family-wise 1 %) [-]
+    flagged: list[FlaggedDof]  #: by distance from the place
+    n_windows: int  #: windows that entered
+
+
+class Spectrum(_Result):
+    """Singular values of the spectral matrix, and the stabilisation diagram's poles."""
+
+    frequency: list[float]  #: (n,) [Hz]
+    singular_values: list[list[float]]  #: (k, n) [dB re (m/s2)2/Hz]
+    pole_frequency: list[float]  #: [Hz]
+    pole_order: list[int]
+    pole_stable: list[bool]
+
+
+class WindowResult(_Result):
+    """One analysed window."""
+
+    index: int  #: counted from 0
+    start: int  #: [ns UTC]
+    end: int  #: [ns UTC]
+    phase: Phase
+    channels: list[str]  #: of the shapes
+    faults: dict[str, str] = {}  #: channels that are not among those, and why
+    modes: list[ModeResult]
+    novelty: Novelty | None = None
+    answer: MassAnswer | None = None
+    increments: MassIncrements | None = None
+    diagnosis: Diagnosis | None = None  #: since the baseline
+    discrepancy: DiscrepancyResult | None = None  #: what it rests on
+    spectrum: Spectrum | None = None
+    sensors: dict[str, ChannelHealth] = {}  #: from time to time, over the windows since the last time
+    rms: dict[str, float] = {}  #: of each channel [m/s2]
+    problem: str | None = None  #: why the window gave no modes
+    skipped: bool = False  #: whether it was left out, the analysis having fallen behind; a replay leaves it out too
+
+
+class ReferenceMode(_Result):
+    """A mode of the calibrated, one-step updated reference."""
+
+    id: int
+    frequency: float  #: [Hz]
+    frequency_std: Number  #: of the baseline mean [Hz]
+    damping: Number  #: [-]
+    model_frequency: float  #: of the structure file before calibration [Hz]
+    mac: float  #: measured against model before the update [-]
+    displacement: list[Vector]  #: at each node, largest 1 [-]
+
+
+class AcceptedShift(_Result):
+    """A change of the structure that somebody has accepted: provenance, and what the courses of the modes jump by."""
+
+    time: int  #: when it became the reference [ns UTC]
+    raised: int  #: when the alarm was [ns UTC]
+    cause: str  #: in a person's words
+    by: str
+    found: str  #: what the diagnosis said
+    n_windows: int  #: that the new reference was learnt from
+    shift_percent: list[float | None]  #: of each mode's frequency; None of one that is hidden and not watched [%]
+    shift_std_percent: list[float | None]  #: likewise [%]
+
+
+class ReferenceResult(_Result):
+    """The reference learnt from the baseline, with the geometry to draw it."""
+
+    time: int  #: [ns UTC]
+    n_windows: int
+    nodes: list[Vector]  #: [m]
+    lines: dict[str, list[int]]  #: member -> its nodes in order
+    sensors: dict[str, tuple[Vector, Vector]]  #: channel -> place [m], direction
+    modes: list[ReferenceMode]
+    calibrated: dict[str, tuple[float, float]]  #: parameter -> value, standard deviation
+    delays: dict[str, tuple[float, float]] = {}  #: device -> constant delay against their mean, standard deviation [s]
+    delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
+    accepted: list[AcceptedShift] = []  #: since the baseline, in order
+
+    @property
+    def late(self) -> dict[str, float]:
+        """Time by which each device's scans were taken earlier than their arrivals indicate [s]."""
+        return {device: delay for device, (delay, _) in self.delays.items()}
+
+
+class SelfTestResult(_Result):
+    """Test that a mass would be noticed: it is put into copies of the newest windows, at random places."""
+
+    time: int  #: [ns UTC]
+    mass: float  #: [kg]
+    places: int  #: that it was tried at
+    detected: int  #: at so many the alarm would have been raised within six windows
+    passed: bool  #: at half of them at least
+    last_passed: int | None  #: when a test has last passed, this one included [ns UTC]
+
+    @property
+    def probability(self) -> float:
+        """Of detection [-]."""
+        return self.detected / self.places
+
+    @property
+    def text(self) -> str:
+        """Say it in a line."""
+        said = "passed" if self.passed else "FAILED"
+        seen = f"{self.detected} of {self.places} places"
+        return f"self-test {said}: {1000 * self.mass:.0f} g would raise the alarm at {seen}"
+
+
+class AlarmResult(_Result):
+    """A change of the alarm."""
+
+    time: int  #: end of the window that caused it, or when a person acknowledged it [ns UTC]
+    state: State  #: from now on
+    text: str
+    window: Annotated[int, Field(ge=0)]  #: the last one analysed by then
+    kind: Kind = "state"  #: what happened, if not just that
+    lasted: float | None = None  #: of an alarm that ends [s]
+    quiet: bool = False  #: nobody need be woken: it flaps, or goes on
+    since: int | None = None  #: of an alarm that stands over a restart: when it was raised [ns UTC]
+
+    @property
+    def raised(self) -> bool:
+        """Tell whether this is an alarm's beginning."""
+        return self.state == "alarm" and self.kind == "state"
+
+
+Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult  #: what the analysis finds

@@ -1,0 +1,153 @@
+"""A scenario played on emulated devices: a world that moves, ptys that stream, a timeline of what happens."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from daq import (
+    CanAddress,
+    EmulatedEpson,
+    EmulatedEpsonCan,
+    EmulatedPort,
+    EmulatedSlcan,
+    HostClock,
+    serve_all,
+    unplugging,
+)
+from monitor.rig.device_model import DeviceSource, make_sources, serial_number, serial_word
+from monitor.rig.scenario import RigDevice, Scenario
+from monitor.rig.world import World
+from updater import Structure
+
+_TICK = 0.004  # s of wall time between servings
+_LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may make up for: what a pty just holds; a third of a FIFO
+_SMOOTHING = 0.1  # of the time between servings
+
+Place = str | CanAddress  #: serial port or CAN node
+Emulated = EmulatedEpson | EmulatedEpsonCan
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayReport:
+    """Actions of the rig."""
+
+    sent: int  #: scans handed to the ptys
+    dropped: int  #: scans that found a full pty
+    dropped_by_device: dict[str, int]  #: the same, one by one
+    events: tuple[int, ...]  #: times of the scenario's events that came to pass [ns UTC]
+
+
+class _LeashedClock:
+    """A clock that catches up in steps after this process was held up.
+
+    Without it, what became due meanwhile would overflow the ports, though no real device would have been held up; and
+    one device would run far ahead of the others.
+    """
+
+    def __init__(self, clock: HostClock) -> None:
+        self._clock = clock
+        self.speed = clock.speed
+        self._limit = clock.now()
+        self._interval, self._last = _TICK, time.monotonic()
+
+    def now(self) -> int:
+        """Return the time [ns UTC]."""
+        return min(self._clock.now(), self._limit)
+
+    def lengthen(self) -> None:
+        """Allow another step: twice what servings are apart lately, so that a busy machine is kept up with too."""
+        wall = time.monotonic()
+        self._interval += _SMOOTHING * (wall - self._last - self._interval)
+        self._last = wall
+        self._limit = self.now() + round(min(max(2 * self._interval, _LEASH[0]), _LEASH[1]) * 1e9 * self.speed)
+
+
+def play(
+    structure: Structure,
+    scenario: Scenario,
+    clock: HostClock,
+    ready: Callable[[dict[str, Place]], None],
+    stop: threading.Event,
+) -> PlayReport:
+    """Play a scenario until its duration is over or `stop` is set.
+
+    The structure moves from the beginning; devices sample from when they are told to. The timeline counts from the
+    moment the last of them began; a device not asked for yet keeps everything waiting.
+
+    Parameters
+    ----------
+    structure : nominal
+    scenario : of the rig
+    clock : of the world
+    ready : called once with device -> where it is connected
+    stop : ends it early
+    """
+    world, sources = make_sources(structure, scenario)
+    leashed = _LeashedClock(clock)
+    rig = _Rig()
+    with unplugging(rig.ports):
+        for device, source in zip(scenario.device, sources, strict=True):
+            rig.add(device, source, leashed)
+        rig.plug_adapter()
+        ready(rig.places)
+        events = _serve(rig, scenario.duration, world, leashed, stop)
+    dropped = {name: emulated.dropped for name, emulated in rig.devices.items()}
+    sent = sum(emulated.sent for emulated in rig.devices.values())
+    return PlayReport(sent=sent, dropped=sum(dropped.values()), dropped_by_device=dropped, events=events)
+
+
+@dataclass(eq=False)
+class _Rig:
+    """Emulated devices, and the ports they are behind: a serial one each, or one adapter for all CAN nodes."""
+
+    devices: dict[str, Emulated] = field(default_factory=dict)
+    ports: list[EmulatedPort] = field(default_factory=list)
+    places: dict[str, Place] = field(default_factory=dict)
+
+    def add(self, device: RigDevice, source: DeviceSource, clock: HostClock) -> None:
+        """Put a device where the scenario wants it."""
+        error = device.clock_error
+        if device.node is None:
+            serial = EmulatedEpson(source, clock, serial_number=serial_number(device), clock_error=error)
+            self.devices[device.name] = serial
+            self.ports.append(serial)
+            self.places[device.name] = serial.port
+        else:
+            number = serial_word(device)
+            self.devices[device.name] = EmulatedEpsonCan(
+                source, clock, node=device.node, serial_number=number, clock_error=error
+            )
+
+    def plug_adapter(self) -> None:
+        """Give the CAN nodes their adapter, if there are any."""
+        nodes = {name: device for name, device in self.devices.items() if isinstance(device, EmulatedEpsonCan)}
+        if nodes:
+            adapter = EmulatedSlcan(list(nodes.values()))
+            self.ports.append(adapter)
+            for name, device in nodes.items():
+                self.places[name] = CanAddress(interface="slcan", channel=adapter.port, node=device.node)
+
+
+def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop: threading.Event) -> tuple[int, ...]:
+    """Serve until the end; return the times of the events that happened [ns UTC]."""
+    begun: int | None = None
+    planned: tuple[int, ...] = ()
+    turn = 0
+    while not stop.wait(_TICK):
+        turn += 1
+        clock.lengthen()
+        world.keep_up(clock.now())
+        serve_all(rig.ports, turn)
+        if begun is None:
+            begun = _last_begun(list(rig.devices.values()))
+            planned = () if begun is None else world.begin(begun)
+        elif duration and clock.now() - begun > duration * 1e9:
+            break
+    return tuple(time for time in planned if time <= clock.now())
+
+
+def _last_begun(devices: list[Emulated]) -> int | None:
+    """Return when the last device began to sample [ns UTC]; None if one has not."""
+    times = [time for device in devices if (time := device.sampling_since) is not None]
+    return max(times) if len(times) == len(devices) else None

@@ -1,0 +1,1 @@
+"""The monitoring service: processes, start and stop, devices, outputs, status."""

@@ -1,0 +1,1 @@
+"""Devices and thermometers of a running site."""

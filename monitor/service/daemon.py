@@ -1,0 +1,125 @@
+"""The monitoring service: start, loop, stop."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import DaqError, Item, error_text, short_line
+from monitor.errors import MonitorError
+from monitor.results.windows import Result
+from monitor.service.servers.live_view import LiveView
+from monitor.service.site import Site
+from monitor.service.site_run import Running
+from monitor.service.systemd.notify import ServiceManager
+from monitor.watch.memory import NOTHING, Recalled
+from updater import UpdaterError
+
+_MAX_REFUSAL = 500  # characters
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """Result of a run."""
+
+    logs: tuple[Path, ...]  #: the files, in the order of writing
+    dropped: int  #: items that the log's queue had no room for
+    disk_failure: str | None
+
+    @property
+    def log(self) -> Path:
+        """The log, or the folder of its files if there is more than one."""
+        return self.logs[0] if len(self.logs) == 1 else self.logs[0].parent
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Turn SIGINT and SIGTERM into an event, for as long as the context lasts."""
+    with _told_by(signal.SIGINT, signal.SIGTERM) as stop:
+        yield stop
+
+
+@contextmanager
+def reload_on_signal() -> Iterator[threading.Event]:
+    """Turn SIGHUP into an event, for as long as the context lasts."""
+    with _told_by(signal.SIGHUP) as reload:
+        yield reload
+
+
+@contextmanager
+def _told_by(*numbers: signal.Signals) -> Iterator[threading.Event]:
+    told = threading.Event()
+    before = {number: signal.signal(number, lambda *_: told.set()) for number in numbers}
+    try:
+        yield told
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run(
+    site: Site,
+    stop: threading.Event,
+    on_result: Callable[[Result], None],
+    live: LiveView | None = None,
+    *,
+    takers: Sequence[Callable[[Item], None]] = (),
+    recalled: Recalled = NOTHING,
+    mended: Sequence[str] = (),
+    reread: Callable[[], Site | None] = lambda: None,
+) -> RunReport:
+    """Watch until `stop` is set: readers and writer in threads, analysis in a process.
+
+    Parameters
+    ----------
+    site : what is connected and how it is watched
+    stop : ends it; what has arrived by then is logged and analysed
+    on_result : called in this thread with everything that is found
+    live : shows what is logged, if given
+    takers : called in the log's thread with all that is logged; they must not wait
+    recalled : of the run before, to go on from
+    mended : what was done to logs that earlier runs left without an end, in words
+    reread : asked now and then for new settings to go on with; None if there are none
+
+    Raises
+    ------
+    StartError
+        If a device does not answer or the log cannot be made.
+    """
+    manager = ServiceManager()
+    with Running(site, on_result, live, takers, recalled, mended) as running:
+        manager.ready()
+        while not stop.is_set():
+            if running.turn():
+                manager.status(running.vitals.line)
+            manager.feed(running.signs)
+            _reload(running, reread, manager)
+        manager.stopping()
+        running.finish()
+    return RunReport(logs=running.logs.files, dropped=running.logs.dropped, disk_failure=running.logs.disk_failure)
+
+
+def _reload(running: Running, reread: Callable[[], Site | None], manager: ServiceManager) -> None:
+    """Go on with new settings if there are any; those that cannot be used, whatever they raise, are refused."""
+    try:
+        site = reread()
+    except Exception as error:  # noqa: BLE001 - a file may raise anything; the watch goes on with the settings it has
+        running.refuse(_refusal(error))
+        return
+    if site is None:
+        return
+    manager.reloading()
+    try:
+        running.reload(site)
+    except Exception as error:  # noqa: BLE001 - likewise
+        running.refuse(_refusal(error))
+    manager.ready()
+
+
+def _refusal(error: Exception) -> str:
+    """Return in one line why settings cannot be used."""
+    if isinstance(error, DaqError | MonitorError | UpdaterError):
+        return short_line(str(error), _MAX_REFUSAL)
+    return f"the settings cannot be used: {error_text(error)}"

@@ -1,0 +1,377 @@
+"""Logs with their analyses, each of which gives way to the next while what is measured goes on."""
+
+import math
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+from daq import (
+    CHANNELS,
+    FAILURES,
+    ChannelMap,
+    DiskGuard,
+    Event,
+    HostClock,
+    Item,
+    LogKeeper,
+    LogRecorder,
+    LogThread,
+    Retention,
+    Rotation,
+)
+from monitor.errors import StartError
+from monitor.results.events import TOPIC_STOPPED, result_event
+from monitor.results.windows import Result
+from monitor.service.site import Site
+from monitor.service.worker import AnalysisError, Kept, Told, Worker
+from monitor.settings import RecorderSettings
+from monitor.watch.memory import MEMORY, MemoryFile, Recalled, fitting
+from updater import parse_structure
+
+_BLOCK_SECONDS = 0.2  # of data in a block of a device
+_MOST_WINDOWS, _MOST_SECONDS = 10.0, 600.0  # that may wait: windows, but seconds of wall time at least
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Analysis:
+    """Both, not started yet: what is fed waits until the worker is."""
+
+    keeper: LogKeeper
+    worker: Worker
+
+
+def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], memory: str) -> Analysis:
+    """Begin a log, with everything attached that a replay needs, and what will analyse it.
+
+    Parameters
+    ----------
+    site : that is watched
+    clock : of the data
+    tell : called with what befalls the disk, in the log's thread
+    memory : text of what to go on from; empty for nothing
+
+    Raises
+    ------
+    LogError
+        If the log cannot be made.
+    """
+    recorder_settings = site.settings.recorder
+    folder = logs_of(site)
+    folder.mkdir(parents=True, exist_ok=True)
+    attachments = {
+        "site.toml": site.site_text,
+        "structure.toml": site.structure_text,
+        CHANNELS: ChannelMap(channels=site.settings.channels, on_grid=False).to_json(),
+    }
+    if memory:
+        attachments[MEMORY] = memory
+    recorder = LogRecorder(
+        folder,
+        attachments,
+        clock.now(),
+        _rotation(recorder_settings),
+        view_rate=recorder_settings.view_rate,
+    )
+    return Analysis(
+        keeper=LogKeeper(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),
+        worker=Worker(site.structure_text, site.site_text, memory, keep=True),
+    )
+
+
+def logs_of(site: Site) -> Path:
+    """Return the folder of a site's logs."""
+    return site.folder / site.settings.recorder.folder
+
+
+def prepare_logs(site: Site) -> None:
+    """Make the folder of a site's logs if need be, and try whether files can be made there.
+
+    Raises
+    ------
+    StartError
+        If not.
+    """
+    folder = logs_of(site)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, ValueError) as error:
+        raise StartError(f"recorder.folder: expected a folder that takes files: {error}") from error
+
+
+def blocks_a_second(site: Site) -> float:
+    """Return how many blocks come from all devices, a second of data."""
+    return len(site.settings.device) / _BLOCK_SECONDS
+
+
+def most_waiting(site: Site) -> float:
+    """Return how many items may wait for the analysis before it will never catch up: so many windows, but minutes."""
+    clock = site.settings.clock
+    least = _MOST_SECONDS * (clock.speed if clock else 1.0)
+    return blocks_a_second(site) * max(_MOST_WINDOWS * site.settings.step_seconds, least)
+
+
+def analysed_alike(one: Site, other: Site) -> bool:
+    """Tell whether two sites' settings ask for the same log and analysis."""
+    return _key(one) == _key(other)
+
+
+def _key(site: Site) -> tuple[object, ...]:
+    settings = site.settings
+    devices = tuple((device.name, device.driver, device.rate, device.channels) for device in settings.device)
+    return site.structure_text, settings.recorder, settings.analysis, settings.alarm, settings.temperature, devices
+
+
+def _rotation(recorder: RecorderSettings) -> Rotation:
+    return Rotation(size=recorder.rotate_mb * 1e6, seconds=recorder.rotate_minutes * 60)
+
+
+def _retention(recorder: RecorderSettings) -> Retention:
+    return Retention(
+        seconds=(recorder.keep_days or math.inf) * 86400,
+        size=(recorder.keep_gb or math.inf) * 1e9,
+        least_free=recorder.min_free_gb * 1e9,
+    )
+
+
+_POLL = 0.2  # s
+_LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
+_LAST_WORDS = 20.0  # s that one which gives way to another is waited for: the watchdog is fed four times a minute
+_REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedLog:
+    """Contents of a log that is closed; its keeper holds all that was written in front of each file."""
+
+    paths: tuple[Path, ...]
+    problem: str | None
+
+
+class Succession:
+    """The log that is written and the analysis that is fed now, and all before them.
+
+    All methods but `put`, `say` and `_take` are for one thread.
+
+    Parameters
+    ----------
+    site : that is watched; another one may take its place
+    clock : of the data
+    on_result : called with everything that is found
+    hand_on : called in the log's thread with all that is logged
+    lost : tells which devices are lost: that stands in each log
+    recalled : of the run before, to go on from
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        clock: HostClock,
+        on_result: Callable[[Result], None],
+        hand_on: Callable[[Item], None],
+        lost: Callable[[], list[str]],
+        recalled: Recalled,
+    ) -> None:
+        self.site, self._clock, self._on_result, self._hand_on, self._lost = site, clock, on_result, hand_on, lost
+        self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
+        self._memory = MemoryFile(site.state / MEMORY)
+        self._analysis = new_analysis(site, clock, self._take, self._kept)
+        self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
+        self._logs: list[LogKeeper | FinishedLog] = [self._analysis.keeper]  # all so far
+        seconds = site.settings.recorder.chunk_seconds
+        self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
+        self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
+
+    def __enter__(self) -> Self:
+        """Start to write and to analyse."""
+        with ExitStack() as stack:
+            stack.callback(lambda: self._analysis.worker.__exit__())
+            self._analysis.worker.__enter__()
+            stack.enter_context(self._memory)
+            stack.enter_context(self._log)
+            self._say_refused()
+            self._undo = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End everything that still goes on."""
+        self._undo.close()
+
+    def put(self, item: Item) -> None:
+        """Have something logged, and analysed; never waits."""
+        self._log.put(item)
+
+    def say(self, what: str, payload: dict[str, Any]) -> None:
+        """Have an event logged that happens now."""
+        self._log.put(Event(topic=f"/event/{what}", time=self._clock.now(), payload=payload))
+
+    def turn(self) -> None:
+        """Log and hand on what is found, for a moment; begin anew what has died or will never catch up."""
+        self._report()
+        if self._revive_at and time.monotonic() >= self._revive_at:
+            self.renew("the analysis had died")
+        waiting = self._worker.waiting if self._worker else 0
+        if waiting > most_waiting(self.site):
+            self._say_behind(waiting)
+            self._say_stopped(why="the analysis was behind")
+            self._worker = None
+            self.renew("the analysis was behind")
+
+    def renew(self, why: str) -> None:
+        """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.
+
+        What comes while the old analysis says its last word stands in the old log, and is not analysed.
+        """
+        old = self._analysis
+        if self._worker is not None:
+            self._say_stopped(why=why)
+            self._hear_out(_LAST_WORDS)
+        try:
+            new = new_analysis(self.site, self._clock, self._take, self._remembered())
+        except Exception as error:  # noqa: BLE001 - whatever it is, recording goes on
+            self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
+            return
+        self._analysis, self._revive_at = new, 0.0
+        self._logs.append(new.keeper)
+        self._log.switch(new.keeper, partial(self._go_over, old.keeper, new))
+        FAILURES.attempt("analysis", new.worker.__enter__)  # one that does not start is found dead
+        FAILURES.attempt("analysis", old.worker.__exit__)
+        self._say_refused()
+        for name in self._lost():
+            self.say("device_lost", {"device": name, "why": "it was lost before"})
+
+    def finish(self) -> None:
+        """Let what has arrived be logged, and analysed as far as that goes in a while: service managers do not wait."""
+        self._say_stopped()
+        self._hear_out(_LAST_SECONDS)
+
+    @property
+    def learnt(self) -> bool:
+        """True if there is anything to continue from."""
+        return bool(self._kept)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All logs, in the order of writing."""
+        return tuple(path for log in self._logs for path in log.paths)
+
+    @property
+    def dropped(self) -> int:
+        """Items that the log's queue had no room for."""
+        return self._log.dropped
+
+    @property
+    def turned(self) -> float:
+        """Time of the last completed write of the log's thread [s, monotonic]."""
+        return self._log.turned
+
+    @property
+    def losing(self) -> bool:
+        """True if data are being lost because the disk cannot be written."""
+        return self._analysis.keeper.losing
+
+    @property
+    def disk_failure(self) -> str | None:
+        """Data that are not in the logs, and the reason."""
+        return "; ".join(filter(None, map(self._problem, self._logs))) or None
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Signs of health of the parts."""
+        return {
+            "dropped": self._log.dropped,
+            "disk": self._problem(self._analysis.keeper),
+            "memory": self._memory.problem,
+            "analysis": None if self._worker else "its process has died; it is started again",
+        }
+
+    @property
+    def waiting(self) -> dict[str, int]:
+        """Items that wait for the log, and for the analysis."""
+        return {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0}
+
+    def _problem(self, log: LogKeeper | FinishedLog) -> str | None:
+        """Tell what is not in a log, and why."""
+        if isinstance(log, FinishedLog) or self._log.failure is None:
+            return log.problem
+        return "; ".join(filter(None, (log.problem, f"nothing more is written: {self._log.failure}")))
+
+    def _hear_out(self, seconds: float) -> None:
+        """Wait for the analysis to say its last word, so long at most; what it leaves out then stands in the log."""
+        end = time.monotonic() + seconds
+        while self._report():
+            if time.monotonic() > end:
+                self._say_behind(self._analysis.worker.waiting)
+                return
+
+    def _say_behind(self, waiting: int) -> None:
+        self.say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self.site), 1)})
+
+    def _say_stopped(self, **why: str) -> None:
+        self.say(TOPIC_STOPPED.removeprefix("/event/"), {"dropped": self._log.dropped, **why})
+
+    def _say_refused(self) -> None:
+        if self._refused:
+            self.say("learning_anew", {"why": self._refused})
+            self._refused = None
+
+    def _remembered(self) -> str:
+        """Return what the new analysis goes on from: what the old one kept, as far as it is of the same watch."""
+        if not self._kept:
+            return ""
+        structure = parse_structure(self.site.structure_text)
+        found = fitting(self._kept, "what was learnt", structure, self.site.settings)
+        self._refused, self._kept = found.refused, found.text or ""
+        return self._kept
+
+    def _go_over(self, old: LogKeeper, new: Analysis) -> None:
+        """Feed the new analysis, the old log being closed; in the log's thread."""
+        self._logs[self._logs.index(old)] = FinishedLog(paths=old.paths, problem=self._problem(old))
+        self._worker = new.worker
+
+    def _report(self) -> bool:
+        """Log and hand on what the analysis has found; False once it has said its last word, or has died."""
+        if self._worker is None:
+            time.sleep(_POLL)
+            return False
+        try:
+            for result in self._analysis.worker.results(_POLL):
+                if result is None:
+                    return False
+                self._tell(result)
+            self._memory.write()
+        except AnalysisError as error:
+            self._mourn(error)
+            return False
+        return True
+
+    def _tell(self, result: Told) -> None:
+        if isinstance(result, Kept):
+            self._memory.expect(result.text)
+            self._kept = result.text
+            return
+        event = result_event(result)
+        self._memory.after(event)
+        self._log.put(event)
+        self._on_result(result)
+        self._revive_after = _REVIVE_FIRST
+
+    def _mourn(self, error: Exception) -> None:
+        """Go on without an analysis for a while: one that dies at once, again and again, is not to fill the disk."""
+        self._worker = None
+        self._revive_at = time.monotonic() + self._revive_after
+        self.say("analysis_died", {"why": str(error) or type(error).__name__, "again_in_s": self._revive_after})
+        self._revive_after = min(2 * self._revive_after, _REVIVE_LONGEST)
+
+    def _take(self, item: Item) -> None:
+        """Hand on an item once it is logged; in the log's thread."""
+        if self._worker is not None:
+            FAILURES.attempt("analysis", self._worker.feed, item)
+        self._hand_on(item)
+        FAILURES.attempt("memory", self._memory.take, item)

@@ -1,0 +1,133 @@
+"""Commands of a person to a running monitor: one small file each, taken once, logged as an event.
+
+A file needs no port and no rights but those on the folder, outlives a restart, and is seen by whoever runs the monitor.
+"""
+
+import os
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from monitor.results.events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, TOPIC_UNDO
+
+_LONGEST = 4096  # bytes
+
+
+def _one_line(text: str) -> str:
+    """Return words without what is no letter: line breaks part the lines of logs, and a zero no database takes."""
+    return "".join(letter if letter.isprintable() else " " for letter in text).strip()
+
+
+Words = Annotated[str, AfterValidator(_one_line)]
+
+
+class Word(BaseModel):
+    """Command of a person."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    by: Words = ""
+
+
+class Acknowledgement(Word):
+    """A person knows of the alarm."""
+
+    kind: Literal["acknowledge"] = "acknowledge"
+    note: Words = ""
+
+
+class Acceptance(Word):
+    """Acceptance: the change that raised the alarm is intended, or explained, and becomes the new reference."""
+
+    kind: Literal["accept"] = "accept"
+    cause: Annotated[Words, Field(min_length=1)]  #: what it is, in a person's words
+    alarm: int | None = None  #: when the alarm that is meant was raised [ns UTC]; the one that stands
+
+
+class Undoing(Word):
+    """The last acceptance was wrong."""
+
+    kind: Literal["undo"] = "undo"
+    note: Words = ""
+
+
+Said = Acknowledgement | Acceptance | Undoing
+_TOPICS = {"acknowledge": TOPIC_ACKNOWLEDGE, "accept": TOPIC_ACCEPT, "undo": TOPIC_UNDO}
+_SAID: TypeAdapter[Said] = TypeAdapter(Annotated[Said, Field(union_mode="left_to_right")])
+
+
+def leave(state: Path, said: Said) -> Path:
+    """Put a word where the monitor of that state folder takes it; it appears whole or not at all.
+
+    What several people say while no monitor runs is taken in the order in which they said it.
+
+    Raises
+    ------
+    OSError
+        If this user may not.
+    """
+    folder = inbox_of(state)
+    path = folder / f"{time.time_ns():020}_{uuid.uuid4().hex}.json"
+    unfinished = path.with_suffix(".part")
+    unfinished.write_text(said.model_dump_json(), encoding="utf-8")
+    _give(unfinished, state)
+    os.replace(unfinished, path)
+    return path
+
+
+def inbox_of(state: Path) -> Path:
+    """Return the folder that words are left in, made if need be."""
+    folder = state / "inbox"
+    if not folder.is_dir():
+        folder.mkdir(parents=True, exist_ok=True)
+        _give(folder, state)
+    return folder
+
+
+def _give(path: Path, state: Path) -> None:
+    """Have what the superuser makes belong to whom the state folder does: the monitor has to be able to take it."""
+    if os.geteuid() == 0:
+        owner = state.stat()
+        os.chown(path, owner.st_uid, owner.st_gid)
+
+
+class Inbox:
+    """Commands left for a monitor.
+
+    Parameters
+    ----------
+    state : its folder
+    """
+
+    def __init__(self, state: Path) -> None:
+        self._folder = state / "inbox"
+        self._stuck: set[str] = set()
+
+    def taken(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield topic and payload of what was left since the last time; each file is gone once it is yielded.
+
+        One that cannot be read or removed is refused once: obeyed, it would be obeyed again at each start.
+        """
+        for path in sorted(self._folder.glob("*.json"), key=lambda p: p.name):
+            if path.name in self._stuck:
+                continue
+            try:
+                with path.open("rb") as file:
+                    text = file.read(_LONGEST + 1)
+                path.unlink()
+            except OSError as error:
+                self._stuck.add(path.name)
+                yield TOPIC_REFUSED, {"file": path.name, "why": f"it cannot be taken: {error.strerror}"}
+                continue
+            yield _said(path.name, text)
+
+
+def _said(name: str, text: bytes) -> tuple[str, dict[str, Any]]:
+    try:
+        said = _SAID.validate_json(text)
+    except ValidationError as error:
+        return TOPIC_REFUSED, {"file": name, "why": str(error).splitlines()[0]}
+    return _TOPICS[said.kind], said.model_dump(exclude={"kind"})

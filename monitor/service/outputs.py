@@ -1,0 +1,192 @@
+"""Outputs of a run: history, notices, pages and the live view; each may fail or be replaced."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any, Self
+
+from daq import FAILURES, Item, error_text
+from monitor.errors import StartError
+from monitor.outputs.history import HistoryRecorder
+from monitor.outputs.notices import Courier
+from monitor.service.servers.live_view import LiveView
+from monitor.service.servers.web import WebServer, web_process
+from monitor.service.site import Site
+
+_AGAIN_SECONDS = 60.0  # until what died is served again
+Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
+
+
+class Outlets:
+    """All of them; `put` is for the log's thread, the rest for the one that made it.
+
+    Parameters
+    ----------
+    site : that is watched
+    live : the live view, started by somebody else; None for none
+    """
+
+    def __init__(self, site: Site, live: LiveView | None) -> None:
+        self._site, self._live = site, live
+        self._history, self._couriers = _history(site), _couriers(site)
+        self._web = ExitStack()
+        self._server: WebServer | None = None
+        self._web_failed: str | None = None  # why there is no server
+        self._dead: dict[str, float] = {}  # what is not served -> when it is tried again, by time.monotonic [s]
+
+    def __enter__(self) -> Self:
+        """Start all but the live view.
+
+        Raises
+        ------
+        StartError
+            If the pages cannot be served.
+        """
+        with ExitStack() as stack:
+            stack.callback(lambda: _stop([self._history, *self._couriers]))
+            _start([self._history, *self._couriers])
+            stack.callback(lambda: self._web.close())
+            self._serve()
+            self._undo = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Bring out what waits, and end."""
+        self._undo.close()
+
+    def put(self, item: Item) -> None:
+        """Hand on what was logged; never waits."""
+        FAILURES.attempt("history", self._history.put, item)
+        for courier in self._couriers:
+            FAILURES.attempt("notices", courier.put, item)
+        if self._live:
+            FAILURES.attempt("viewer", self._live.show, item)
+
+    def said(self) -> Iterator[Said]:
+        """Yield what befell them since the last time; what died is served again after a while."""
+        yield from self._history.said()
+        for courier in self._couriers:
+            yield from courier.said()
+        yield from self._tend()
+
+    def _tend(self) -> Iterator[Said]:
+        """Say once what is not served any more, and why; serve it again a minute later."""
+        now = time.monotonic()
+        for name, problem, again in (
+            ("viewer", self._live.problem if self._live else None, self.show_again),
+            ("web", self._web_problem, self._serve_again),
+        ):
+            if problem and name not in self._dead:
+                self._dead[name] = now + _AGAIN_SECONDS
+                yield f"/event/no_{name}", {"why": problem}
+            elif name in self._dead and now >= self._dead[name]:
+                self._dead[name] = now + _AGAIN_SECONDS
+                if again() is None:
+                    del self._dead[name]
+                    yield f"/event/{name}_back", {}
+
+    def show_again(self) -> str | None:
+        """Serve the live view again, without what it has shown; return why that cannot be."""
+        if self._live:
+            self._live.restart(self._site.settings, self._site.structure_text, self._site.site_text)
+        return self._live.problem if self._live else None
+
+    def _serve_again(self) -> str | None:
+        """Serve the pages again; return why that cannot be."""
+        self._web.close()
+        try:
+            self._serve()
+        except Exception as error:  # noqa: BLE001 - tried again a minute later, whatever it is
+            self._web_failed = str(error) if isinstance(error, StartError) else error_text(error)
+        return self._web_problem
+
+    @property
+    def _web_problem(self) -> str | None:
+        return self._server.problem if self._server else self._web_failed
+
+    @property
+    def waiting(self) -> int:
+        """Items that the live view has not taken yet."""
+        return self._live.waiting if self._live else 0
+
+    @property
+    def problems(self) -> dict[str, Any]:
+        """Fault of each output, None if it has none."""
+        troubled = "; ".join(courier.problem for courier in self._couriers if courier.problem)
+        return {
+            "history": self._history.problem,
+            "not_in_history": self._history.dropped,
+            "notices": troubled or None,
+            "viewer": self._live.problem if self._live else None,
+            "web": self._web_problem,
+        }
+
+    def renew(self, site: Site, *, analysed_alike: bool) -> Iterator[str]:
+        """Put others in the place of those whose settings have changed; yield which, or why one cannot be served.
+
+        What comes for history and notices meanwhile waits: the old ones may still write to files that the new share.
+        """
+        before, now = self._site.settings, site.settings
+        self._site = site
+        if before.history != now.history:
+            old, self._history = self._history, _history(site)
+            _stop([old])
+            _start([self._history])
+            yield "history"
+        if before.notify != now.notify:
+            self._renew_couriers()
+            yield "notify"
+        if before.web != now.web:
+            why = self._serve_again()
+            yield f"no web: {why}" if why else "web"
+        if self._live and (before.viewer != now.viewer or (now.viewer and not analysed_alike)):
+            self._live.restart(now, site.structure_text, site.site_text)
+            yield "viewer"
+
+    def _renew_couriers(self) -> None:
+        old, new = self._couriers, _couriers(self._site)
+        for courier, former in zip(new, old, strict=False):
+            courier.go_on_from(former)
+        self._couriers = new
+        for courier in old:
+            courier.stop()  # not waited for: each new one delivers only once the old one has ended
+        _start(new)
+
+    def _serve(self) -> None:
+        """Serve the pages, if the site has any.
+
+        Raises
+        ------
+        StartError
+            If they cannot be served.
+        """
+        web, self._server, self._web_failed = self._site.settings.web, None, None
+        if web:
+            server = web_process(self._site.source, web.bind, web.port, web.token_file)
+            self._server = self._web.enter_context(server)
+
+
+Part = HistoryRecorder | Courier
+
+
+def _start(parts: Sequence[Part]) -> None:
+    for part in parts:
+        part.__enter__()
+
+
+def _stop(parts: Sequence[Part]) -> None:
+    """End parts; none waits for another's end."""
+    for part in parts:
+        part.stop()
+    for part in parts:
+        part.__exit__()
+
+
+def _history(site: Site) -> HistoryRecorder:
+    spool, keep = site.state / "history_spool.jsonl", site.settings.history.keep_events
+    return HistoryRecorder(site.source.url, spool, keep_events=keep)
+
+
+def _couriers(site: Site) -> list[Courier]:
+    targets = enumerate(site.settings.notify, 1)
+    return [Courier(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]

@@ -1,0 +1,223 @@
+"""The same loop over a log, as fast as it goes."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from daq import (
+    BEGINNING,
+    DEVICE_LOST,
+    END,
+    HOW_TO_PLACE,
+    AnyLog,
+    Block,
+    Event,
+    Item,
+    LogError,
+    LogExcerpt,
+    LogWriter,
+    absent_devices,
+    read_attachments,
+    read_channel_map,
+    read_events,
+    read_log,
+)
+from monitor.results.events import TOPIC_STOPPED, event_result, result_event
+from monitor.results.replay_comparison import ReplayComparison, compare_results
+from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
+from monitor.service.site import Site
+from monitor.service.worker import Kept, Told, Worker
+from monitor.settings import Override, attachable, overridden, parse_settings
+from monitor.watch.memory import MEMORY, NOTHING, fitting
+from updater import parse_structure
+
+_WAITING = 2000  # items that may wait for the analysis
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReplayReport:
+    """Results of a replay, with the live results in the log."""
+
+    found: list[Result]
+    logged: list[Result]
+    attached: Mapping[str, str]  #: name -> text: what the log has attached, with the settings that were used
+    memory: str  #: what to go on from, as text; empty if nothing was said
+    window_seconds: float  #: length of a window [s]
+    from_beginning: bool = True  #: False for an excerpt with a later start: its baseline is not that of the live run
+
+    @cached_property
+    def comparison(self) -> ReplayComparison:
+        """Return how far the replay repeats what was found live."""
+        return compare_results(self.found, self.logged)
+
+    @property
+    def same(self) -> bool:
+        """Return whether the replay repeats the live results to the last digit, as far as those go."""
+        return self.comparison.kind == "identical"
+
+
+def replay(
+    log: AnyLog, site: Site | None, on_result: Callable[[Result], None], given: Sequence[Override] = ()
+) -> ReplayReport:
+    """Run the monitoring loop over a log.
+
+    Parameters
+    ----------
+    log : its path, all files of a run, or an excerpt: one that does not begin with the log learns a baseline of its own
+    site : settings to use instead of those attached to the log
+    on_result : called with everything that is found
+    given : over what the settings attached to the log say
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read, is damaged, has no settings attached, or devices that the settings do not know.
+    SettingsError
+        If the settings attached cannot be used.
+    """
+    attached = read_attachments(log)
+    if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
+        raise LogError(str(log), _how_to(log, "has no settings attached: give --site"))
+    if site:
+        texts = (site.structure_text, site.site_text)
+        settings = parse_settings(site.site_text, f"{log}: site.toml")
+    else:
+        text, origins = overridden(attachable(attached["site.toml"]), given)
+        texts = (attached["structure.toml"], text)
+        settings = parse_settings(text, f"{log}: site.toml", origins)
+    devices = tuple(device.name for device in settings.device)
+    from_beginning = not isinstance(log, LogExcerpt) or log.start == BEGINNING
+    if not from_beginning:
+        attached = {name: text for name, text in attached.items() if name != MEMORY}
+    logged: list[Result] = []
+    found: list[Result] = []
+    kept = ""
+    skipped = frozenset[int]() if site or not from_beginning else _skipped(log)
+    memory = _memory(attached, texts)
+    worker = Worker(*texts, memory, capacity=_WAITING, keep=True, skipped=skipped)
+    with worker, ThreadPoolExecutor(1) as feeder:
+        feeding = feeder.submit(_feed, log, worker, logged, devices)
+        for result in _until_last(worker):
+            if isinstance(result, Kept):
+                kept = result.text
+                continue
+            found.append(result)
+            on_result(result)
+        feeding.result()
+    return ReplayReport(
+        found=found,
+        logged=_comparable(log, logged, found) if from_beginning else [],
+        attached=_attached(attached, texts, memory),
+        memory=kept,
+        window_seconds=settings.analysis.window_seconds,
+        from_beginning=from_beginning,
+    )
+
+
+def _attached(attached: Mapping[str, str], texts: tuple[str, str], memory: str) -> dict[str, str]:
+    """Return what a watched log gets: as in the log, but with the settings and the memory that were used."""
+    rest = {name: text for name, text in attached.items() if name != MEMORY}
+    return rest | {"structure.toml": texts[0], "site.toml": texts[1]} | ({MEMORY: memory} if memory else {})
+
+
+def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> list[Result]:
+    """Return the live results that a replay can repeat: of an excerpt up to the last window that it completes."""
+    if not isinstance(log, LogExcerpt) or log.stop == END:
+        return logged
+    last = max((result.end for result in found if isinstance(result, WindowResult)), default=BEGINNING)
+    return [result for result in logged if result_event(result).time <= last]
+
+
+def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
+    """Write a log anew with what a replay of it has found, as if it had been watched so.
+
+    Parameters
+    ----------
+    log : its path, or all files of a run
+    path : of the new file
+    report : of its replay
+
+    Raises
+    ------
+    LogError
+        If the file exists or cannot be made.
+    """
+    writer, results = LogWriter(path, report.attached), deque(map(result_event, report.found))
+    for item in read_log(log):
+        if isinstance(item, Event) and event_result(item) is not None:
+            continue
+        while results and results[0].time <= (item.time if isinstance(item, Event) else item.pair_time):
+            writer.write(results.popleft())
+        writer.write(item)
+    for result in results:
+        writer.write(result)
+    writer.close()
+
+
+def _how_to(log: AnyLog, why: str) -> str:
+    """Return why a log cannot be replayed; of an imported one with how it gets the devices of a site."""
+    return f"{why}; {HOW_TO_PLACE}" if read_channel_map(log) else why
+
+
+def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
+    """Return what the run went on from, as far as it is of the watch that is replayed; else nothing."""
+    text = attached.get(MEMORY, "")
+    found = (
+        fitting(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1])) if text else NOTHING
+    )
+    return found.text or ""
+
+
+def _skipped(log: AnyLog) -> frozenset[int]:
+    """Return the windows that were left out live, by number; of a damaged log those up to the damage."""
+    found: set[int] = set()
+    with suppress(LogError):
+        for event in read_events(log):
+            if event.topic == TOPIC_WINDOW and event.payload.get("skipped"):
+                found.add(int(event.payload.get("index", -1)))
+    return frozenset(found)
+
+
+def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
+    """Feed a log up to where it stopped, was cut or is damaged; the worker always gets its last item."""
+    stopped = False
+    try:
+        for device in absent_devices(log, devices):
+            worker.feed(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
+        for item in read_log(log):
+            if isinstance(item, Block) and item.device not in devices:
+                why = f"holds device {item.device!r}; the settings know {', '.join(devices)}"
+                raise LogError(str(log), _how_to(log, why))
+            result = event_result(item) if isinstance(item, Event) else None
+            if result is not None:
+                logged.append(result)
+            elif not stopped:
+                worker.feed(item)
+                stopped = _is_last(item)
+    finally:
+        if not stopped:
+            worker.feed(Event(topic=TOPIC_STOPPED, time=0, payload={}))
+
+
+def _is_last(item: Item) -> bool:
+    return isinstance(item, Event) and item.topic == TOPIC_STOPPED
+
+
+def _until_last(worker: Worker) -> Iterator[Told]:
+    while True:
+        for result in worker.results(1.0):
+            if result is None:
+                return
+            yield result
+
+
+def logged_results(log: AnyLog) -> Iterator[Result]:
+    """Yield the results that stand in a log; errors as for `read_log`."""
+    for event in read_events(log):
+        result = event_result(event)
+        if result is not None:
+            yield result

@@ -1,0 +1,69 @@
+"""The routes."""
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from monitor.service.operator_commands import Acknowledgement, leave
+from monitor.service.servers.web.auth import Guard, user_of
+from monitor.service.servers.web.metrics import metrics
+from monitor.service.servers.web.snapshot import Snapshot
+from monitor.service.servers.web.source import Source, problems
+from monitor.service.servers.web.status_page import page_html, state_html
+
+_STATIC = Path(__file__).parent / "static"
+_TYPES = {".css": "text/css", ".js": "text/javascript"}
+_Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
+    """Return the application: what is looked at is computed once a second at most, however many look."""
+    state = Snapshot(lambda: state_html(source))
+    problem_list = Snapshot(lambda: problems(source.vitals()))
+    figures = Snapshot(lambda: metrics(source.vitals()))
+
+    async def page(_: Request) -> Response:
+        return HTMLResponse(page_html(source.name, await state.get()))
+
+    async def changing(_: Request) -> Response:
+        return HTMLResponse(await state.get())
+
+    async def healthz(_: Request) -> Response:
+        found = await problem_list.get()
+        return JSONResponse({"healthy": not found, "problems": found}, 503 if found else 200)
+
+    async def prometheus(_: Request) -> Response:
+        return Response(await figures.get(), media_type="text/plain; version=0.0.4")
+
+    def acknowledge(request: Request) -> Response:
+        by = (request.query_params.get("by") or user_of(request) or "status page")[:100]
+        try:
+            leave(source.state, Acknowledgement(by=by, note=request.query_params.get("note", "")[:1000]))
+        except OSError as error:
+            return PlainTextResponse(f"the state folder takes nothing: {error.strerror}\n", 503)
+        return JSONResponse({"told": True}, 202)
+
+    routes = [
+        Route("/", page),
+        Route("/state", changing),
+        Route("/healthz", healthz),
+        Route("/metrics", prometheus),
+        Route("/acknowledge", acknowledge, methods=["POST"]),
+        Route("/page.css", _static("page.css")),
+        Route("/page.js", _static("page.js")),
+    ]
+    return Guard(Starlette(routes=routes), token=token, open_to_look=open_to_look)
+
+
+def _static(name: str) -> _Endpoint:
+    content, kind = (_STATIC / name).read_bytes(), _TYPES[Path(name).suffix]
+
+    async def static(_: Request) -> Response:
+        return Response(content, media_type=kind)
+
+    return static

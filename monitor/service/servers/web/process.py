@@ -1,0 +1,90 @@
+"""The server in a process of its own: nothing a visitor does can touch the watch."""
+
+import multiprocessing
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from ipaddress import ip_address
+
+import uvicorn
+
+from monitor.errors import StartError
+from monitor.service.processes import LastWords, deaf_to_stop_signals, report_end
+from monitor.service.servers.web.app import make_app
+from monitor.service.servers.web.auth import read_token
+from monitor.service.servers.web.protocol import BoundedProtocol
+from monitor.service.servers.web.source import Source
+
+
+@dataclass(frozen=True, eq=False)
+class WebServer:
+    """A server that runs."""
+
+    url: str
+    process: multiprocessing.process.BaseProcess
+    last_words: LastWords
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing is served any more."""
+        return None if self.process.is_alive() else self.last_words.text(self.process)
+
+
+@contextmanager
+def web_process(source: Source, host: str, port: int, token_file: str | None) -> Iterator[WebServer]:
+    """Serve for as long as the context lasts.
+
+    Raises
+    ------
+    StartError
+        If the port is taken or the token cannot be used.
+    """
+    try:
+        token = read_token(source.token_path(token_file))
+        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except (OSError, ValueError) as error:
+        raise StartError(f"web: {host}:{port}: {error}") from error
+    with listener:
+        context = multiprocessing.get_context("spawn")
+        last_words = LastWords()
+        arguments = (source, listener, token, ip_address(host).is_loopback, os.getpid())
+        process = context.Process(
+            target=report_end, args=(last_words.sender, _serve, *arguments), name="web", daemon=True
+        )
+        with deaf_to_stop_signals():
+            process.start()
+        last_words.started()
+    try:
+        yield WebServer(f"http://{f'[{host}]' if ':' in host else host}:{port}", process, last_words)
+    finally:
+        process.kill()
+        process.join()
+
+
+def _serve(source: Source, listener: socket.socket, token: str, open_to_look: bool, parent: int) -> None:
+    os.nice(10)  # whoever looks waits for those who measure
+    sys.setswitchinterval(0.001)  # s: answers wait for the thread that computes the next one
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    app = make_app(source, token=token, open_to_look=open_to_look)
+    config = uvicorn.Config(
+        app,
+        http=BoundedProtocol,
+        ws="none",
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        lifespan="off",
+    )
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _end_with(parent: int) -> None:
+    """End when the monitor has been killed: nobody would be there to be told of."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(0)

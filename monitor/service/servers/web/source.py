@@ -1,0 +1,134 @@
+"""Data of the pages: the state file of the monitor, and the history; no page accesses the monitor itself."""
+
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from daq import parse_json
+from monitor.outputs.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
+from monitor.results.windows import ReferenceResult
+from monitor.service.status import NAME
+from monitor.text.quantities import utc
+from updater import Diagnosis
+
+_STALE_SECONDS = 10.0  # without a new file of vitals
+_SILENT_SECONDS = 5.0  # without data of a device
+_SHOWN = 300  # windows
+_EVENTS = 12  # that are shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class Past:
+    """Recent contents of the history."""
+
+    windows: list[WindowRow]
+    trends: dict[int, list[TrendPoint]]
+    alarms: list[AlarmRow]
+    events: list[EventRow]
+    reference: ReferenceResult | None
+    places: list[tuple[float, float, float]]  #: where the standing alarm's causes are [m]
+
+
+#: of which `status.json` says what is wrong with them, or null
+TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "temperature", "threads")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Paths of a site's state."""
+
+    name: str
+    state: Path  #: folder
+    url: str = field(repr=False)  #: of the history, with its password
+
+    def token_path(self, file: str | None) -> Path:
+        """Return where the token stands: a file beside the settings, or in the state folder unless given."""
+        return self.state / "web_token" if file is None else self.state.parent / file
+
+    def vitals(self) -> dict[str, Any] | None:
+        """Return the newest vitals; None where no monitor of this version has ever run."""
+        try:
+            found: dict[str, Any] = parse_json((self.state / NAME).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) and "blind" in found else None
+
+    def past(self) -> Past | None:
+        """Return what the history holds of the last windows; None where it cannot be asked, or holds none.
+
+        What lies ahead of the monitor's last window is of a clock that ran ahead: it is not the last.
+        """
+        last = ((self.vitals() or {}).get("window") or {}).get("end")
+        try:
+            with Reader(self.url) as reader:
+                whole = reader.span()
+                if whole is not None and last is not None:
+                    whole = replace(whole, end=min(whole.end, last))
+                windows = reader.windows(whole, _SHOWN) if whole else []
+                if whole is None or not windows:
+                    return None
+                late = Span(start=windows[0].end, end=whole.end)
+                reference = reader.reference()
+                alarms = reader.alarms(whole)[-5:]
+                standing = [alarm.raised for alarm in alarms if alarm.cleared is None]
+                found = reader.diagnosis(standing[-1]) if standing else None
+                return Past(
+                    windows=windows,
+                    trends={mode: reader.trend(mode, late, "window") for mode in reader.modes()},
+                    alarms=alarms,
+                    events=_newest(reader),
+                    reference=ReferenceResult.model_validate_json(reference) if reference else None,
+                    places=_places(Diagnosis.model_validate_json(found)) if found else [],
+                )
+        except (HistoryError, ValueError):
+            return None
+
+
+def _newest(reader: Reader) -> list[EventRow]:
+    """Return the last events and the last changes of the alarm in the order of time."""
+    always = Span(start=0, end=2**62)
+    rows = [*reader.events(always, _EVENTS), *reader.alarm_changes(always, _EVENTS)]
+    return sorted(rows, key=lambda row: row.time)[-_EVENTS:]
+
+
+def _places(diagnosis: Diagnosis) -> list[tuple[float, float, float]]:
+    return [cause.where.position for cause in diagnosis.causes if cause.where and cause.where.position]
+
+
+def problems(vitals: dict[str, Any] | None) -> list[str]:
+    """Say what is stale or lost, and why that is known; empty for a monitor that is well."""
+    if vitals is None:
+        return ["no monitor has run here yet"]
+    now = time.time()
+    if (age := now - vitals["time"]) > _STALE_SECONDS:
+        return [f"the monitor has not said anything for {age:.0f} s"]
+    found = [problem for name, device in vitals["devices"].items() for problem in _device_problems(name, device)]
+    if vitals["window_overdue"]:
+        late, step = vitals["window_age"], vitals["step_seconds"]
+        found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
+    if vitals["blind"]:
+        found.append(vitals["blind"])
+    found += vitals.get("unheard", ())
+    if vitals.get("overload"):
+        found.append(vitals["overload"])
+    if vitals["dropped"]:
+        found.append(f"{vitals['dropped']} items did not reach the log")
+    if (test := vitals.get("self_test")) and not test["passed"]:
+        found.append(self_test_said(test))
+    found += [f"{name}: {vitals[name]}" for name in TROUBLES if vitals.get(name)]
+    return found
+
+
+def self_test_said(test: dict[str, Any]) -> str:
+    """Say how the last self-test went, and when that was."""
+    return f"{test['text']} ({utc(test['time'])})"
+
+
+def _device_problems(name: str, device: dict[str, Any]) -> list[str]:
+    if device["lost"]:
+        return [f"device {name} is lost"]
+    silent = device["silent"]
+    if silent is None:
+        return [f"device {name} has sent nothing yet"]
+    return [f"device {name} has been silent for {silent:.0f} s"] if silent > _SILENT_SECONDS else []

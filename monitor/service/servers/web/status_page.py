@@ -1,0 +1,149 @@
+"""The status page: what changes is rendered here and put into the page each two seconds."""
+
+import json
+import math
+from datetime import UTC, datetime
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from monitor.outputs.history import AlarmRow, EventRow
+from monitor.results.windows import DetectableChange, SingleMode, TrendResult, Unsure
+from monitor.service.servers.web.source import Past, Source, problems, self_test_said
+from monitor.service.servers.web.svg import course_svg, structure_svg
+from monitor.text.detectability import detectable_text
+from monitor.text.events import event_name, event_said
+from monitor.text.quantities import duration_text, utc
+from monitor.text.trends import trend_text
+from monitor.text.uncertainty import single_mode_text, unsure_text
+
+_ENVIRONMENT = Environment(
+    loader=PackageLoader("monitor.service.servers.web"), undefined=StrictUndefined, autoescape=True
+)
+_SILENT = 3.0  # s
+_NO_PAST = "the history says nothing yet"
+_SAID = {
+    "learning": "Learning the baseline",
+    "normal": "Normal",
+    "watch": "Watch: one window over the limit",
+    "alarm": "ALARM: the structure has changed",
+}
+
+
+def page_html(name: str, state: str) -> str:
+    """Return the frame of a site, with the present state, as of `state_html`, already in it."""
+    return _ENVIRONMENT.get_template("page.html").render(name=name, content=Markup(state))
+
+
+def state_html(source: Source) -> str:
+    """Return what changes."""
+    return _ENVIRONMENT.get_template("state.html").render(**_content(source))
+
+
+def _content(source: Source) -> dict[str, Any]:
+    vitals, past = source.vitals(), source.past()
+    standing = [alarm for alarm in past.alarms if alarm.cleared is None] if past else []
+    state = vitals["state"] if vitals else "learning"  # the history may lag behind, or be down
+    unsure = _unsure(vitals) if vitals and state == "normal" else ""
+    return {
+        "name": source.name,
+        "state": state,
+        "colour": "watch" if unsure else state,
+        "said": _SAID[state] + (", as far as can be told" if unsure else ""),
+        "unsure": unsure,
+        "trend": _trend(vitals) if vitals else "",
+        "detectable": _detectable(vitals) if vitals else "",
+        "so_far": _so_far(vitals) if vitals and state == "learning" else None,
+        "problems": problems(vitals) + ([] if past or (vitals and vitals["history"]) else [_NO_PAST]),
+        "alarm": _alarm(standing[-1]) if standing else None,
+        "alarms": [_alarm(alarm) for alarm in reversed(past.alarms)] if past else [],
+        "structure": structure_svg(past.reference, past.places) if past and past.reference else None,
+        "novelty": _novelty(past) if past else None,
+        "modes": _modes(past) if past else [],
+        "devices": _devices(vitals) if vitals else [],
+        "events": [_event(event) for event in reversed(past.events)] if past else [],
+        "window": utc(past.windows[-1].end) if past else None,
+        "self_test": self_test_said(test) if vitals and (test := vitals.get("self_test")) else None,
+        "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
+    }
+
+
+def _so_far(vitals: dict[str, Any]) -> str:
+    n = vitals["window"].get("index", -1) + 1
+    return f"{n} window{'s' * (n != 1)} so far, nothing is judged yet"
+
+
+def _unsure(vitals: dict[str, Any]) -> str:
+    """Say what the last window could tell, if the law was unsure of itself."""
+    novelty = vitals["window"].get("novelty") or {}
+    found, single = novelty.get("unsure"), novelty.get("single_mode")
+    unsure = f"in the last window, {unsure_text([Unsure.model_validate(found)])}" if found else ""
+    return "; ".join(
+        part for part in (unsure, single_mode_text(SingleMode.model_validate(single)) if single else "") if part
+    )
+
+
+def _detectable(vitals: dict[str, Any]) -> str:
+    found = vitals.get("detectable")
+    return detectable_text(DetectableChange.model_validate(found)) if found else ""
+
+
+def _trend(vitals: dict[str, Any]) -> str:
+    found = vitals.get("trend")
+    return trend_text(TrendResult.model_validate(found)) if found else ""
+
+
+def _alarm(alarm: AlarmRow) -> dict[str, Any]:
+    lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
+    return {
+        "raised": utc(alarm.raised),
+        "lasted": lasted,
+        "text": alarm.text,
+        "acknowledged": utc(alarm.acknowledged) if alarm.acknowledged else None,
+    }
+
+
+def _novelty(past: Past) -> dict[str, Any] | None:
+    levels = [w.t2 / w.limit for w in past.windows if w.t2 is not None and w.limit]
+    if not levels:
+        return None
+    shown = [math.log10(max(level, 1e-2)) for level in levels]
+    return {"text": f"{levels[-1]:.2f} times the limit", "over": levels[-1] > 1, "course": course_svg(shown, 0.0, 64.0)}
+
+
+def _modes(past: Past) -> list[dict[str, Any]]:
+    found = []
+    for mode, points in past.trends.items():
+        shifts = [p.shift_percent for p in points if p.shift_percent is not None]
+        if shifts:
+            damping = points[-1].damping
+            figures = {"frequency": f"{points[-1].frequency:.3f}", "shift": f"{shifts[-1]:+.2f}"}
+            figures |= {"damping": "-" if damping is None else f"{100 * damping:.2f}"}
+            found.append({"id": mode, "course": course_svg(shifts)} | figures)
+    return found
+
+
+def _devices(vitals: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "rate": f"{device['rate']:.0f}",
+            "gaps": device["gaps"],
+            "state": "lost" if device["lost"] else _age(device["silent"]),
+        }
+        for name, device in vitals["devices"].items()
+    ]
+
+
+def _age(silent: float | None) -> str:
+    if silent is None:
+        return "nothing yet"
+    return "ok" if silent < _SILENT else f"silent {duration_text(silent)}"
+
+
+def _event(event: EventRow) -> dict[str, str]:
+    if event.topic.startswith("/alarm/"):
+        state = event.topic.removeprefix("/alarm/")
+        return {"time": utc(event.time), "what": state, "said": str(json.loads(event.json)["text"])}
+    return {"time": utc(event.time), "what": event_name(event.topic), "said": event_said(json.loads(event.json))}

@@ -1,0 +1,80 @@
+"""A site: its settings, and the texts they come from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import driver_names, make_driver
+from monitor.errors import SettingsError
+from monitor.outputs.history import database_url
+from monitor.service.servers.web import Source
+from monitor.settings import Settings, attachable, nearest, overrides, read_settings
+from updater import load_structure, portable_text
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Site:
+    """Settings with the texts that are attached to every log; the site's is without secrets and comments."""
+
+    path: Path
+    settings: Settings
+    site_text: str
+    structure_text: str
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative paths in the settings start from."""
+        return self.path.parent
+
+    @property
+    def name(self) -> str:
+        """Name in notices: that of the structure file."""
+        return Path(self.settings.structure).stem
+
+    @property
+    def source(self) -> Source:
+        """Path of its state for other programs."""
+        return Source(name=self.name, state=self.state, url=database_url(self.settings.history.url, self.state))
+
+    @property
+    def state(self) -> Path:
+        """Folder for what outlives a run."""
+        return self.folder / self.settings.state
+
+
+def load_site(path: Path, given: Sequence[str] = ()) -> Site:
+    """Read SITE.toml and its structure.
+
+    Parameters
+    ----------
+    path : of the file
+    given : KEY=VALUE each, over what the file and the environment say
+
+    Raises
+    ------
+    ArgumentError, SettingsError, StructureError, DbcError
+        Naming file and key; also if a channel is not a sensor of the structure, or a device has no such driver, place
+        or rate.
+    """
+    text, settings = read_settings(path, overrides(given))
+    structure_path = path.parent / settings.structure
+    structure = load_structure(structure_path)
+    for device in settings.device:
+        try:
+            make_driver(device.driver, device.place, device.rate)
+        except ValueError as error:
+            meant = "" if device.driver in driver_names() else nearest(device.driver, driver_names())
+            raise SettingsError(path, f"device {device.name!r}: {error}{meant}") from error
+    for channel in settings.channels:
+        if channel.name not in structure.channels:
+            known = ", ".join(structure.channels)
+            near = nearest(channel.name, structure.channels)
+            raise SettingsError(
+                path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {known}{near}"
+            )
+    return Site(
+        path=path,
+        settings=settings,
+        site_text=attachable(text),
+        structure_text=portable_text(structure_path),
+    )

@@ -1,0 +1,249 @@
+"""A site that is watched: its parts, and how each gives way to another while the rest goes on."""
+
+import gc
+import shutil
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, Self
+
+from daq import FAILURES, Event, Item, SystemClock, error_text
+from monitor.errors import SettingsError
+from monitor.results.windows import Result
+from monitor.service.acquisition.devices import Devices, Drivers, site_clock, site_drivers
+from monitor.service.acquisition.thermometer import Thermometer, thermometer
+from monitor.service.log_and_analysis import Succession, analysed_alike, logs_of, prepare_logs
+from monitor.service.operator_commands import Inbox, inbox_of
+from monitor.service.outputs import Outlets
+from monitor.service.processes import trim_memory
+from monitor.service.servers.live_view import LiveView
+from monitor.service.site import Site
+from monitor.service.status import NAME, Pace, Vitals
+from monitor.service.systemd.notify import SignsOfLife
+from monitor.settings import Settings
+from monitor.watch.memory import Recalled
+
+_SWEEP = 60.0  # s
+_POLL = 0.2  # s: of a turn that has failed
+_STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which on it is followed; s until it is again
+
+
+class Running:
+    """Readers and writer in threads, analysis in a process, and what is told of it.
+
+    All methods but `_take` are for one thread.
+
+    Parameters
+    ----------
+    site : what is connected and how it is watched
+    on_result : called with everything that is found
+    live : shows what is logged, if given
+    takers : called in the log's thread with all that is logged
+    recalled : of the run before, to go on from
+    mended : what was done to logs that earlier runs left without an end, in words
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        on_result: Callable[[Result], None],
+        live: LiveView | None,
+        takers: Sequence[Callable[[Item], None]],
+        recalled: Recalled,
+        mended: Sequence[str],
+    ) -> None:
+        self._site, self._takers = site, takers
+        self._clock = site_clock(site.settings)
+        self._mended = mended
+        self._inbox, self._outlets = Inbox(site.state), Outlets(site, live)
+        settings = site.settings
+        self.vitals = Vitals(site.state / NAME, _names(site), pace_of(settings), self._clock, settings.device_of)
+        #: the log that is written and the analysis that is fed, and all before them
+        self.logs = Succession(site, self._clock, on_result, self._take, lambda: self.vitals.lost, recalled)
+        self._thermometer = ExitStack()
+        self._reads: Thermometer | None = None
+        self._devices = Devices(self._clock, self.logs.put)
+        self._step_due = 0.0  # monotonic time from which on the clock may be followed again [s]
+        self._second_over = False  # since the status was written last
+        self._sweep_due = 0.0  # likewise, for the next full look for garbage
+
+    def __enter__(self) -> Self:
+        """Start everything; undo it if something does not start."""
+        with ExitStack() as stack:
+            stack.enter_context(self._outlets)
+            stack.callback(lambda: self._thermometer.close())
+            self._read_temperature()
+            with suppress(OSError):  # a state folder that takes nothing is told elsewhere
+                inbox_of(self._site.state)
+            stack.enter_context(self.logs)
+            if self._mended:
+                self.logs.say("unclean_end", {"why": "; ".join(self._mended)})
+            drivers = site_drivers(self._site.settings.device, self._clock.speed)
+            self._devices.start(drivers, missing_is_lost=self.logs.learnt)
+            self._undo = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End everything that still goes on."""
+        self._devices.stop()
+        self._undo.close()
+
+    def turn(self) -> bool:
+        """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
+        if not FAILURES.attempt("log and analysis", self.logs.turn):
+            time.sleep(_POLL)
+        for part, said in (
+            ("inbox", self._inbox.taken),
+            ("outlets", self._outlets.said),
+            ("status", self.vitals.said),
+            ("threads", FAILURES.events),
+        ):
+            FAILURES.attempt(part, self._log_events, said)
+        FAILURES.attempt("temperature", self._log_temperature)
+        FAILURES.attempt("clock", self._follow_clock)
+        self._sweep()
+        return FAILURES.attempt("status", self._write_status) and self._second_over
+
+    def _log_events(self, said: Callable[[], Iterable[tuple[str, dict[str, Any]]]]) -> None:
+        for topic, payload in said():
+            self.logs.put(Event(topic=topic, time=self._clock.now(), payload=payload))
+
+    def _log_temperature(self) -> None:
+        for reading in self._reads.read() if self._reads else ():
+            self.logs.put(reading)
+
+    def _write_status(self) -> None:
+        self._second_over = self.vitals.write(self._state())
+
+    def _sweep(self) -> None:
+        """Free what refers to itself in circles: for so little as comes here Python does that once in hours.
+
+        What that and the faults since leave free in pieces goes back to the system.
+        """
+        if time.monotonic() >= self._sweep_due:
+            gc.collect()
+            trim_memory()
+            self._sweep_due = time.monotonic() + _SWEEP
+
+    def finish(self) -> None:
+        """Let what has arrived be logged, and analysed as far as that goes in a while."""
+        self._devices.stop()
+        self.logs.finish()
+
+    @property
+    def signs(self) -> SignsOfLife:
+        """Signs that the run works."""
+        disk = time.monotonic() - self.logs.turned
+        return SignsOfLife(data=self.vitals.silence, disk=disk, losing=self.logs.losing)
+
+    def reload(self, site: Site) -> None:
+        """Go on with other settings: only what they change starts anew.
+
+        What may be refused is tried before anything is changed. A part that fails all the same is named in the event,
+        and costs no other part its change.
+
+        Raises
+        ------
+        SettingsError
+            If they take a restart; all goes on as it was.
+        StartError
+            If a driver has no such place or rate, or no log can be written there; likewise.
+        """
+        before, now = self._site.settings, site.settings
+        for name in ("state", "clock"):
+            if getattr(before, name) != getattr(now, name):
+                raise SettingsError(site.path, f"{name}: expected as it was; to change it takes a restart")
+        new = {device.name: device for device in now.device}
+        changed = [device.name for device in before.device if new.get(device.name) != device]
+        fresh = [device for device in now.device if device not in before.device]
+        drivers = site_drivers(fresh, self._clock.speed)
+        alike = analysed_alike(self._site, site)
+        if not alike:
+            prepare_logs(site)
+        self._site, self.logs.site, old = site, site, self._site
+        said = [*(() if alike else ("log and analysis",)), *(f"device {name}" for name in {*changed, *drivers})]
+        failed = []
+        steps: dict[str, Callable[[], object]] = {
+            "devices": lambda: self._renew_devices(old, changed, drivers),
+            "temperature": self._read_temperature if before.temperature != now.temperature else lambda: None,
+            "outlets": lambda: said.extend(self._outlets.renew(site, analysed_alike=alike)),
+        }
+        for name, step in steps.items():
+            try:
+                step()
+            except Exception as error:  # noqa: BLE001 - the watch goes on with all the others
+                failed.append(f"{name}: {error_text(error)}")
+        failures = {"failed": "; ".join(failed)} if failed else {}
+        self.logs.say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing", **failures})
+
+    def refuse(self, why: str) -> None:
+        """Say that new settings cannot be used."""
+        self.logs.say("reload_refused", {"why": why})
+
+    def _renew_devices(self, old: Site, changed: Sequence[str], drivers: Drivers) -> None:
+        """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""
+        alike = analysed_alike(old, self._site)
+        stopped = self._devices.stop(changed)
+        settings = self._site.settings
+        self.vitals.follow(_names(self._site), pace_of(settings), settings.device_of)
+        if not alike:
+            self.logs.renew("other settings")
+        self._devices.resume(drivers, stopped if alike else {})
+
+    def _follow_clock(self) -> None:
+        """Go on by the host's clock where that has been set: all devices are told their time anew, in another log."""
+        clock = self._clock
+        if not isinstance(clock, SystemClock) or abs(clock.off) < _STEP or time.monotonic() < self._step_due:
+            return
+        self._step_due = time.monotonic() + _STEP_AGAIN
+        self.logs.say("clock_set", {"by_s": round(clock.off * 1e-9, 1)})
+        drivers = site_drivers(self._site.settings.device, clock.speed)
+        self._devices.stop()
+        clock.follow()
+        self.logs.renew("the clock was set")
+        self._outlets.show_again()  # scans are counted anew
+        self._devices.resume(drivers, {})
+
+    def _read_temperature(self) -> None:
+        """Read the site's thermometer, if it has one, and no other one any more."""
+        self._thermometer.close()
+        settings = self._site.settings.temperature
+        self._reads = self._thermometer.enter_context(thermometer(settings, self._clock)) if settings else None
+
+    def _take(self, item: Item) -> None:
+        """Hand on an item once it is logged; in the log's thread. One that fails takes it from no other."""
+        self._outlets.put(item)
+        FAILURES.attempt("status", self.vitals.take, item)
+        for taker in self._takers:
+            FAILURES.attempt("journal", taker, item)
+
+    def _state(self) -> dict[str, Any]:
+        """Return what is well or not beside the devices and windows."""
+        more = {
+            "disk_free": _free(logs_of(self._site)),
+            "temperature": self._reads.problem if self._reads else None,
+            "waiting": self.logs.waiting | {"view": self._outlets.waiting},
+            "bad_bytes": self._devices.bad_bytes,
+            "threads": FAILURES.problem,
+            "thread_failures": FAILURES.counts,
+        }
+        return self._outlets.problems | self.logs.state | more
+
+
+def _names(site: Site) -> tuple[str, ...]:
+    return tuple(device.name for device in site.settings.device)
+
+
+def pace_of(settings: Settings) -> Pace:
+    """Return how often windows come by the settings, and whether there are self-tests."""
+    speed = settings.clock.speed if settings.clock else 1.0
+    step, window = settings.step_seconds / speed, settings.analysis.window_seconds / speed
+    return Pace(step=step, window=window, tests=settings.alarm.self_test_days > 0)
+
+
+def _free(folder: Path) -> int:
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return 0  # not there any more: writing tells

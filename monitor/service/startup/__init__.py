@@ -1,0 +1,1 @@
+"""Checks and repairs before a run starts."""

@@ -1,0 +1,126 @@
+"""Requirements of a run besides its devices, checked before it starts: history, notices, ports, disk, clock."""
+
+import ctypes
+import os
+import shutil
+import socket
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from monitor.outputs.history import HistoryError, Reader
+from monitor.service.acquisition.thermometer import last_reading
+from monitor.service.site import Site
+from monitor.settings import NotifySettings, TemperatureSettings
+from monitor.settings.redaction import revealed, shown_address
+
+_SECONDS = 3.0  # to wait for a server
+_PORTS = {"http": 80, "https": 443, "mqtt": 1883, "mqtts": 8883}
+_NOT_SYNCHRONISED = 5  # what adjtimex(2) returns: TIME_ERROR
+_AHEAD = 60.0  # s by which a file may be younger than now: the clocks of network drives
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that was looked at."""
+
+    what: str
+    said: str
+    well: bool = True
+
+
+def look_around(site: Site) -> Iterator[Finding]:
+    """Yield how each thing is; nothing is sent, and nothing made."""
+    yield _history(site)
+    for number, target in enumerate(site.settings.notify, 1):
+        yield _guarded(f"notify {number}", partial(_notify, target))
+    if site.settings.temperature:
+        yield _guarded("temperature", partial(_temperature, site.settings.temperature))
+    web, viewer = site.settings.web, site.settings.viewer
+    if web:
+        yield _guarded("web", partial(_port, web.bind, web.port))
+    for port in (viewer.port, viewer.port + 1) if viewer else ():
+        yield _guarded("viewer", partial(_port, "127.0.0.1", port))
+    yield _guarded("disk", partial(_disk, site))
+    yield _guarded("clock", partial(_clock, site.folder / site.settings.recorder.folder))
+
+
+def _guarded(what: str, look: Callable[[], str]) -> Finding:
+    try:
+        return Finding(what=what, said=look())
+    except (OSError, ValueError) as error:
+        return Finding(what=what, said=str(error), well=False)
+
+
+def _history(site: Site) -> Finding:
+    url = site.source.url
+    file = url.removeprefix("sqlite:///")
+    if file != url and not Path(file).exists():
+        return Finding(what="history", said=f"{file}, made at the start")
+    try:
+        with Reader(url) as reader:
+            span = reader.span()
+    except HistoryError as error:
+        return Finding(what="history", said=str(error), well=False)
+    days = (span.end - span.start) / 86400e9 if span else 0.0
+    return Finding(what="history", said=f"{file if file != url else urlsplit(url).hostname}, {days:.3g} days")
+
+
+def _notify(target: NotifySettings) -> str:
+    """Say whether a target could be reached; nothing is sent."""
+    if target.command:
+        found = shutil.which(revealed(target.command[0]))
+        if found is None:
+            raise ValueError("command: expected a program as its first word, found none of that name")
+        return f"command {found}"
+    if target.mqtt and find_spec("paho") is None:
+        raise ValueError("mqtt needs paho-mqtt: pip install 'modalwatch[fleet]'")
+    address = revealed(target.webhook or target.mqtt)
+    url = urlsplit(address)
+    try:
+        socket.create_connection((url.hostname or "", url.port or _PORTS[url.scheme]), _SECONDS).close()
+    except OSError as error:
+        raise ValueError(f"{shown_address(address)}: {error}") from error
+    return f"{shown_address(address)} answers"
+
+
+def _temperature(settings: TemperatureSettings) -> str:
+    """Say whether a thermometer can be read."""
+    if settings.mqtt:
+        return _notify(NotifySettings(mqtt=settings.mqtt))
+    return last_reading(settings)
+
+
+def _port(host: str, port: int) -> str:
+    try:
+        socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET).close()
+    except OSError as error:
+        raise ValueError(f"{host}:{port}: {error.strerror}") from error
+    return f"{host}:{port} is free"
+
+
+def _disk(site: Site) -> str:
+    """Say whether logs and state can be written."""
+    for folder in (site.folder / site.settings.recorder.folder, site.state):
+        there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise ValueError(f"{folder} cannot be written by this user")
+        free, least = shutil.disk_usage(there).free / 1e9, site.settings.recorder.min_free_gb
+        if free < least:
+            raise ValueError(f"{free:.3g} GB are free, less than recorder.min_free_gb = {least:g}")
+    return "log and state can be written"
+
+
+def _clock(logs: Path) -> str:
+    """Say whether the host's clock is kept right, and not behind what was recorded already."""
+    newest = max((path.stat().st_mtime for path in logs.glob("*.mcap")), default=0.0)
+    if newest > time.time() + _AHEAD:
+        raise ValueError(f"{newest - time.time():.0f} s behind the newest log: it has run backwards")
+    nothing_changed = ctypes.create_string_buffer(512)  # struct timex, modes = 0: only asked
+    if ctypes.CDLL(None).adjtimex(nothing_changed) == _NOT_SYNCHRONISED:
+        return "not synchronised (NTP): times of alarms and of logs will drift"  # that stops nobody
+    return "synchronised"

@@ -1,0 +1,1 @@
+"""The service under systemd: unit file and notifications."""

@@ -1,0 +1,187 @@
+"""Analysis in a process of its own, so that it never takes a sample's time from acquisition."""
+
+import multiprocessing
+import os
+import queue
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing.queues import Queue
+from typing import TYPE_CHECKING, Protocol, Self
+
+from daq import Block, Event, Item
+from monitor.results.windows import Result
+from monitor.service.processes import (
+    LastWords,
+    deaf_to_stop_signals,
+    environment,
+    handed_over,
+    queue_to_child,
+    received,
+    report_end,
+    trim_memory,
+)
+
+if TYPE_CHECKING:
+    from monitor.watch.pipeline import Pipeline
+from monitor.results.events import TOPIC_STOPPED
+
+_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
+#: glibc gives back at once what was large, in a watch of years; keeps it in a replay, which takes a quarter less so
+_GIVEN_BACK = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
+_KEPT = {"MALLOC_MMAP_THRESHOLD_": "1000000000", "MALLOC_TRIM_THRESHOLD_": "4000000000"}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """State to continue from after a restart, once the results before it are logged."""
+
+    text: str
+
+
+Told = Result | Kept
+
+
+class AnalysisError(RuntimeError):
+    """The analysis process ended by itself."""
+
+
+class Worker:
+    """The pipeline in a process of its own.
+
+    Parameters
+    ----------
+    structure, site : texts of the structure's and the site's TOML
+    memory : text of the memory to go on from; empty for none
+    capacity : items that may wait before `feed` blocks; 0 = never blocks
+    keep : whether what to go on from after a restart is told too, after each item that lets something be said
+    skipped : windows to leave out, by number, as in a log that is replayed; None: those of a backlog
+    """
+
+    def __init__(
+        self,
+        structure: str,
+        site: str,
+        memory: str = "",
+        *,
+        capacity: int = 0,
+        keep: bool = False,
+        skipped: frozenset[int] | None = None,
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._inbox: Queue[Item | None] = queue_to_child(capacity)
+        self._outbox: Queue[Told | None] = context.Queue()
+        self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
+        self._environment = _ENVIRONMENT | (_GIVEN_BACK if skipped is None else _KEPT)
+        task = _Task(structure, site, memory, keep, skipped, self._newest)
+        self._last_words = LastWords()
+        arguments = self._last_words.sender, _analyse, task, self._inbox, self._outbox
+        self._process = context.Process(target=report_end, args=arguments, name="analysis", daemon=True)
+
+    def __enter__(self) -> Self:
+        with environment(self._environment), deaf_to_stop_signals():  # one thread of BLAS: the same sums on every run
+            self._process.start()
+        self._last_words.started()
+        handed_over(self._inbox)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the process if it has not ended by itself."""
+        self._inbox.cancel_join_thread()
+        self._process.kill()  # it does not heed SIGTERM
+        self._process.join()
+
+    @property
+    def waiting(self) -> int:
+        """Items that the analysis has not taken yet."""
+        return self._inbox.qsize()
+
+    def feed(self, item: Item) -> None:
+        """Hand on one item in the log's order; results are not analysed again.
+
+        Raises
+        ------
+        AnalysisError
+            If there is no room, and the process that would make some has ended.
+        """
+        if isinstance(item, Block):
+            self._newest.value = max(self._newest.value, item.pair_time)
+        waiting = isinstance(item, Block) or item.topic.startswith(("/event/", "/measured/"))
+        while waiting:
+            try:
+                self._inbox.put(item, timeout=1.0)
+                waiting = False
+            except queue.Full:
+                self._check_alive()
+
+    def results(self, timeout: float) -> Iterator[Told | None]:
+        """Yield the results and memories that are there within `timeout` [s]; None is the last one.
+
+        Raises
+        ------
+        AnalysisError
+            If the process has ended without saying so.
+        """
+        try:
+            yield self._outbox.get(timeout=timeout)
+            while True:
+                yield self._outbox.get_nowait()
+        except queue.Empty:
+            if self._outbox.empty():
+                self._check_alive()
+
+    def _check_alive(self) -> None:
+        if not self._process.is_alive():
+            raise AnalysisError(f"the analysis: {self._last_words.text(self._process)}") from None
+
+
+class _Shared(Protocol):
+    """A number that two processes see."""
+
+    value: int
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Task of the process; fields as the parameters of `Worker`."""
+
+    structure: str
+    site: str
+    memory: str
+    keep: bool
+    skipped: frozenset[int] | None
+    newest: _Shared  #: until when signals have come [ns UTC]
+
+
+def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[Told | None]") -> None:
+    """Run the pipeline until the last item."""
+    os.nice(5)  # acquisition comes first
+    from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
+
+    pipeline = _pipeline(task)
+    for item in received(inbox):
+        if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
+            outbox.put(None)
+            return
+        said = False
+        for result in pipeline.push(item):
+            outbox.put(result)
+            said = True
+        if said and task.keep:
+            outbox.put(Kept(memory_text(pipeline.memory)))
+        if said and task.skipped is None:
+            trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
+    outbox.cancel_join_thread()  # the parent was killed: nobody will ever read what is still on its way
+
+
+def _pipeline(task: _Task) -> "Pipeline":
+    from monitor.settings import parse_attached
+    from monitor.watch.backlog import Backlog, as_logged
+    from monitor.watch.memory import parse_memory
+    from monitor.watch.pipeline import Pipeline
+    from updater import parse_structure
+
+    settings = parse_attached(task.site)
+    known = parse_memory(task.memory) if task.memory else None
+    live = Backlog(settings, lambda: int(task.newest.value))
+    skip = live if task.skipped is None else as_logged(task.skipped)
+    return Pipeline(parse_structure(task.structure), settings, known, skip)

@@ -1,0 +1,110 @@
+"""Settings written out with what each of them means; and the JSON Schema by which editors complete and check them."""
+
+import json
+import textwrap
+from collections.abc import Iterator
+from typing import Any
+
+import tomlkit
+from pydantic import SecretStr
+from pydantic.fields import FieldInfo
+
+from monitor.settings.device import DeviceSettings
+from monitor.settings.reading import section_of
+from monitor.settings.schema import Settings
+from monitor.settings.section import Section
+
+_WIDTH = 110
+_HEAD = """\
+#:schema ./site.schema.json
+# Settings of a site: every one of them, with its default. A line that begins with a # and no space is a setting that
+# is not given; what it says is an example. Write the schema that editors use beside this file:
+#     modalwatch settings --schema > site.schema.json
+# A variable of the environment, MODALWATCH_ANALYSIS__WINDOW_SECONDS=300, stands above this file, and above
+# both `--set analysis.window_seconds=300` on the command line. What may be a secret is shown as **********.
+"""
+
+
+def _example(section: type[Section]) -> dict[str, Any]:
+    """Return what a section needs at least, from the examples of the fields that have no default."""
+    fields = section.model_fields.items()
+    return {name: (field.examples or [None])[0] for name, field in fields if field.is_required()}
+
+
+#: as few settings as a site can have: one device on a serial port
+EXAMPLE = Settings(
+    structure=_example(Settings)["structure"],
+    device=(
+        DeviceSettings(**_example(DeviceSettings), port=(DeviceSettings.model_fields["port"].examples or [""])[0]),
+    ),
+)
+
+
+def annotated(settings: Settings = EXAMPLE) -> str:
+    """Return settings as TOML that reads back equal, each with what it means; secrets as `**********`."""
+    plain = {name: field for name, field in Settings.model_fields.items() if section_of(field.annotation) is None}
+    blocks = ["\n".join(_setting(name, field, getattr(settings, name)) for name, field in plain.items())]
+    for name, field in Settings.model_fields.items():
+        section = section_of(field.annotation)
+        if section is None:
+            continue
+        value = getattr(settings, name)
+        many = isinstance(field.default, tuple) or field.is_required()
+        first, *others = (value or (None,)) if many else (value,)
+        blocks += _table(f"[[{name}]]" if many else f"[{name}]", section, first)
+        blocks += [_given(f"[[{name}]]", other) for other in others]
+    return _HEAD + "\n" + "\n\n".join(blocks) + "\n"
+
+
+def _table(head: str, section: type[Any], given: Section | None) -> Iterator[str]:
+    """Yield a section, then those inside it; one that is not given has a # before all its lines."""
+    told = _comment(section.__doc__ or "")
+    lines = [told, head if given else f"#{head}"]
+    inner = []
+    for name, field in section.model_fields.items():
+        below = section_of(field.annotation)
+        value = getattr(given, name) if given else None
+        if below is not None:
+            inner.append((f"[{head.strip('[]')}.{name}]", below, value))
+        else:
+            lines.append(_setting(name, field, value))
+    yield "\n".join(lines)
+    for head_below, below, value in inner:
+        yield from _table(head_below, below, value)
+
+
+def _given(head: str, section: Section) -> str:
+    """Return one more section of a kind that has been told: what it has beside the defaults."""
+    values = section.model_dump(exclude_defaults=True, exclude_none=True)
+    return "\n".join([head, *(f"{name} = {_toml(value)}" for name, value in values.items())])
+
+
+def _setting(name: str, field: FieldInfo, value: Any) -> str:  # noqa: ANN401 - of any setting
+    told = _comment(field.description or "")
+    if value is None:
+        default = None if field.is_required() else field.default
+        shown = (field.examples or [None])[0] if default is None or (default == () and field.examples) else default
+        return f"{told}\n#{name} = {_toml(shown)}"
+    return f"{told}\n{name} = {_toml(value)}"
+
+
+def _comment(text: str) -> str:
+    return "\n".join(textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# "))
+
+
+def _toml(value: Any) -> str:  # noqa: ANN401 - of any setting
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{tomlkit.key(key).as_string()} = {_toml(v)}" for key, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return str(tomlkit.item(str(value) if isinstance(value, SecretStr) else value).as_string())
+
+
+def json_schema() -> str:
+    """Return the JSON Schema of SITE.toml."""
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "SITE.toml of modalwatch",
+        **{key: value for key, value in Settings.model_json_schema().items() if key != "title"},
+    }
+    return json.dumps(schema, indent=2)

@@ -1,0 +1,1 @@
+"""Sentences, made from plain values. Nothing reads a sentence back."""

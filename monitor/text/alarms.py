@@ -1,0 +1,93 @@
+"""Texts on changes of the alarm."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from monitor.detection.alarm import Change
+from monitor.results.windows import AcceptedShift, WindowResult
+from monitor.text.causes import change_text, increment_text
+from monitor.text.quantities import duration_text, utc
+
+
+def change_said(change: Change, result: WindowResult) -> str:
+    """Return what a window changed, and where."""
+    score = result.novelty
+    figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
+    if change.kind == "latched":
+        return f"calm again, but the alarm stands until it is acknowledged: {figures}"
+    if change.kind in ("flapping", "steady"):
+        return _FLAPPING[change.kind]
+    if change.state == "alarm":
+        again = " still, after a pause" if change.kind == "reopened" else ""
+        return f"ALARM{again}: the structure has changed ({figures}){_where(result)}"
+    if change.state == "watch":
+        return f"over the limit once: {figures}"
+    after = "" if change.lasted is None else f" after {duration_text(change.lasted * 1e-9)} of alarm"
+    return f"back to normal{after}: {figures}"
+
+
+def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
+    """Say what a person who knows of the alarm changed; they may have left name and note."""
+    if change.kind in ("flapping", "steady"):
+        return _FLAPPING[change.kind]
+    by, note = (str(said.get(name) or "") for name in ("by", "note"))
+    who = f" by {by}" if by else ""
+    why = f": {note}" if note else ""
+    after = "" if change.lasted is None else f", back to normal after {duration_text(change.lasted * 1e-9)} of alarm"
+    return f"acknowledged{who}{after}{why}"
+
+
+def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
+    """Say where a watch goes on after a restart, with an alarm that stands `since` [ns UTC] if there is one."""
+    stands = f"; the alarm of {utc(since)} stands" if since is not None else ""
+    return f"watching goes on, by the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
+
+
+def accepted_said(change: AcceptedShift) -> str:
+    """Say what has become the reference, and what the courses of the modes jump by."""
+    shown = [mode for mode, shift in enumerate(change.shift_percent) if shift is not None]
+    hidden = _hidden(change)
+    moved = ", ".join(_moved(change, mode) for mode in shown)
+    by = f" by {change.by}" if change.by else ""
+    learnt = f"the reference from now on, learnt from {change.n_windows} windows"
+    gone = f"; {_modes(hidden)} not seen, and not watched until seen in most windows again" if hidden else ""
+    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{gone}"
+
+
+def seen_again_said(before: AcceptedShift, now: AcceptedShift) -> str:
+    """Say which modes that an accepted change hid are watched again, and what they had moved by."""
+    again = sorted(set(_hidden(before)) - set(_hidden(now)))
+    moved = ", ".join(_moved(now, mode) for mode in again)
+    return f"{_modes(again)} watched again, not seen since {now.cause!r} was accepted: frequency moved by {moved}"
+
+
+def _hidden(change: AcceptedShift) -> list[int]:
+    return [mode for mode, shift in enumerate(change.shift_percent) if shift is None]
+
+
+def _moved(change: AcceptedShift, mode: int) -> str:
+    return f"{change.shift_percent[mode]:+.2f} ± {change.shift_std_percent[mode]:.2f} %"
+
+
+def _modes(tracks: list[int]) -> str:
+    """Name modes by their numbers."""
+    return f"{'mode' if len(tracks) == 1 else 'modes'} {', '.join(str(track + 1) for track in tracks)}"
+
+
+def undone_said(change: AcceptedShift, said: Mapping[str, Any]) -> str:
+    """Say what is no longer accepted; a person may have left name and note."""
+    by, note = (str(said.get(name) or "") for name in ("by", "note"))
+    who, why = f" by {by}" if by else "", f": {note}" if note else ""
+    return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"
+
+
+_FLAPPING = {
+    "flapping": "the alarm is raised and cleared again and again: until it is steady, nobody is told of that any more",
+    "steady": "the alarm has become steady",
+}
+
+
+def _where(result: WindowResult) -> str:
+    found = [change_text(result.diagnosis)] if result.diagnosis else []
+    found += [increment_text(result.increments)] if result.increments else []
+    return f": {'; '.join(found)}" if found else "; where, the next windows will tell"

@@ -1,0 +1,271 @@
+"""Findings in sentences: shared by the loop, the report, the viewer and the terminal."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from monitor.results.comparison import BalanceResult, SensorBeside, Vector
+from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
+from monitor.text.quantities import number_text, plain, share_text
+from updater import CalibrationSummary, Cause, Diagnosis, Failed, Gain, Pair, ParameterChange, Quantity, Where
+
+_LEAST_P = 1e-12  # that is told as it is
+_SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
+_OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
+_BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
+_LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
+_SHARES = frozenset(
+    {"loss", *_LOSSES, "error", "damping"}
+)  # of parameters without a unit, those that are told in per cent
+_COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: down to where it is told in whole mm, from where on in m
+_MANY, _FEW = 6, 3  # parameters of a cause: of more than so many, so many are told in a line
+_LARGE = 10.0  # kg: smaller masses are told in grams
+CLEAR_ODDS = 5.0  #: log evidence from which only one reading of the forces left over is shown
+SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
+
+
+def fit_text(answer: MassAnswer) -> str:
+    """Return how well a mass fits what was measured, and in how many windows."""
+    p = f"= {answer.p_value:.2g}" if answer.p_value > _LEAST_P else f"under {_LEAST_P:.0e}"
+    return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
+
+
+def quantity_text(quantity: Quantity) -> str:
+    """Return a parameter with its standard deviation and unit; masses in grams unless large."""
+    scale, unit = (1.0, quantity.unit) if quantity.unit != "-" else (1.0, "")
+    if unit == "kg" and abs(quantity.value) < _LARGE:
+        scale, unit = 1000.0, "g"
+    return f"{number_text(scale * quantity.value, scale * quantity.std)} {unit}".rstrip()
+
+
+def parameter_text(name: str, quantity: Quantity) -> str:
+    """Return a cause's parameter in the unit that is spoken: lengths in mm, delays in ms, angles in degrees.
+
+    A gain and a factor stay numbers; a share is what is lost, or off.
+    """
+    scale, unit = _SPOKEN.get(quantity.unit, (1.0, ""))
+    if quantity.unit.startswith("N"):
+        size, prefix = next(pair for pair in _PREFIXES if abs(quantity.value) >= pair[0])
+        scale, unit = 1 / (size or 1.0), prefix + quantity.unit
+    if quantity.unit == "-" and name in _SHARES:
+        scale, unit = 100.0, "%"
+    if not unit or (quantity.unit == "m" and abs(quantity.value) >= 1.0):
+        return quantity_text(quantity)
+    return f"{number_text(scale * quantity.value, scale * quantity.std)} {unit}"
+
+
+def where_text(where: Where | None) -> str:
+    """Return the place of a cause; empty for one that has none."""
+    if where is None:
+        return ""
+    parts = [f"on the {where.member}"] if where.member else []
+    std = where.position_std or 0.0
+    if where.position:
+        fine = 3 if std == 0.0 or std >= _COARSE else math.ceil(-math.log10(std))
+        parts.append(f"at ({', '.join(f'{x:.{fine}f}' for x in where.position)}) m")
+    if std >= _METRES:
+        parts.append(f"± {std:.1f} m")
+    elif std:
+        parts.append(f"± {1000 * std:.0f} mm" if std >= _COARSE else f"± {1000 * std:.1g} mm")
+    if where.channels:
+        parts.append(f"in {', '.join(where.channels)}")
+    return " ".join(parts)
+
+
+def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
+    """Return a cause's parameters, name and value, none of them twice; those of the model before and after."""
+    if cause.changes:
+        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in cause.changes]
+    found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
+    return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
+
+
+def _parameter_name(cause: Cause, change: ParameterChange) -> str:
+    """Return the quantity, with what it belongs to where the cause itself has no place."""
+    if cause.where is not None:
+        return change.quantity
+    place = " at ({:g}, {:g}, {:g}) m".format(*change.position) if change.position else ""
+    return f"{change.quantity} of {change.of}{place}"
+
+
+def change_texts(change: ParameterChange) -> tuple[str, str]:
+    """Return a parameter before and after, such as `rigid`, `60 ± 3 kN m/rad`; or `210`, `203.1 ± 0.4 GPa (-3.3 %)`.
+
+    Of a stiffness that may be infinite, such as that of a locked bearing, only a lower bound is known: the flexibility
+    is Gaussian. It is `over 12.7 MN m/rad (95 %)`.
+    """
+    bound = change.after / (1 + _BOUND * change.std / change.after) if change.after > 0 else change.after
+    open_above = change.unit.startswith("N") and change.std > _OPEN * change.after
+    shown = bound if open_above else change.after
+    size, prefix = next(pair for pair in _PREFIXES if abs(shown) >= pair[0])
+    scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
+    before = "rigid" if change.before is None else f"{scale * change.before:.4g}"
+    if open_above:
+        return before, f"over {scale * bound:.3g}{unit} (95 %)"
+    percent = "" if change.before is None else f" ({100 * (change.after / change.before - 1):+.1f} %)"
+    return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}"
+
+
+def cause_text(cause: Cause) -> str:
+    """Return one accepted cause in one line."""
+    mass = cause.parameters.get("mass")
+    if cause.cause == "added_mass" and mass:
+        size = mass.model_copy(update={"value": abs(mass.value)})
+        return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
+    told = [f"{name} {value}" for name, value in parameter_texts(cause)]
+    if len(told) > _MANY:
+        told[_FEW:] = [f"and {len(told) - _FEW} more"]
+    values = ", ".join(told)
+    return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
+        f": {values}" if values else ""
+    )
+
+
+MARK = "*"  #: of a mode that is not `compared`
+NOT_COMPARED = "not used: no confident match in the reference"
+
+
+def failed_text(failed: Failed) -> str:
+    """Return what an internal fault left out of an answer."""
+    part = " and ".join(map(plain, failed.part.split(" and ")))
+    return f"internal error, {part} was not considered: {failed.error}"
+
+
+def mass_text(answer: MassAnswer) -> str:
+    """Say what was found in one line."""
+    places: list[MassAnswer | OtherPlace] = [answer, *answer.others]
+    return " or ".join(_place_text(place) for place in places)
+
+
+def _place_text(place: MassAnswer | OtherPlace) -> str:
+    what = "added" if place.mass > 0 else "removed"
+    x, y, z = place.position
+    share = f" ({share_text(place.probability)})" if isinstance(place, OtherPlace) else ""
+    return (
+        f"{1000 * abs(place.mass):.0f} ± {1000 * place.mass_std:.0f} g {what} on the {place.member} "
+        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{share}"
+    )
+
+
+def change_text(diagnosis: Diagnosis) -> str:
+    """Say what has changed where something has, as a part of a sentence."""
+    if diagnosis.verdict == "nothing_to_explain":
+        return "too little to name a cause"
+    if not diagnosis.causes:
+        return "no cause known here explains how"
+    return "; ".join(cause_text(c) + _aliases(c) for c in diagnosis.causes)
+
+
+def _aliases(cause: Cause) -> str:
+    return "".join(f" or {plain(name)}" for name in cause.cannot_be_told_from)
+
+
+def calibration_text(summary: CalibrationSummary) -> str:
+    """Return how many modes were paired with the model before and after its calibration, and its frequency errors."""
+    paired, error = summary.modes_paired, summary.frequency_error_percent
+    return (
+        f"model calibrated: {paired.before} of {summary.modes_measured} measured modes paired before, {paired.after} "
+        f"after; frequency error {error.before:.3g} -> {error.after:.3g} % rms"
+    )
+
+
+def gain_text(pair: Pair, std: Pair | None, form: str) -> tuple[str, str]:
+    """Return a figure without and with the causes, each with its standard deviation where that is known."""
+    deviations = (std.before, std.after) if std else (None, None)
+    before, after = (
+        "" if value is None else number_text(value, deviation) if deviation else format(value, form)
+        for value, deviation in zip((pair.before, pair.after), deviations, strict=True)
+    )
+    return before, after
+
+
+def model_gain_text(gain: Gain, std: Gain | None) -> str:
+    """Return the gain of a written model on all modes measured, and whether it leaves more than noise."""
+    if gain.frequency_error_percent.after is None:
+        return f"the written model has none of the {gain.n_measured} measured modes"
+    before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent if std else None, ".3f")
+    before = before or "none of these modes"
+    text = f"frequency error {before} -> {after} % rms over {gain.n_modes} of {gain.n_measured} modes"
+    if gain.noise_percent is not None:
+        left = "more than" if gain.exceeds_noise else "no more than"
+        text += f", {left} measurement noise ({gain.noise_percent:.2g} %)"
+    if gain.one_minus_mac.before is not None:
+        text += ", 1 - MAC {} -> {}".format(*gain_text(gain.one_minus_mac, std.one_minus_mac if std else None, ".2g"))
+    return text
+
+
+def change_gain_text(gain: Gain) -> str:
+    """Return the error of the predicted changes since the reference, and the data that it is measured on."""
+    error = gain.change_error_percent
+    if error is None or error.before is None or error.after is None:
+        return ""
+    return f"frequency changes mispredicted by {error.before:.3g} -> {error.after:.3g} % rms ({change_data_text(gain)})"
+
+
+def change_data_text(gain: Gain) -> str:
+    """Return the data that the error of the predicted changes is measured on."""
+    return "on held-out logs" if gain.heldout else "cross-validated: each mode from the others"
+
+
+def missed_text(sensors: Sequence[SensorBeside]) -> str:
+    """Say what the prediction of each sensor from the others misses of all signals; empty where none was made."""
+    missed = [s.missed for s in sensors if s.missed is not None]
+    if not missed:
+        return ""
+    text = f"Virtual-sensor prediction error: {100 * _root_mean_square(missed):.1f} % rms"
+    after = [s.missed_after for s in sensors if s.missed_after is not None]
+    if after:
+        text += f" without the causes, {100 * _root_mean_square(after):.1f} % with them"
+    return text + "."
+
+
+def _root_mean_square(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
+    """Say where forces are left over most, read as the modes clearly speak for; empty where nothing stands out.
+
+    Parameters
+    ----------
+    balance : of the nodes
+    nodes : their places [m]; nothing is said of those of another model
+    """
+    if abs(balance.log_odds) <= CLEAR_ODDS or len(nodes) != len(balance.loss):
+        return ""
+    of_mass = balance.log_odds > 0
+    values, stds = (balance.added, balance.added_std) if of_mass else (balance.loss, balance.loss_std)
+    known = [(v, s, at) for v, s, at in zip(values, stds, nodes, strict=True) if v is not None and s is not None]
+    if not known:
+        return ""
+    value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
+    if abs(value) <= SIGNIFICANT * std:
+        return ""
+    what = f"{'excess' if of_mass == (value > 0) else 'missing'} {'mass' if of_mass else 'stiffness'}"
+    return f"residual forces indicate {what}, largest at ({x:.2f}, {y:.2f}, {z:.2f}) m (no cause assumed)"
+
+
+def increment_text(increments: MassIncrements) -> str:
+    """Return how many nodes the one-step update flags, and the place of the change or why none is claimed."""
+    flagged = len({f.node for f in increments.flagged})
+    if not flagged:
+        return "one-step update flags no node"
+    place = place_text(increments.place)
+    return f"one-step update flags {flagged} node{'s' * (flagged > 1)}{f', {place}' if place else ''}"
+
+
+def place_text(place: IncrementPlace | None) -> str:
+    """Return the place that the increments of all nodes support with its 95 % region, or why they support none."""
+    if place is None:
+        return ""
+    if not place.fits:
+        p = f"p = {place.p_value:.2g}" if place.p_value > _LEAST_P else f"p under {_LEAST_P:.0e}"
+        return f"not located: the increments do not fit one mass ({p})"
+    x, y, z = place.position
+    if place.located:
+        return f"consistent with one mass at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % within {place.radius:.2f} m"
+    length = sum(math.dist(part.start, part.end) for part in place.region)
+    members = ", ".join(dict.fromkeys(part.member for part in place.region))
+    return f"not located: one mass fits anywhere within {length:.2g} m of {members}"

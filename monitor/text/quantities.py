@@ -1,0 +1,75 @@
+"""Quantities in words: numbers with their deviations, times, durations, masses, stretches of members."""
+
+import math
+
+import numpy as np
+
+from updater.planning.detectability import Stretches
+
+_CERTAIN = 0.999
+_NAMES = {
+    "sensor_polarity": "sensor sign turned",
+    "sensor_swap": "sensors exchanged",
+    "sensor_orientation": "sensor direction",
+    "sensor_dead": "dead sensor",
+    "amplitude_softening": "softening with amplitude",
+    "damping_change": "change of damping",
+}  # others are their own words
+_UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
+
+
+def stretches_text(found: Stretches) -> str:
+    """Return stretches as words, nothing for none."""
+    return ", ".join(f"{start:.2f} to {stop:.2f}" for start, stop in found)
+
+
+def mass_words(mass: float) -> str:
+    """Return a mass in grams or kilograms, to two digits."""
+    if mass >= 1:
+        return f"{mass:.2g} kg" if mass < 10 else f"{mass:.0f} kg"
+    return f"{1000 * mass:.2g} g" if mass < 0.1 else f"{1000 * mass:.0f} g"
+
+
+def duration_words(seconds: float) -> str:
+    """Return a duration in seconds, minutes or hours."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
+
+
+def plain(name: str) -> str:
+    """Return a name of a cause or parameter as words."""
+    return _NAMES.get(name, name.replace("_", " "))
+
+
+def number_text(value: float, std: float) -> str:
+    """Return a value and its standard deviation, rounded to its first digit, or its second if the first is 1 or 2."""
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:.4g}"
+    power = math.floor(math.log10(std))
+    digits = -power + (std < 2.95 * 10.0**power)
+    shown = max(0, digits)
+    return f"{round(value, digits):.{shown}f} ± {round(std, digits):.{shown}f}"
+
+
+def share_text(probability: float) -> str:
+    """Return a probability in per cent, never rounded to certainty."""
+    if probability > _CERTAIN:
+        return f"over {100 * _CERTAIN:g} %"
+    return f"{100 * probability:.1f} %"
+
+
+def utc(time: int, *, date: bool = True) -> str:
+    """Return a time [ns UTC] to the second."""
+    text = str(np.datetime64(time, "ns"))[:19].replace("T", " ")
+    return f"{text} UTC" if date else text[11:]
+
+
+def duration_text(seconds: float) -> str:
+    """Return a duration in its largest two units, such as 3 h 20 min."""
+    for (unit, name), (smaller, below) in zip(_UNITS, (*_UNITS[1:], (1.0, "s")), strict=True):
+        if seconds >= unit:
+            whole = int(seconds // unit)
+            rest = int((seconds - whole * unit) // smaller)
+            return f"{whole} {name} {rest} {below}" if rest else f"{whole} {name}"
+    return f"{seconds:.0f} s"

@@ -1,0 +1,83 @@
+"""Health of the sensors as it is logged, and said: gain, polarity and delay of every channel."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from monitor.results.comparison import ChannelHealth
+from updater import SensorHealth
+
+_SURE = 4.0  # standard deviations from which a channel is named
+_WIDE = 2.0  # standard deviations that a bound holds
+_GAIN = 0.03  # from which a change of gain matters [-]
+_NOTHING = 0.1  # gain under which a channel is as good as dead [-]
+_FINEST = 0.1  # % of a gain that is told
+_DELAY = 1e-4  # from which a delay matters [s]
+
+
+def health_result(health: SensorHealth) -> dict[str, ChannelHealth]:
+    """Return plain values, channel by channel."""
+    columns = zip(health.channels, health.gain, health.gain_std, health.delay, health.delay_std, strict=True)
+    return {
+        channel: ChannelHealth(
+            gain=float(gain),
+            gain_std=float(gain_std),
+            delay=float(delay) if np.isfinite(delay) else None,
+            delay_std=float(delay_std) if np.isfinite(delay_std) else None,
+        )
+        for channel, gain, gain_std, delay, delay_std in columns
+    }
+
+
+def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True) -> str:
+    """Name the channels that are not as they should be; if all are, say how closely that is known.
+
+    Parameters
+    ----------
+    explained : whether the modes are: what a structure does that no cause explains looks like sensors' faults
+    """
+    if not sensors:
+        return ""
+    wrong = [f"{channel}: {fault}" for channel, own in sensors.items() if (fault := fault_text(own))]
+    if wrong:
+        return (
+            "sensors: " if explained else "sensors (assuming that the unexplained part is a sensor fault): "
+        ) + "; ".join(wrong)
+    gains = [100 * (abs(s.gain - 1) + _WIDE * s.gain_std) for s in sensors.values()]
+    text = f"sensors: all gains within {max(_FINEST, *gains):.1f} %"
+    delays = [abs(s.delay) + _WIDE * (s.delay_std or 0.0) for s in sensors.values() if s.delay is not None]
+    return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
+
+
+def fault_text(own: ChannelHealth) -> str:
+    """Say what is wrong with a channel, nothing if that is sure to nobody or does not matter."""
+    found = []
+    if abs(own.gain) < max(_NOTHING, _SURE * own.gain_std):
+        return "says nothing"
+    if own.gain < -_SURE * own.gain_std:
+        found.append("polarity turned")
+    if abs(abs(own.gain) - 1) > max(_GAIN, _SURE * own.gain_std):
+        found.append(f"gain {gain_text(own)}")
+    if own.delay is not None and own.delay_std is not None and abs(own.delay) > max(_DELAY, _SURE * own.delay_std):
+        found.append(f"{delay_text(own)} ms {'late' if own.delay > 0 else 'early'}")
+    return ", ".join(found)
+
+
+def gain_text(own: ChannelHealth) -> str:
+    """Return a gain with its deviation."""
+    return f"{own.gain:.3f} ± {own.gain_std:.3f}"
+
+
+def delay_text(own: ChannelHealth) -> str:
+    """Return a delay with its deviation [ms]."""
+    if own.delay is None or own.delay_std is None:
+        return "not known"
+    return f"{1e3 * own.delay:+.3f} ± {1e3 * own.delay_std:.3f}"
+
+
+def health_rows(sensors: Mapping[str, ChannelHealth]) -> list[dict[str, str]]:
+    """Return the rows of a table."""
+    return [
+        {"channel": channel, "gain": gain_text(own), "delay": delay_text(own), "fault": fault_text(own)}
+        for channel, own in sensors.items()
+    ]

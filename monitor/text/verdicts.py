@@ -1,0 +1,114 @@
+"""Verdicts and headlines in words."""
+
+from monitor.results.story import Story
+from monitor.results.windows import AcceptedShift, WindowResult
+from monitor.text.causes import cause_text, change_text, mass_text
+from monitor.text.quantities import utc
+from monitor.text.trends import standing_trend
+from monitor.text.uncertainty import unsure_now
+from updater import Diagnosis
+
+_DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
+_CLOCKS = frozenset({"sensor_delay"})  # taken out of all modes before a mass is located
+_MASSES = frozenset({"added_mass", "distributed_mass"})
+
+VERDICTS = {
+    "nothing_to_explain": "Nothing to explain: the data agree with the model.",
+    "explained": "Explained",
+    "ambiguous": "Explained, but the data cannot tell some causes apart",
+    "unexplained": "The data disagree with the model in a way that no cause known here explains.",
+}
+
+
+def verdict_text(diagnosis: Diagnosis) -> str:
+    """Return the verdict as a sentence that the causes follow, if there are any."""
+    return f"{VERDICTS[diagnosis.verdict]}:" if diagnosis.causes else VERDICTS[diagnosis.verdict]
+
+
+def diagnosis_text(diagnosis: Diagnosis) -> str:
+    """Return the diagnosis in one sentence."""
+    if not diagnosis.causes:
+        return VERDICTS[diagnosis.verdict]
+    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
+
+
+def changed_between(story: Story) -> tuple[int, int] | None:
+    """Return start and end [ns UTC] of the window that first showed the last alarm's change; None if none did."""
+    raised = [alarm.time for alarm in story.alarms if alarm.raised]
+    if raised and raised[-1] <= story.start:
+        return None  # the window is before the range that is reported
+    first: WindowResult | None = None
+    before: WindowResult | None = None
+    for window in story.watched:
+        over = window.novelty is not None and window.novelty.t2 > window.novelty.limit
+        if over and (before is None or before.novelty is None or before.novelty.t2 <= before.novelty.limit):
+            first = window
+        before = window if window.novelty else before
+    return (first.start, first.end) if first else None
+
+
+def last_state(story: Story) -> str:
+    """Return the alarm's state at the end: learning, normal, watch or alarm."""
+    if not story.watched and not story.reference:
+        return "learning"
+    return story.alarms[-1].state if story.alarms else "normal"
+
+
+def accepted_text(change: AcceptedShift, time: int) -> str:
+    """Say as what a change was accepted, by whom and when [ns UTC]."""
+    by = f" by {change.by}" if change.by else ""
+    return f"as {change.cause!r}{by}, {utc(time)}"
+
+
+def headline(story: Story, diagnosis: Diagnosis | None) -> str:
+    """Return the verdict of a run in one sentence."""
+    state, n = last_state(story), len(story.watched)
+    if state == "learning":
+        return f"Still learning: {len(story.windows)} windows so far, nothing is judged yet."
+    if state == "alarm":
+        return f"The structure has changed: {_what(story, diagnosis)}.{_when(story)}"
+    if state == "watch":
+        return "One window is over the limit; the next ones will tell whether the structure has changed."
+    unsure = unsure_now(story)
+    if change := story.closed_by:
+        since = sum(window.end > story.accepted_at(change) for window in story.watched)
+        then = f"nothing has changed in {since} windows since" if since else "no window has been judged since"
+        return f"A change was accepted {accepted_text(change, story.accepted_at(change))}; {unsure or then}."
+    if any(alarm.state == "alarm" for alarm in story.alarms):
+        return f"Back to normal after an alarm, {n} windows watched{f'; {unsure}' if unsure else ''}."
+    trend = standing_trend(story)
+    if unsure:
+        return f"No large change: {unsure}{f'; {trend}' if trend else ''}."
+    if trend:
+        return f"No sudden change in {n} windows; {trend}."
+    return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
+
+
+def _what(story: Story, diagnosis: Diagnosis | None) -> str:
+    if diagnosis and not (story.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
+        return change_text(diagnosis)
+    if not story.answers:
+        return "where is not known yet"
+    answer = story.answers[-1][1]
+    doubt = " (a mass alone explains it badly)" if answer.p_value < _DOUBTFUL else ""
+    return mass_text(answer) + doubt
+
+
+def is_one_mass(diagnosis: Diagnosis) -> bool:
+    """Tell whether one added or removed mass explains how the structure has changed, and nothing else.
+
+    A mass that may as well be spread over a stretch is one, and so is one beside a clock that is late: the data place
+    and weigh it alike.
+    """
+    structural = [c for c in diagnosis.causes if c.cause not in _CLOCKS]
+    kinds = {name for c in structural for name in (c.cause, *c.cannot_be_told_from)}
+    alternatives = diagnosis.verdict == "ambiguous" and sum(c.probability for c in structural) <= 1.0
+    one = len(structural) == 1 or alternatives
+    return bool(diagnosis.causes) and one and "added_mass" in kinds and kinds <= _MASSES
+
+
+def _when(story: Story) -> str:
+    between = changed_between(story)
+    if between is None:
+        return ""
+    return f" First seen between {utc(between[0])[:-4]} and {utc(between[1], date=False)} UTC."

@@ -1,0 +1,73 @@
+"""The posterior along the members, laid one after another on a line: what every picture of it shares."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from daq import FloatArray
+from monitor.results.windows import MassAnswer, ProfilePoint, Vector
+
+_GAP = 0.06  # of all members' length, between two members
+_SMALLEST = 1e-300
+_TICK_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
+
+
+def has_profile(answer: MassAnswer) -> bool:
+    """Tell whether there is a posterior to draw: at two places of one member at least."""
+    return len({(p.member, p.position) for p in answer.profile}) > len({p.member for p in answer.profile})
+
+
+def places(answer: MassAnswer) -> Iterator[tuple[str, Vector]]:
+    """Yield member and position of the profile's points."""
+    return ((p.member, p.position) for p in answer.profile)
+
+
+def sigmas(points: list[ProfilePoint]) -> FloatArray:
+    """Return sqrt(-2 ln(density / largest)) at each point (n,): for a Gaussian posterior the distance in its sigmas.
+
+    A density that is too small to be a number is as far away as the smallest number.
+    """
+    density = np.array([p.density for p in points], float)
+    share = density / max(density.max(), _SMALLEST)
+    return np.asarray(np.sqrt(-2 * np.log(np.maximum(share, _SMALLEST))))
+
+
+class Unrolled:
+    """The members laid one after another on a line.
+
+    Parameters
+    ----------
+    places : member and position [m] of each point, in order along each member
+    """
+
+    def __init__(self, places: Iterable[tuple[str, Vector]]) -> None:
+        self.start: dict[str, FloatArray] = {}
+        self.length: dict[str, float] = {}
+        for member, position in places:
+            place = np.array(position)
+            start = self.start.setdefault(member, place)
+            self.length[member] = float(np.linalg.norm(place - start))
+        gap = _GAP * sum(self.length.values())
+        steps = [length + gap for length in self.length.values()]
+        self.offset = dict(zip(self.length, np.concatenate([[0.0], np.cumsum(steps)[:-1]]).tolist(), strict=True))
+        self.total = float(sum(steps) - gap)
+
+    def along(self, member: str, position: FloatArray) -> FloatArray:
+        """Return where positions (..., 3) on a member are on the line (...) [m]."""
+        return np.asarray(self.offset[member] + np.linalg.norm(position - self.start[member], axis=-1))
+
+    def ticks(self) -> Iterator[tuple[float, str]]:
+        """Return places on the line and the distance from the member's start there."""
+        step = self.total / 10
+        for member, length in self.length.items():
+            for value in ticks(0.0, length, max(2, int(length / step))) if length else [0.0]:
+                yield self.offset[member] + float(value), f"{value:g}"
+
+
+def ticks(low: float, high: float, most: int) -> FloatArray:
+    """Return round values between two limits, at most `most` of them."""
+    rough = (high - low) / most
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = power * _TICK_STEPS[np.searchsorted(_TICK_STEPS, rough / power - 1e-9)]
+    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
+    return np.asarray(np.arange(first, last + 1) * step + 0.0)  # no negative zero

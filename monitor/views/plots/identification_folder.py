@@ -1,0 +1,106 @@
+"""All that an identification has to show, as files of a folder."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from daq import Recording
+from monitor.views.plots.identification import (
+    complexity_figure,
+    mac_figure,
+    spectrum_figure,
+    stabilization_figure,
+    tracks_figure,
+)
+from monitor.views.plots.mode_shapes import shapes_figure
+from oma import Identification, ModalEstimate, Place, write_universal
+from updater import Structure
+from updater.validation.model_modes import ModelModes
+
+_DPI = 110
+_OVER_TIME = "tracks.png"
+_TRACKS = 12  # windows from which on identities can be followed
+_SAME = 1e-9  # m: places that are one
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Results:
+    """Results to be written."""
+
+    estimate: ModalEstimate  #: of all windows
+    windows: Sequence[ModalEstimate]
+    recording: Recording  #: a window ...
+    found: Identification  #: ... and what was identified from it
+    model: ModelModes | None  #: to compare with
+    content: Mapping[str, Any]  #: of modes.json
+
+
+def write_folder(folder: Path, results: Results) -> list[Path]:
+    """Write modes.json, modes.unv and the pictures, over those of an earlier run; return the files.
+
+    Raises
+    ------
+    OSError
+        If one cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [folder / "modes.json", folder / "modes.unv"]
+    written[0].write_text(json.dumps(results.content, indent=1), encoding="utf-8")
+    structure = results.model.structure if results.model else None
+    geometry = _geometry(structure, results.estimate) if structure else (None, None, ())
+    write_universal(written[1], results.estimate, *geometry)
+    (folder / _OVER_TIME).unlink(missing_ok=True)  # an earlier run may have had more windows
+    for name, draw in _pictures(results, structure).items():
+        draw().savefig(folder / name, dpi=_DPI)
+        written.append(folder / name)
+    return written
+
+
+def _pictures(results: Results, structure: Structure | None) -> dict[str, Callable[[], Figure]]:
+    estimate, model = results.estimate, results.model
+    pictures: dict[str, Callable[[], Figure]] = {
+        "stabilization.png": lambda: stabilization_figure(results.recording, results.found, estimate),
+        "singular_values.png": lambda: spectrum_figure(results.recording, results.found, estimate),
+        "mac.png": lambda: mac_figure(estimate, model.near(estimate.frequency) if model else None),
+        "shapes.png": lambda: shapes_figure(estimate, structure),
+        "complexity.png": lambda: complexity_figure(estimate),
+    }
+    if len(results.windows) >= _TRACKS:
+        pictures[_OVER_TIME] = lambda: tracks_figure(results.windows)
+    return pictures
+
+
+def _geometry(
+    structure: Structure, estimate: ModalEstimate
+) -> tuple[dict[str, Place], dict[int, Vector], list[list[int]]]:
+    """Return places of the channels, positions of nodes, and the nodes on each member: its ends and its sensors."""
+    sensors = {s.channel: s for s in structure.heard}
+    points = [sensors[channel].at for channel in estimate.channels]
+    points += [end for member in structure.member for end in (member.start, member.end)]
+    number = {point: k for k, point in enumerate(dict.fromkeys(points), 1)}
+    places = {
+        name: Place(node=number[sensors[name].at], direction=_unit(sensors[name].direction))
+        for name in estimate.channels
+    }
+    lines = [_nodes_along(member.start, member.end, number) for member in structure.member]
+    return places, {k: point for point, k in number.items()}, lines
+
+
+def _nodes_along(start: Vector, end: Vector, number: Mapping[Vector, int]) -> list[int]:
+    """Return the nodes on a straight line from its start to its end."""
+    first, span = np.array(start), np.subtract(end, start)
+    share = {point: float(np.dot(np.subtract(point, first), span) / np.dot(span, span)) for point in number}
+    on = [p for p, s in share.items() if 0 <= s <= 1 and np.linalg.norm(first + s * span - p) < _SAME]
+    return [number[point] for point in sorted(on, key=lambda p: share[p])]
+
+
+def _unit(direction: Vector) -> Vector:
+    x, y, z = (np.array(direction) / np.linalg.norm(direction)).tolist()
+    return x, y, z

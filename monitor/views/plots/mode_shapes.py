@@ -1,0 +1,104 @@
+"""Identified modes drawn: the spectrum with the stabilization diagram, and the shapes."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+from daq import FloatArray, Recording
+from monitor.views.plots.identification import LINE, STABLE, draw_poles, draw_spectrum, highest_shown, mark_modes
+from oma import Identification, ModalEstimate
+from updater import Structure
+
+_SHAPES = 6  # modes whose shapes are drawn below the diagram
+_COLUMNS = 4
+_NAMES = 20  # of channels, below a shape
+_SWAY = 0.2  # of the structure's size: the longest arrow
+
+
+def draw_modes(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
+    """Write a PNG.
+
+    Parameters
+    ----------
+    path : of the picture
+    recording, found : a window and what was identified from it: spectrum and poles
+    estimate : the modes to mark, of this window or of many
+    """
+    n = min(_SHAPES, estimate.n_modes)
+    figure = Figure(figsize=(14, 9), layout="constrained")
+    grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
+    diagram = figure.add_subplot(grid[0, :])
+    spectrum = diagram.twinx()
+    diagram.set(zorder=spectrum.get_zorder() + 1, frame_on=False)  # poles before lines
+    highest = highest_shown(estimate)
+    draw_poles(diagram, found, highest)
+    draw_spectrum(spectrum, recording, highest)
+    mark_modes(diagram, found, estimate, highest)
+    shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
+    for k, axes in enumerate(shapes):
+        axes.sharey(shapes[0])
+        _draw_bars(axes, estimate, k)
+    figure.savefig(path, dpi=110)
+
+
+def shapes_figure(estimate: ModalEstimate, structure: Structure | None) -> Figure:
+    """Draw all shapes: at the structure's sensors if it is known, else as bars at the channels."""
+    columns = min(_COLUMNS, estimate.n_modes)
+    rows = -(-estimate.n_modes // columns)
+    figure = Figure(figsize=(3.6 * columns, (4.0 if structure else 3.2) * rows), layout="constrained")
+    highest = 1.1 * float(np.abs(estimate.shape.real).max())
+    for k in range(estimate.n_modes):
+        if structure:
+            axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
+            assert isinstance(axes, Axes3D)
+            _draw_arrows(axes, estimate, k, structure)
+        else:
+            bars = figure.add_subplot(rows, columns, k + 1)
+            _draw_bars(bars, estimate, k)
+            bars.set_ylim(-highest, highest)
+    return figure
+
+
+def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
+    place = np.arange(len(estimate.channels))
+    axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=STABLE, ecolor=LINE, capsize=2)
+    axes.axhline(0, color=LINE, linewidth=0.6)
+    named = place[:: -(-len(place) // _NAMES)]
+    axes.set_xticks(named, [estimate.channels[i] for i in named], rotation=90, fontsize=7)
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set_title(_title(estimate, k), fontsize=9)
+
+
+def _title(estimate: ModalEstimate, k: int) -> str:
+    return (
+        f"{k + 1}: {estimate.frequency[k]:.3f} ± {estimate.frequency_std[k]:.3f} Hz\n"
+        f"{100 * estimate.damping[k]:.2f} ± {100 * estimate.damping_std[k]:.2f} %"
+    )
+
+
+def _draw_arrows(axes: Axes3D, estimate: ModalEstimate, k: int, structure: Structure) -> None:
+    """Draw the members, and at each place with sensors how it moves."""
+    ends: FloatArray = np.array([[member.start, member.end] for member in structure.member])
+    axes.add_collection3d(Line3DCollection(list(ends), colors=LINE, linewidths=1.0, alpha=0.6))
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    size = float((high - low).max())
+    motion: dict[tuple[float, float, float], FloatArray] = {}
+    for sensor in structure.heard:
+        if sensor.channel in estimate.channels:
+            way = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
+            value = estimate.shape[k, estimate.channels.index(sensor.channel)].real
+            motion[sensor.at] = motion.get(sensor.at, np.zeros(3)) + value * way
+    longest = max(float(np.linalg.norm(m)) for m in motion.values()) or 1.0
+    for at, moved in motion.items():
+        axes.quiver(*at, *(_SWAY * size / longest * moved), color=STABLE, linewidth=1.8, arrow_length_ratio=0.3)
+    margin = 1.2 * _SWAY * size
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    axes.set_zlim(low[2], high[2] + margin)
+    axes.set_box_aspect((*(high - low + 2 * margin)[:2], (high - low)[2] + margin), zoom=1.2)
+    axes.view_init(elev=18, azim=-55)
+    axes.set_axis_off()
+    axes.set_title(_title(estimate, k), fontsize=9)

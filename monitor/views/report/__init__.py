@@ -1,0 +1,125 @@
+"""The report: one HTML page that needs no network, the verdict first, the evidence below it."""
+
+import errno
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from pydantic import ValidationError
+
+from monitor.errors import ResultsError
+from monitor.results.comparison import DiscrepancyResult
+from monitor.results.convert import bare_reference
+from monitor.views.report.content import diagnosis_content, run_content, versions
+from monitor.views.report.svg import styled
+from monitor.views.run import Run
+from updater import Diagnosis, Structure
+
+__all__ = ["diagnosis_report", "load_diagnosis", "run_report"]
+
+
+def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
+    """Write the report of a run.
+
+    Parameters
+    ----------
+    run : as its log tells it
+    path : of the page; one that stands there is replaced
+    diagnosis : to show instead of the one that stands in the log
+
+    Raises
+    ------
+    ResultsError
+        If the page cannot be written.
+    """
+    _write(path, "run.html", lambda: run_content(run, diagnosis))
+
+
+def diagnosis_report(
+    diagnosis: Diagnosis,
+    path: Path,
+    *,
+    title: str,
+    structure: Structure | None = None,
+    found: DiscrepancyResult | None = None,
+) -> None:
+    """Write the report of a diagnosis that stands alone; errors as for `run_report`.
+
+    Parameters
+    ----------
+    diagnosis : the answer of `modalwatch diagnose`
+    path : of the page
+    title : what was diagnosed: the structure's name
+    structure : to draw the causes on
+    found : measured beside simulated, of the same structure
+    """
+    state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
+
+    def values() -> dict[str, Any]:
+        content = diagnosis_content(diagnosis, bare_reference(structure) if structure else None, found)
+        return {
+            "title": title,
+            "state": state,
+            "headline": content["text"],
+            "diagnosis": content,
+            "versions": versions(),
+        }
+
+    _write(path, "diagnosis.html", values)
+
+
+def load_diagnosis(path: Path) -> Diagnosis:
+    """Read what `modalwatch diagnose --json` wrote.
+
+    Raises
+    ------
+    ResultsError
+        Naming file and field.
+    """
+    try:
+        return Diagnosis.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise ResultsError(path, f"cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise ResultsError(path, f"is no diagnosis: {place + ': ' if place else ''}{first['msg']}") from error
+
+
+def _write(path: Path, template: str, values: Callable[[], dict[str, Any]]) -> None:
+    """Write a page; where none can be written is refused before anything is drawn, which takes seconds."""
+    part = path.with_name(path.name + ".part")
+    with _writing(path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        part.touch()
+    try:
+        with styled():
+            text = _rendered(template, values())
+        with _writing(path):
+            part.write_text(text, encoding="utf-8")
+            part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _rendered(template: str, values: dict[str, Any]) -> str:
+    environment = Environment(
+        loader=PackageLoader("monitor.views.report"),
+        autoescape=select_autoescape(["html"]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(values)

@@ -1,0 +1,95 @@
+"""Measured against simulated values in the report: plain values and pictures for the template."""
+
+from functools import partial
+from typing import Any
+
+from monitor.results.comparison import DiscrepancyResult, ModeBeside, SensorBeside
+from monitor.results.windows import ReferenceResult
+from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
+from monitor.text.quantities import number_text, plain
+from monitor.text.sensors import health_rows
+from monitor.views.report import comparison_figures as beside
+from monitor.views.report.evidence_figures import density_figure
+from monitor.views.report.figure import optional, picture
+
+
+def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:
+    """Return the template's values; what is drawn on the structure needs one."""
+    return {
+        "modes": [_mode(m) for m in found.modes],
+        "not_compared": "" if all(m.compared for m in found.modes) else f"{MARK} {NOT_COMPARED}.",
+        "after": any(m.off_percent_after is not None for m in found.modes),
+        "offsets": picture(
+            lambda: beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"
+        ),
+        "mac": picture(lambda: beside.mac_figure(found), "MAC of simulated with measured modes"),
+        "sensors": picture(lambda: beside.sensors_figure(found), "Residual, prediction error and COMAC of each sensor"),
+        "worst": _worst(found.sensors),
+        "missed": missed_text(found.sensors),
+        "health": health_rows({s.channel: s.health for s in found.sensors if s.health}),
+        "balance": _balance(found, reference),
+        "signals": [
+            (
+                picture(partial(beside.signal_figure, signal), f"{signal.channel}: signal in time"),
+                picture(partial(beside.spectrum_figure, signal), f"{signal.channel}: spectrum"),
+            )
+            for signal in found.signals
+        ],
+        "trends": [
+            picture(partial(beside.trends_figure, found.trends, over), f"Frequencies over {over}")
+            for over in dict.fromkeys(t.over for t in found.trends)
+        ],
+        "places": [
+            picture(partial(density_figure, reference, p), f"Where along the structure {plain(p.cause)} may be")
+            for p in found.places
+            if reference
+        ],
+        "note": found.note,
+    }
+
+
+def _mode(mode: ModeBeside) -> dict[str, str]:
+    row = {"simulated": optional(mode.simulated, ".3f"), "measured": optional(mode.measured, ".3f")}
+    row |= {"off": "", "sigmas": "", "mac": optional(mode.mac, ".4f"), "mac_after": optional(mode.mac_after, ".4f")}
+    row["off_after"] = optional(mode.off_percent_after, "+.3f")
+    if mode.off_percent is not None and mode.std_percent is not None:
+        row["off"] = number_text(mode.off_percent, mode.std_percent)
+        row["sigmas"] = f"{mode.off_percent / mode.std_percent:+.1f}"
+    if mode.measured is None:
+        row["measured"] = "not seen"
+    elif mode.simulated is None:
+        row["simulated"] = "none"
+    if not mode.compared:
+        row["simulated"] = f"{MARK} {row['simulated']}"
+    return row
+
+
+def _worst(sensors: tuple[SensorBeside, ...]) -> str:
+    """Say which sensor stands out, if one does: the residual that noise explains least."""
+    if not sensors:
+        return ""
+    worst = max(sensors, key=lambda s: s.residual / max(s.noise, 1e-12))
+    ratio = worst.residual / max(worst.noise, 1e-12)
+    if ratio < 3:
+        return "No sensor lies farther from the simulated shapes than three times what noise leaves."
+    text = (
+        f"{worst.channel} lies farthest from the simulated shapes: {100 * worst.residual:.1f} % of a typical component"
+    )
+    return f"{text}, {ratio:.1f} times what noise leaves."
+
+
+def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> list[dict[str, Any]]:
+    if found.balance is None or reference is None or len(found.balance.loss) != len(reference.nodes):
+        return []
+    readings = {"added": "as mass that is on top", "loss": "as stiffness that is lacking"}
+    if abs(found.balance.log_odds) > CLEAR_ODDS:  # one reading explains all modes together far better
+        readings.pop("loss" if found.balance.log_odds > 0 else "added")
+    parts = []
+    for reading, name in readings.items():
+        text = beside.balance_text(reference, found.balance, reading)
+        if text:
+            odds = f" (log evidence {abs(found.balance.log_odds):.0f} over the other reading)" * (len(readings) == 1)
+            title = f"Forces left over, read {name}{odds}: {text}"
+            drawn = picture(partial(beside.balance_figure, reference, found.balance, reading), title)
+            parts.append({"picture": drawn, "text": title + "."})
+    return parts

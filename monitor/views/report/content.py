@@ -1,0 +1,299 @@
+"""Content of the report, section by section: plain values and pictures for the template."""
+
+import platform
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from daq import LogExcerpt, files_of
+from monitor.results.comparison import DiscrepancyResult
+from monitor.results.story import Story, find_mode
+from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
+from monitor.text.causes import (
+    cause_text,
+    change_data_text,
+    failed_text,
+    fit_text,
+    gain_text,
+    increment_text,
+    mass_text,
+    parameter_texts,
+    where_text,
+)
+from monitor.text.detectability import last_detectable
+from monitor.text.quantities import number_text, plain, share_text, utc
+from monitor.text.sensors import health_rows
+from monitor.text.trends import standing_trend
+from monitor.text.uncertainty import unsure_ever, unsure_now
+from monitor.text.verdicts import accepted_text, diagnosis_text, headline, is_one_mass, last_state
+from monitor.views.report import fit_figures as fits
+from monitor.views.report import place_figures as places
+from monitor.views.report import time_figures as trends
+from monitor.views.report.comparison_content import measured_content
+from monitor.views.report.evidence_figures import evidence_figure
+from monitor.views.report.figure import Picture, optional, picture
+from monitor.views.run import Run
+from oma import mac_matrix
+from updater import Diagnosis, Gain, ModeFit
+
+_VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
+
+
+def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
+    """Return the template's values for a run."""
+    story = run.story
+    found = None if diagnosis else last_discrepancy(story)
+    diagnosis = diagnosis or last_diagnosis(story)
+    return {
+        "title": story.name,
+        "state": "watch" if last_state(story) == "normal" and unsure_now(story) else last_state(story),
+        "headline": headline(story, diagnosis),
+        "facts": _facts(run),
+        "pictures": _pictures(story),
+        "increments": _increments(story),
+        "modes": _modes(story),
+        "sensors": _sensors(story),
+        "diagnosis": diagnosis_content(diagnosis, story.reference, found) if diagnosis else None,
+        "quality": _quality(run),
+        "settings": run.site_text,
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what made the page."""
+    return {"python": platform.python_version()} | {name: version(name) for name in _VERSIONS}
+
+
+def _sensors(story: Story) -> list[dict[str, str]]:
+    """Return how the sensors fared when they were last looked at."""
+    looked = [w.sensors for w in story.windows if w.sensors]
+    return health_rows(looked[-1]) if looked else []
+
+
+def last_diagnosis(story: Story) -> Diagnosis | None:
+    """Return the diagnosis of the last window that has one, if the alarm still stands."""
+    found = [w.diagnosis for w in story.windows if w.diagnosis]
+    return found[-1] if found and last_state(story) == "alarm" else None
+
+
+def last_discrepancy(story: Story) -> DiscrepancyResult | None:
+    """Return what the last diagnosis rests on, if the alarm still stands."""
+    found = [w.discrepancy for w in story.windows if w.diagnosis]
+    return found[-1] if found and last_state(story) == "alarm" else None
+
+
+def last_answer(story: Story) -> MassAnswer | None:
+    """Return the newest located mass while the alarm stands, unless a later diagnosis says that it is no mass."""
+    diagnosis = last_diagnosis(story)
+    if not story.answers or last_state(story) != "alarm" or (diagnosis and not is_one_mass(diagnosis)):
+        return None
+    return story.answers[-1][1]
+
+
+def _facts(run: Run) -> list[tuple[str, str]]:
+    story = run.story
+    facts = [("Watched", f"{utc(story.start)} to {utc(story.end)}")]
+    if isinstance(run.log, LogExcerpt):
+        facts.append(("Range", f"{run.log.text} of the log"))
+    facts.append(("Windows", _windows(run)))
+    answer = last_answer(story)
+    if answer:
+        facts.append(("Where and how much", mass_text(answer)))
+        sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
+        facts.append(("How sure", f"{sure}; {fit_text(answer)}"))
+        if answer.outlook:
+            facts.append(("Outlook", answer.outlook))
+    judged = [w.novelty for w in story.watched if w.novelty]
+    if judged:
+        facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
+    if detectable := last_detectable(story):
+        facts.append(("Smallest detectable change", detectable))
+    if unsure := unsure_ever(story):
+        facts.append(("What could be told", unsure))
+    if trend := standing_trend(story):
+        facts.append(("Slow trend", trend))
+    alarms = [a for a in story.alarms if a.raised]
+    facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
+    for change in story.accepted:
+        said = accepted_text(change, story.accepted_at(change))
+        facts.append(("Accepted", f"{said}; found was: {change.found}"))
+    return facts
+
+
+def _windows(run: Run) -> str:
+    """Return the number of windows that are reported; of a range, apart from those that the baseline is learnt from."""
+    learning, watched = len(run.story.learning), len(run.story.watched)
+    if not isinstance(run.log, LogExcerpt):
+        return f"{learning} to learn the baseline, {watched} watched"
+    reference = run.story.reference
+    baseline = f"; the baseline is learnt from {reference.n_windows} windows of the log" if reference else ""
+    return f"{learning + watched} in the range, {learning} of them before the baseline was learnt{baseline}"
+
+
+def _pictures(story: Story) -> dict[str, Picture | None]:
+    answer = last_answer(story)
+    spectra = story.spectra
+    return {
+        "structure": picture(
+            lambda: places.structure_figure(story.reference, answer) if story.reference else None,
+            "The structure with its sensors" + (f": {mass_text(answer)}" if answer else ""),
+        ),
+        "profile": picture(
+            lambda: places.profile_figure(answer, story.mass_unit) if answer else None,
+            "Misfit of every other place compared with the best one, in standard deviations",
+        ),
+        "shifts": picture(lambda: trends.shifts_figure(story), "Frequency shift of every mode over time, ± 1σ"),
+        "novelty": picture(lambda: trends.novelty_figure(story), "Novelty over its limit, window by window"),
+        "spectrum": picture(
+            lambda: trends.spectrum_figure(*spectra[-1]) if spectra else None,
+            "Singular values of the spectral matrix and the stabilisation diagram",
+        ),
+    }
+
+
+def _increments(story: Story) -> dict[str, Any] | None:
+    found = [w.increments for w in story.windows if w.increments]
+    if not found or story.reference is None:
+        return None
+    increments, reference = found[-1], story.reference
+    return {
+        "picture": picture(
+            lambda: places.increments_figure(reference, increments),
+            "Nodal mass increments of the one-step update by direction",
+        ),
+        "n_windows": increments.n_windows,
+        "z_limit": f"{increments.z_limit:.1f}",
+        "text": increment_text(increments),
+        "flagged": _flagged(increments),
+    }
+
+
+def _flagged(increments: MassIncrements) -> list[dict[str, str]]:
+    """Return one row per direction that has flagged nodes: their number and the largest z."""
+    rows = []
+    for direction in ("x", "y", "z"):
+        z = [f.z for f in increments.flagged if f.direction == direction]
+        if z:
+            rows.append({"direction": direction, "n": str(len(z)), "z": f"{max(z, key=abs):+.1f}"})
+    return rows
+
+
+def _modes(story: Story) -> list[dict[str, str]]:
+    if story.reference is None or not story.watched:
+        return []
+    last = next((w for w in reversed(story.watched) if w.modes), None)
+    first = next((w for w in story.watched if w.modes), None)
+    return [_mode(m.id, m.frequency, m.frequency_std, m.mac, first, last) for m in story.reference.modes]
+
+
+def _mode(
+    number: int, frequency: float, std: float, model_mac: float, first: WindowResult | None, last: WindowResult | None
+) -> dict[str, str]:
+    row = dict.fromkeys(("now", "shift", "sigmas", "damping", "mac"), "")
+    row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
+    mode = find_mode(last, number) if last else None
+    if mode is None or last is None:
+        return row | {"now": "not seen"}
+    row |= {"now": number_text(mode.frequency, mode.frequency_std)}
+    row |= {"damping": number_text(100 * mode.damping, 100 * mode.damping_std)}
+    if mode.shift_percent is not None and mode.shift_std_percent is not None:
+        row["shift"] = number_text(mode.shift_percent, mode.shift_std_percent)
+        row["sigmas"] = f"{mode.shift_percent / mode.shift_std_percent:+.1f}" if mode.shift_std_percent else ""
+    earlier = find_mode(first, number) if first else None
+    if earlier and first and first.channels == last.channels:
+        row["mac"] = f"{float(mac_matrix(np.array([earlier.shape]), np.array([mode.shape]))[0, 0]):.4f}"
+    return row
+
+
+def _quality(run: Run) -> dict[str, Any]:
+    story = run.story
+    devices = [
+        {
+            "device": d.device,
+            "rate": f"{d.rate:g}",
+            "scans": f"{d.scans:,}".replace(",", " "),
+            "gaps": str(d.gaps),
+            "missing": f"{'' if d.exact else 'about '}{d.missing}",
+            "damaged": str(d.damaged),
+            "lost": str(d.lost),
+        }
+        for d in run.devices
+    ]
+    return {
+        "log": run.log.name,
+        "size": f"{sum(path.stat().st_size for path in files_of(run.log)) / 1e6:.1f} MB",
+        "ended": run.ended,
+        "dropped": run.dropped,
+        "devices": devices,
+        "problems": [(w.index + 1, utc(w.end), w.problem) for w in story.windows if w.problem],
+    }
+
+
+def diagnosis_content(
+    diagnosis: Diagnosis, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
+) -> dict[str, Any]:
+    """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
+    return {
+        "places": picture(
+            lambda: fits.causes_figure(reference, diagnosis.causes) if reference else None,
+            "The structure with the causes where they are",
+        ),
+        "fits": picture(
+            lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
+        ),
+        "evidence": picture(lambda: evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
+        "measured": measured_content(found, reference) if found else None,
+        "verdict": diagnosis.verdict,
+        "text": diagnosis_text(diagnosis),
+        "causes": [
+            {
+                "text": cause_text(c),
+                "name": plain(c.cause),
+                "probability": share_text(c.probability),
+                "where": where_text(c.where) or "nowhere in particular",
+                "parameters": parameter_texts(c),
+                "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
+            }
+            for c in diagnosis.causes
+        ],
+        "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
+        "failed": [failed_text(failed) for failed in diagnosis.failed],
+        "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
+        "gain": _gain(diagnosis, found.gain_std if found else None),
+        "extended_model": diagnosis.extended_model,
+        "next_measurement": diagnosis.next_measurement,
+    }
+
+
+def _fit(number: int, mode: ModeFit) -> dict[str, str]:
+    frequency, mac_pair = mode.frequency, mode.mac
+    measured = "" if frequency.measured is None else number_text(frequency.measured, frequency.std or 0.0)
+    return {
+        "number": str(number),
+        "measured": measured or "not seen",
+        "before": optional(frequency.before, ".3f"),
+        "after": optional(frequency.after, ".3f"),
+        "mac_before": optional(mac_pair.before, ".4f"),
+        "mac_after": optional(mac_pair.after, ".4f"),
+    }
+
+
+def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
+    gain = diagnosis.gain
+    if gain is None:
+        return None
+    names = (
+        ("frequency_error_percent", "frequency error, root mean square [%]", ".3f"),
+        ("one_minus_mac", "1 - MAC, mean", ".5f"),
+        ("log_likelihood", "log likelihood", ".1f"),
+        (
+            "change_error_percent",
+            f"error of predicted frequency changes, root mean square, {change_data_text(gain)} [%]",
+            ".3f",
+        ),
+    )
+    known = [(getattr(gain, n), n, said, form) for n, said, form in names]
+    rows = [(said, *gain_text(pair, getattr(std, n, None), form)) for pair, n, said, form in known if pair is not None]
+    return {"heldout": gain.heldout, "rows": rows}

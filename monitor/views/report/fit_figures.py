@@ -1,0 +1,73 @@
+"""Effect of an explanation: errors of the model before and after, mode by mode, and places of its causes."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from daq import FloatArray
+from monitor.results.windows import Interval, ReferenceResult
+from monitor.views.report.structure_figure import Frame
+from monitor.views.report.svg import ALARM, OK, SOFT, new_figure
+from updater import Cause, Diagnosis, ModeFit
+
+_LEAST = 1e-6  # of 1 - MAC that is drawn
+
+
+def fits_figure(diagnosis: Diagnosis) -> Figure | None:
+    """Return errors of frequency and of shape, mode by mode, without and with the causes; None without a mode."""
+    if not any(m.frequency.measured and m.frequency.before is not None for m in diagnosis.modes):
+        return None
+    figure = new_figure(10.0, 2.7)
+    left, right = figure.subplots(1, 2)
+    number = np.arange(1.0, len(diagnosis.modes) + 1)
+    std = [_share(m, m.frequency.std) for m in diagnosis.modes]
+    left.axhline(0.0, color=SOFT, linewidth=0.8)
+    left.errorbar(number, np.zeros(len(number)), 2 * np.array(std), fmt="none", ecolor=SOFT, capsize=4)
+    _pairs(left, number, [_off(m, m.frequency.before) for m in diagnosis.modes], "without", ALARM)
+    _pairs(left, number, [_off(m, m.frequency.after) for m in diagnosis.modes], "with the causes", OK)
+    left.set_ylabel("model off by [%]")
+    _pairs(right, number, [_far(m.mac.before) for m in diagnosis.modes], "without", ALARM)
+    _pairs(right, number, [_far(m.mac.after) for m in diagnosis.modes], "with the causes", OK)
+    right.set_yscale("log")
+    right.set_ylabel("1 - MAC")
+    for axes in (left, right):
+        axes.set_xticks(number, [f"{n:g}" for n in number])
+        axes.set_xlabel("mode")
+        axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    return figure
+
+
+def _pairs(axes: Axes, number: FloatArray, values: list[float], name: str, colour: str) -> None:
+    axes.plot(number, values, "o", markersize=5, color=colour, label=name)
+
+
+def _off(mode: ModeFit, model: float | None) -> float:
+    measured = mode.frequency.measured
+    return np.nan if measured is None or model is None else 100 * (model / measured - 1)
+
+
+def _share(mode: ModeFit, std: float | None) -> float:
+    measured = mode.frequency.measured
+    return np.nan if measured is None or std is None else 100 * std / measured
+
+
+def _far(mac: float | None) -> float:
+    return np.nan if mac is None else max(1 - mac, _LEAST)
+
+
+def causes_figure(reference: ReferenceResult, causes: tuple[Cause, ...]) -> Figure | None:
+    """Return the structure with every cause that has a place; None if none has."""
+    placed = [c for c in causes if c.where and c.where.position]
+    if not placed:
+        return None
+    figure = new_figure(4.6, 4.2)
+    axes, frame = figure.subplots(), Frame(reference)
+    frame.draw(axes, names=True)
+    for number, cause in enumerate(placed, 1):
+        where = cause.where
+        if where is None or where.position is None:
+            continue
+        region = [Interval(member=where.member or "", start=start, end=end) for start, end in where.region]
+        frame.draw_place(axes, where.position, region, f"{number}: {cause.cause.replace('_', ' ')}")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, fontsize=7)
+    return figure

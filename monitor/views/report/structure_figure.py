@@ -1,0 +1,181 @@
+"""The structure on paper: a parallel projection of its members, and what is drawn over it."""
+
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+
+from daq import FloatArray
+from monitor.results.comparison import PlaceDensity
+from monitor.results.windows import Interval, MassAnswer, MassIncrements, ReferenceResult, Vector
+from monitor.views.geometry import Geometry, screen
+from monitor.views.member_axis import sigmas
+from monitor.views.report.svg import ADDED, INK, REGION, REMOVED, SENSOR, SOFT, WARN, bare
+
+_SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye
+_AMPLITUDE = 0.16  # of the structure's size: the largest increment
+_HEAT = LinearSegmentedColormap.from_list("heat", ["#cc3340", "#f08a3c", "#f2c35c", "#c9d0d8"])
+_SIGNED = LinearSegmentedColormap.from_list("signed", [REMOVED, "#d5dae0", ADDED])
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
+_LEADER = {"arrowstyle": "-", "color": INK, "linewidth": 0.7, "shrinkB": 4}
+_FAR = 6.0  # sigmas: from here on a place is drawn as cold
+
+
+class Frame:
+    """A structure seen in parallel projection.
+
+    Parameters
+    ----------
+    reference : with the geometry
+    """
+
+    def __init__(self, reference: ReferenceResult) -> None:
+        self.reference, self.geometry = reference, Geometry(reference)
+        self._screen = np.column_stack(screen(self.geometry.side(*_SIDE)))
+
+    def flat(self, points: FloatArray) -> FloatArray:
+        """Return points (..., 3) on paper (..., 2) [m]."""
+        return np.asarray(points @ self._screen)
+
+    def draw(self, axes: Axes, *, names: bool = False) -> None:
+        """Draw members and supports, with the sensors' places and the members' names if asked for."""
+        bare(axes)
+        for name, strip in zip(self.geometry.lines, self.geometry.strips(), strict=True):
+            axes.plot(*self.flat(strip).T, color="#c9d0d8", linewidth=4, solid_capstyle="round", zorder=1)
+            if names:
+                x, y = self.flat(strip[len(strip) // 2])
+                axes.annotate(name, (x, y), (4, 4), textcoords="offset points", color=SOFT, fontsize=7)
+        feet = self.flat(self.geometry.nodes[self.geometry.held])
+        axes.plot(*feet.T, linestyle="none", marker="^", markersize=7, color=SOFT, zorder=2)
+        if names:
+            places = self.flat(np.array([place for place, _ in self.reference.sensors.values()]).reshape(-1, 3))
+            axes.plot(*places.T, "o", markersize=5, color=SENSOR, markeredgecolor="white", zorder=4, label="sensor")
+        axes.margins(0.1)
+
+    def draw_answer(self, axes: Axes, answer: MassAnswer) -> None:
+        """Draw the likelihood's answer: warm where the mass may be, the 95 % region, the best place."""
+        far, points = sigmas(answer.profile), answer.profile
+        pairs = [i for i in range(len(points) - 1) if points[i].member == points[i + 1].member]
+        segments = [self.flat(np.array([points[i].position, points[i + 1].position])) for i in pairs]
+        level = [min(far[i], far[i + 1]) for i in pairs]
+        heat = LineCollection(segments, cmap=_HEAT, linewidths=4, zorder=3, capstyle="round")
+        heat.set_array(np.array(level, float))
+        heat.set_clim(0.0, _FAR)
+        axes.add_collection(heat)
+        self._region(axes, answer.region)
+        place = self.flat(np.array(answer.position))
+        colour = ADDED if answer.mass >= 0 else REMOVED
+        axes.plot(*place, "o", markersize=9, color=colour, markeredgecolor="white", zorder=6, label="best place")
+        for number, other in enumerate(answer.others):
+            label = "or here" if number == 0 else None
+            at = self.flat(np.array(other.position))
+            axes.plot(*at, "o", markersize=9, color="white", markeredgecolor=colour, zorder=6, label=label)
+        if pairs:
+            bar = axes.figure.colorbar(heat, ax=axes, shrink=0.5, pad=0.02, aspect=18)
+            bar.set_label("misfit compared with the best place [σ]", fontsize=7)
+            bar.ax.invert_yaxis()
+            bar.outline.set_visible(False)
+
+    def draw_place(self, axes: Axes, position: Vector, region: list[Interval], name: str) -> None:
+        """Draw one of several places with its 95 % region."""
+        self._region(axes, region)
+        x, y = self.flat(np.array(position))
+        axes.plot(x, y, "o", markersize=9, color=ADDED, markeredgecolor="white", zorder=6)
+        axes.annotate(name, (x, y), (8, -16), textcoords="offset points", fontsize=8, zorder=7)
+
+    def _region(self, axes: Axes, region: list[Interval]) -> None:
+        for number, stretch in enumerate(region):
+            ends = self.flat(np.array([stretch.start, stretch.end]))
+            label = "95 % region" if number == 0 else None
+            axes.plot(*ends.T, color=REGION, linewidth=9, alpha=0.8, zorder=2.5, label=label)
+
+    def draw_values(self, axes: Axes, values: FloatArray, what: str) -> None:
+        """Draw values (n_nodes,) along the members: red positive, blue negative, nothing where there is none.
+
+        Parameters
+        ----------
+        values : at each node
+        what : they are, for the scale
+        """
+        self.draw(axes)
+        largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
+        pairs = [pair for nodes in self.geometry.lines.values() for pair in pairwise(nodes.tolist())]
+        level = np.array([np.mean(values[list(pair)]) for pair in pairs])
+        known = np.flatnonzero(np.isfinite(level))
+        segments = [self.flat(self.geometry.nodes[list(pairs[i])]) for i in known]
+        heat = LineCollection(segments, cmap=_SIGNED, linewidths=7, zorder=3, capstyle="round")
+        heat.set_array(level[known])
+        heat.set_clim(-largest, largest)
+        axes.add_collection(heat)
+        bar = axes.figure.colorbar(heat, ax=axes, shrink=0.6, pad=0.02, aspect=22)
+        bar.set_label(what, fontsize=8)
+        bar.outline.set_visible(False)
+
+    def draw_density(self, axes: Axes, places: PlaceDensity) -> None:
+        """Draw a posterior along the members, each place's sigmas worse than the best."""
+        density = np.array(places.density)
+        share = np.maximum(density / density.max(), 1e-300)
+        far = np.minimum(np.sqrt(-2 * np.log(share)), _FAR)
+        at = self.flat(np.array(places.position))
+        pairs = [i for i in range(len(far) - 1) if places.member[i] == places.member[i + 1]]
+        heat = LineCollection([at[[i, i + 1]] for i in pairs], cmap=_HEAT, linewidths=7, zorder=3, capstyle="round")
+        heat.set_array(np.array([min(far[i], far[i + 1]) for i in pairs], float))
+        heat.set_clim(0.0, _FAR)
+        axes.add_collection(heat)
+        bar = axes.figure.colorbar(heat, ax=axes, shrink=0.6, pad=0.02, aspect=22)
+        bar.set_label("misfit compared with the best place [σ]", fontsize=7)
+        bar.ax.invert_yaxis()
+        bar.outline.set_visible(False)
+
+    def draw_note(self, axes: Axes, position: Vector, text: str) -> None:
+        """Mark a place with words beside it."""
+        x, y = self.flat(np.array(position))
+        axes.plot(x, y, "o", markersize=10, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.3, zorder=6)
+        axes.annotate(
+            text, (x, y), (22, -34), textcoords="offset points", fontsize=9, zorder=7, bbox=_PAPER, arrowprops=_LEADER
+        )
+
+    def draw_increments(self, axes: Axes, values: FloatArray, scale: float) -> None:
+        """Draw one direction's increments (n_nodes,) as a curve beside each member, red added, blue removed.
+
+        Parameters
+        ----------
+        values : at each node [kg], NaN where there is none
+        scale : the value [kg] that is drawn largest
+        """
+        self.draw(axes)
+        for nodes in self.geometry.lines.values():
+            base = self.flat(self.geometry.nodes[nodes])
+            height = values[nodes] / scale * _AMPLITUDE * self.geometry.size
+            tip = base + height[:, None] * _across(base)
+            stems = [np.array(pair) for pair in zip(base, tip, strict=True) if np.isfinite(pair[1]).all()]
+            signs = [v for v in values[nodes] if np.isfinite(v)]
+            colours = [ADDED if v >= 0 else REMOVED for v in signs]
+            axes.add_collection(LineCollection(stems, colors=colours, linewidths=1.1, alpha=0.75, zorder=3))
+            axes.plot(*tip.T, color=INK, linewidth=0.9, zorder=4)
+
+    def draw_flags(self, axes: Axes, increments: MassIncrements, direction: str, values: FloatArray) -> None:
+        """Mark the flagged nodes of one direction, and the place of one mass that explains all, if one is claimed."""
+        flagged = [f for f in increments.flagged if f.direction == direction and np.isfinite(values[f.node])]
+        if not flagged:
+            return
+        places = self.flat(self.geometry.nodes[[f.node for f in flagged]])
+        axes.plot(*places.T, "o", markersize=3, color=WARN, markeredgecolor=INK, markeredgewidth=0.5, zorder=5)
+        place = increments.place
+        if place is None or not place.located:
+            return
+        text = f"({', '.join(f'{v:.2f}' for v in place.position)}) ± {place.radius:.2f} m"
+        x, y = self.flat(np.array(place.position))
+        axes.plot(x, y, "o", markersize=8, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.1, zorder=6)
+        axes.annotate(
+            text, (x, y), (16, -28), textcoords="offset points", fontsize=7, zorder=7, bbox=_PAPER, arrowprops=_LEADER
+        )
+
+
+def _across(base: FloatArray) -> FloatArray:
+    """Return the direction (2,) across a member on paper: upwards, or to the right of an upright one."""
+    along = base[-1] - base[0]
+    across = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-12)
+    return across if across @ (1.0, 1.1) > 0 else -across

@@ -1,0 +1,139 @@
+"""Over time: shifts with their standard deviations, novelty against its limit, the spectrum of the last window."""
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+from daq import FloatArray
+from monitor.results.story import Story, find_mode
+from monitor.results.windows import Spectrum, WindowResult
+from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure
+
+_COLUMNS = 3
+_LEAST_RATIO = 1e-2  # novelty over limit that is drawn at the least
+_ROOM = 0.4  # under the lowest novelty or the limit, for its name
+_ABOVE = 1.12  # of the highest mode: end of the frequency axis
+
+
+def shifts_figure(story: Story) -> Figure | None:
+    """Return one small plot a mode: its shift with +-1 sigma bars, window by window; None while learning."""
+    shown = [n for n in story.tracks if any(_has_shift(w, n) for w in story.watched)]
+    if not shown:
+        return None
+    rows = math.ceil(len(shown) / _COLUMNS)
+    figure = new_figure(10.0, 0.6 + 1.55 * rows)
+    grid = np.atleast_1d(figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False)).ravel()
+    for axes, number in zip(grid, shown, strict=False):
+        _shift(axes, story, number)
+    for axes in grid[len(shown) :]:
+        axes.set_visible(False)
+    figure.supylabel("shift from the baseline [%]", fontsize=8.5)
+    return figure
+
+
+def _has_shift(window: WindowResult, number: int) -> bool:
+    mode = find_mode(window, number)
+    return mode is not None and mode.shift_percent is not None
+
+
+def _shift(axes: Axes, story: Story, number: int) -> None:
+    seen = [(w, m) for w in story.watched if (m := find_mode(w, number)) and m.shift_percent is not None]
+    reference = [m.frequency for m in story.reference.modes if m.id == number] if story.reference else []
+    shift, std = [m.shift_percent or 0.0 for _, m in seen], [m.shift_std_percent or 0.0 for _, m in seen]
+    axes.axhline(0.0, color=SOFT, linewidth=0.8)
+    dates = _dates([w.end for w, _ in seen])
+    axes.errorbar(dates, shift, std, fmt="o", markersize=3, linewidth=1.0, color=mode_colour(number), capsize=0)
+    _mark_changes(axes, story)
+    axes.set_title(f"Mode {number}" + (f", {reference[0]:.2f} Hz" if reference else ""), fontsize=8.5)
+    _time_axis(axes)
+
+
+def novelty_figure(story: Story) -> Figure | None:
+    """Return the novelty over its limit on a logarithmic scale; None if no window was judged."""
+    judged = [(w, w.novelty) for w in story.watched if w.novelty]
+    if not judged:
+        return None
+    figure = new_figure(10.0, 2.1)
+    axes = figure.subplots()
+    ratio = np.maximum([n.t2 / n.limit for _, n in judged], _LEAST_RATIO)
+    dates = _dates([w.end for w, _ in judged])
+    axes.semilogy(dates, ratio, color=INK, linewidth=0.8, zorder=2)
+    axes.scatter(dates, ratio, c=[ALARM if r > 1 else OK for r in ratio], s=18, zorder=3)
+    axes.axhline(1.0, color=ALARM, linewidth=1.2, linestyle="--")
+    axes.annotate(
+        "alarm limit",
+        (1.0, 1.0),
+        (-3, -3),
+        ("axes fraction", "data"),
+        "offset points",
+        ha="right",
+        va="top",
+        color=ALARM,
+        fontsize=7.5,
+    )
+    axes.set_ylim(bottom=_ROOM * min(1.0, float(ratio.min())))
+    _mark_changes(axes, story)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylabel("novelty T² / limit")
+    _time_axis(axes)
+    return figure
+
+
+def spectrum_figure(window: WindowResult, spectrum: Spectrum) -> Figure:
+    """Return singular values of a window with the poles of the stabilisation diagram and the identified modes."""
+    figure = new_figure(10.0, 3.2)
+    axes = figure.subplots()
+    poles = axes.twinx()
+    frequency, values = np.array(spectrum.frequency), np.array(spectrum.singular_values)
+    for level, (colour, width) in zip(values, ((INK, 1.1), (SOFT, 0.8), ("#a9b1ba", 0.7)), strict=False):
+        axes.plot(frequency[1:], level[1:], color=colour, linewidth=width)
+    for mode in window.modes:
+        axes.axvline(mode.frequency, color=mode_colour(mode.id), linewidth=1.0, alpha=0.8)
+        axes.annotate(f"{mode.id}", (mode.frequency, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom")
+    _poles(poles, spectrum)
+    if window.modes:
+        end = min(frequency[-1], _ABOVE * max(m.frequency for m in window.modes))
+        axes.set_xlim(0.0, end)
+        inside = values[:, frequency <= end]
+        axes.set_ylim(float(np.quantile(inside, 0.005)) - 3, float(inside.max()) + 3)
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel("singular values [dB re (m/s²)²/Hz]")
+    return figure
+
+
+def _poles(axes: Axes, spectrum: Spectrum) -> None:
+    stable = np.array(spectrum.pole_stable, bool)
+    frequency, order = np.array(spectrum.pole_frequency, float), np.array(spectrum.pole_order, float)
+    axes.plot(frequency[~stable], order[~stable], ".", markersize=2, color="#b9c0c8", label="pole")
+    axes.plot(frequency[stable], order[stable], "o", markersize=2.6, color=OK, label="stable pole")
+    axes.set_ylabel("model order")
+    axes.spines["right"].set_visible(True)
+    axes.grid(visible=False)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
+
+
+def _mark_changes(axes: Axes, story: Story) -> None:
+    for alarm in story.alarms:
+        if alarm.raised and alarm.time >= story.start:
+            axes.axvline(_dates([alarm.time])[0], color=ALARM, linewidth=0.9, linestyle=":")
+    for change in story.accepted:
+        if story.start <= change.time <= story.end:
+            axes.axvline(_dates([story.accepted_at(change)])[0], color=OK, linewidth=1.2)
+
+
+def _dates(times: list[int]) -> FloatArray:
+    """Return times [ns UTC] in matplotlib's days."""
+    return np.array(times, np.int64) / 86_400e9
+
+
+def _time_axis(axes: Axes) -> None:
+    locator = AutoDateLocator(minticks=3, maxticks=7)  # type: ignore[no-untyped-call]
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    axes.xaxis_date()

@@ -1,0 +1,139 @@
+"""Results as text and tables (Markdown)."""
+
+import rerun as rr
+
+from monitor.results.story import Story, find_mode
+from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
+from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
+from monitor.text.quantities import plain, share_text
+from monitor.text.verdicts import diagnosis_text
+from monitor.views.viewer.primitives import at, clock
+from updater import Diagnosis
+
+_MOST_REFUSED = 6  # causes whose refusal is told one by one
+_DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
+_MARKDOWN = "text/markdown"
+
+
+def write_cards(recording: rr.RecordingStream, story: Story) -> None:
+    """Write the card of each window."""
+    for window in story.windows:
+        at(recording, window.end)
+        recording.log("/now", rr.TextDocument(window_card(window, story), media_type=_MARKDOWN))
+        if window.diagnosis:
+            recording.log("/diagnosis", rr.TextDocument(diagnosis_card(window.diagnosis), media_type=_MARKDOWN))
+
+
+def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -> None:
+    """Write the reference's two tables."""
+    for path, words in (("/reference/modes", modes_card(reference)), ("/reference/model", model_card(reference))):
+        recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
+
+
+def window_card(window: WindowResult, story: Story) -> str:
+    """Return the card of one window: the verdict first, then what it rests on."""
+    parts = [f"# {verdict(window, story.alarms)}"]
+    if window.phase == "learning":
+        parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
+    if window.answer:
+        parts.append(_answer(window.answer))
+    elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
+        parts.append("**The structure has changed.** Where, the next windows will tell.")
+    if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):
+        parts.append(diagnosis_text(window.diagnosis))
+    if window.problem:
+        parts.append(f"**No modes in this window**: {window.problem}.")
+    if window.novelty:
+        parts.append(f"Novelty **{window.novelty.t2:.1f}**, limit {window.novelty.limit:.1f}.")
+    if window.modes or window.phase != "learning":
+        parts.append(_table(window, story))
+    parts.append(f"*Window {window.index}: {clock(window.start)} to {clock(window.end)} UTC*")
+    return "\n\n".join(parts)
+
+
+def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
+    """Return the state in a few words."""
+    if window.phase == "learning":
+        return "Learning the baseline"
+    since = [a for a in alarms if a.time <= window.end]
+    state = since[-1].state if since else "normal"
+    if window.phase == "alarm":
+        raised = [a for a in since if a.raised]
+        return f"ALARM since {clock(raised[-1].time)}" if raised else "ALARM"
+    return "Watch: over the limit" if state == "watch" else "Normal"
+
+
+def _answer(answer: MassAnswer) -> str:
+    share = f"{share_text(answer.member_probability)} sure of the {answer.member}"
+    doubt = ". **A mass alone explains it badly.**" if answer.p_value < _DOUBTFUL else ""
+    return f"**{mass_text(answer)}**\n\n{share}; {fit_text(answer)}{doubt}"
+
+
+def _table(window: WindowResult, story: Story) -> str:
+    if window.phase == "learning":
+        head = ["| Hz | ± | ζ % |", "|---:|---:|---:|"]
+        return "\n".join([*head, *(f"| {_frequency(m)} |" for m in window.modes)])
+    head = ["| mode | Hz | ± | ζ % | shift % | ± | σ |", "|---:|---:|---:|---:|---:|---:|---:|"]
+    return "\n".join([*head, *(_row(number, find_mode(window, number)) for number in story.tracks)])
+
+
+def _row(number: int, mode: ModeResult | None) -> str:
+    if mode is None:
+        return f"| **{number}** | not seen | | | | | |"
+    return f"| **{number}** | {_frequency(mode)} | {_shift(mode)} |"
+
+
+def _frequency(mode: ModeResult) -> str:
+    return f"{mode.frequency:.3f} | {mode.frequency_std:.3f} | {100 * mode.damping:.2f}"
+
+
+def _shift(mode: ModeResult) -> str:
+    if mode.shift_percent is None or mode.shift_std_percent is None:
+        return " | | "
+    sigmas = f"{mode.shift_percent / mode.shift_std_percent:+.1f}" if mode.shift_std_percent else ""
+    return f"{mode.shift_percent:+.2f} | {mode.shift_std_percent:.2f} | {sigmas}"
+
+
+def diagnosis_card(diagnosis: Diagnosis) -> str:
+    """Return the verdict, the causes, why others were refused, and what the explanation gains."""
+    parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
+    for cause in diagnosis.causes:
+        aliases = ", ".join(plain(name) for name in cause.cannot_be_told_from)
+        doubt = f" Cannot be told from {aliases}." if aliases else ""
+        parts.append(f"**{cause_text(cause)}** (probability {share_text(cause.probability)}).{doubt}")
+    if diagnosis.gain:
+        error = diagnosis.gain.frequency_error_percent
+        where = "data not used" if diagnosis.gain.heldout else "the same data"
+        if error.before is not None and error.after is not None:
+            parts.append(
+                f"Model error of frequencies on {where}: {error.before:.3f} % without, {error.after:.3f} % with."
+            )
+    if diagnosis.next_measurement:
+        parts.append(f"*Next: {diagnosis.next_measurement}*")
+    nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
+    if nearest:
+        lines = [f"- {plain(r.cause)}: {r.why}" for r in nearest[:_MOST_REFUSED]]
+        rest = ", ".join(plain(r.cause) for r in nearest[_MOST_REFUSED:])
+        parts.append("\n".join(["Refused:", "", *lines, *([f"- {rest}"] if rest else [])]))
+    parts += [failed_text(failed) for failed in diagnosis.failed]
+    return "\n\n".join(parts)
+
+
+def modes_card(reference: ReferenceResult) -> str:
+    """Return measured modes beside those of the structure file."""
+    lines = [f"Baseline of {reference.n_windows} windows; model: as the structure file says, before calibration.", ""]
+    lines += ["| mode | measured Hz | ± | ζ % | model Hz | off % | MAC |", "|---:|---:|---:|---:|---:|---:|---:|"]
+    for m in reference.modes:
+        off = 100 * (m.model_frequency / m.frequency - 1)
+        measured = f"{m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f}"
+        lines.append(f"| **{m.id}** | {measured} | {m.model_frequency:.2f} | {off:+.2f} | {m.mac:.4f} |")
+    return "\n".join(lines)
+
+
+def model_card(reference: ReferenceResult) -> str:
+    """Return what calibration found."""
+    if not reference.calibrated:
+        return "Nothing was calibrated."
+    lines = ["What calibration found about the model:", "", "| parameter | value | ± |", "|:--|---:|---:|"]
+    lines += [f"| {name} | {value:.4f} | {std:.4f} |" for name, (value, std) in reference.calibrated.items()]
+    return "\n".join(lines)

@@ -1,0 +1,73 @@
+"""Layout of the views of a diagnosis."""
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from monitor.results.comparison import BalanceResult, DiscrepancyResult
+from monitor.results.windows import ReferenceResult
+from monitor.views.geometry import Geometry
+from monitor.views.viewer import blueprint as views
+from monitor.views.viewer import scene
+from monitor.views.viewer.diagnosis.plots import BOUNDS
+from updater import Diagnosis
+
+SECONDS_TIMELINE = "seconds"
+_ASPECT = 0.8  # of the structure's view, width over height
+
+
+def diagnosis_layout(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Blueprint:
+    """Return the blueprint: where and why in front, then modes, then sensors."""
+    tabs = [_where(diagnosis, found, reference), _modes(found)]
+    if found.sensors:
+        tabs.append(_sensors(found))
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.TopPanel(state="expanded"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=SECONDS_TIMELINE),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _where(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Horizontal:
+    geometry = Geometry(reference)
+    right = np.array([0.0, 0.0, 0.2 * geometry.size])
+    places = [c.where.position for c in diagnosis.causes if c.where and c.where.position]
+    spots = np.array(places, float).reshape(-1, 3) + right
+    points = np.concatenate([scene.seen(geometry, []), spots])
+    view = views.scene_view(
+        reading_name(found.balance), "/structure", geometry, geometry.side(*scene.SIDE), points, _ASPECT
+    )
+    evidence = views.drawing_view("Log evidence below the best explanation", "/evidence", BOUNDS)
+    beside = rrb.Vertical(views.card("Diagnosis", "/diagnosis"), evidence, row_shares=[1.0, 1.0])
+    return rrb.Horizontal(view, beside, column_shares=[1.0, 1.0], name="Diagnosis")
+
+
+def reading_name(balance: BalanceResult | None) -> str:
+    """Return what the colours of the members mean."""
+    if balance is None:
+        return "Structure"
+    values, name = (balance.added, "mass on top") if balance.log_odds > 0 else (balance.loss, "stiffness lacking")
+    largest = max((abs(v) for v in values if v is not None), default=0.0)
+    return f"Forces left over as {name}: red, up to {100 * largest:.1f} %; blue: the contrary"
+
+
+def _modes(found: DiscrepancyResult) -> rrb.Horizontal:
+    offsets = views.drawing_view("Measured off the model [%], red without, green with the causes", "/offsets", BOUNDS)
+    mac = views.drawing_view("MAC: simulated (down) with measured (across) modes", "/mac", BOUNDS)
+    left = rrb.Vertical(views.card(f"{len(found.modes)} modes", "/modes"), offsets, row_shares=[1.0, 1.2])
+    return rrb.Horizontal(left, mac, column_shares=[1.0, 1.15], name="Modes")
+
+
+def _sensors(found: DiscrepancyResult) -> rrb.Horizontal:
+    name = "Residual of shapes [%], red without, green with the causes; bar: noise"
+    residual = views.drawing_view(name, "/sensors", BOUNDS)
+    signals = [
+        views.plot_view(f"{signal.channel} [m/s²]: measured (white), predicted from the others (blue)",
+                        f"/signals/{signal.channel}")
+        for signal in found.signals
+    ]  # fmt: skip
+    parts = [residual, rrb.Vertical(*signals)] if signals else [residual]
+    return rrb.Horizontal(*parts, name="Sensors")

@@ -1,0 +1,133 @@
+"""A diagnosis in the viewer: where forces are left over and the causes are, modes and sensors side by side, signals."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from daq import FloatArray
+from monitor.results.comparison import BalanceResult, DiscrepancyResult
+from monitor.results.windows import ReferenceResult
+from monitor.text.causes import cause_text
+from monitor.text.quantities import plain
+from monitor.views.geometry import Geometry
+from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, signed_heat
+from monitor.views.viewer.cards import diagnosis_card
+from monitor.views.viewer.diagnosis.layout import SECONDS_TIMELINE, diagnosis_layout
+from monitor.views.viewer.diagnosis.plots import draw_evidence, draw_mac, draw_offsets, draw_sensors
+from monitor.views.viewer.primitives import once, recording_file
+from monitor.views.viewer.scene import TUBE, sensors, supports
+from updater import Diagnosis
+
+_MARKDOWN = "text/markdown"
+_LIFT = 0.12  # of the structure's size, from a place up to its words
+
+
+def write_diagnosis(path: Path, diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> None:
+    """Write an .rrd file of a diagnosis that stands alone, its views laid out.
+
+    Parameters
+    ----------
+    path : of the new file; it appears when it is whole
+    diagnosis : to draw
+    found : measured beside simulated, of the same structure
+    reference : with the structure's geometry
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    with recording_file(path, f"diagnosis-{path.stem}", diagnosis_layout(diagnosis, found, reference)) as recording:
+        recording.send_recording_name("diagnosis")
+        _card(recording, "/diagnosis", diagnosis_card(diagnosis))
+        _card(recording, "/modes", modes_card(found))
+        draw_evidence(recording, diagnosis)
+        draw_mac(recording, found)
+        draw_offsets(recording, found)
+        draw_sensors(recording, found)
+        _structure(recording, diagnosis, found, reference)
+        _signals(recording, found)
+
+
+def _card(recording: rr.RecordingStream, path: str, words: str) -> None:
+    recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
+
+
+def modes_card(found: DiscrepancyResult) -> str:
+    """Return the table of measured beside simulated modes."""
+    lines = ["| model Hz | measured Hz | off % | σ | MAC | with causes % |", "|---:|---:|---:|---:|---:|---:|"]
+    for m in found.modes:
+        off = "" if m.off_percent is None else f"{m.off_percent:+.3f}"
+        sigmas = "" if m.off_percent is None or not m.std_percent else f"{m.off_percent / m.std_percent:+.1f}"
+        simulated = "none" if m.simulated is None else f"{m.simulated:.3f}"
+        measured = "not seen" if m.measured is None else f"{m.measured:.3f}"
+        mac = "" if m.mac is None else f"{m.mac:.4f}"
+        after = "" if m.off_percent_after is None else f"{m.off_percent_after:+.3f}"
+        lines.append(f"| {simulated} | {measured} | {off} | {sigmas} | {mac} | {after} |")
+    return "\n".join(lines)
+
+
+def _structure(
+    recording: rr.RecordingStream, diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult
+) -> None:
+    """Draw members in the colour of what the forces left over say, sensors, and the causes where they are."""
+    geometry = Geometry(reference)
+    recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    supports(recording, "/structure", geometry)
+    sensors(recording, reference, geometry)
+    pairs = [(int(a), int(b)) for nodes in geometry.lines.values() for a, b in pairwise(nodes)]
+    segments = [geometry.nodes[list(pair)] for pair in pairs]
+    values = reading_of(found.balance, len(geometry.nodes))
+    largest = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+    level = np.array([np.mean(values[list(pair)]) for pair in pairs]) / largest
+    colours = signed_heat(level) if found.balance else [STEEL]
+    members = rr.LineStrips3D(segments, colors=colours, radii=1.4 * TUBE * geometry.size)
+    recording.log("/structure/members", members, static=True)
+    _causes(recording, geometry, diagnosis, reference)
+
+
+def reading_of(balance: BalanceResult | None, n_nodes: int) -> FloatArray:
+    """Return the better reading of the forces left over at each node (n_nodes,), NaN where nothing is known."""
+    if balance is None or len(balance.loss) != n_nodes:
+        return np.full(n_nodes, np.nan)
+    values = balance.added if balance.log_odds > 0 else balance.loss
+    return np.array([np.nan if v is None else v for v in values])
+
+
+def _causes(
+    recording: rr.RecordingStream, geometry: Geometry, diagnosis: Diagnosis, reference: ReferenceResult
+) -> None:
+    """Draw a ball and words at each cause's place, its 95 % region, and a ring about each channel that one names."""
+    above = np.array([0.0, 0.0, _LIFT * geometry.size])
+    placed = [c for c in diagnosis.causes if c.where and c.where.position]
+    places = np.array([c.where.position for c in placed if c.where], float).reshape(-1, 3)
+    heard = [(name, c) for c in diagnosis.causes if c.where for name in c.where.channels if name in reference.sensors]
+    at = np.array([reference.sensors[name][0] for name, _ in heard], float).reshape(-1, 3)
+    balls = rr.Points3D(places, radii=2.2 * TUBE * geometry.size, colors=[ALARM])
+    recording.log("/structure/causes", balls, static=True)
+    rings = rr.Points3D(at, radii=2.0 * TUBE * geometry.size, colors=[REGION])
+    recording.log("/structure/channels", rings, static=True)
+    words = [cause_text(c).split(" on the ")[0].split(" at ")[0] for c in placed]
+    words += [f"{plain(c.cause)}: {name}" for name, c in heard]
+    spots = np.concatenate([places, at]) + above
+    labels = rr.Points3D(spots, radii=0.0, colors=[TEXT], labels=words, show_labels=True)
+    recording.log("/structure/causes/names", labels, static=True)
+    leaders = rr.LineStrips3D(
+        [[s - above, s - 0.4 * above] for s in spots], colors=[GREY], radii=rr.Radius.ui_points(0.6)
+    )
+    recording.log("/structure/causes/leaders", leaders, static=True)
+    regions = [stretch for c in placed if c.where for stretch in c.where.region]
+    bars = rr.LineStrips3D([list(r) for r in regions], colors=[REGION], radii=2.0 * TUBE * geometry.size)
+    recording.log("/structure/region", bars, static=True)
+
+
+def _signals(recording: rr.RecordingStream, found: DiscrepancyResult) -> None:
+    for signal in found.signals:
+        seconds = signal.step * np.arange(len(signal.measured))
+        column = rr.TimeColumn(SECONDS_TIMELINE, duration=seconds)
+        for name, values, colour in (("measured", signal.measured, TEXT), ("predicted", signal.predicted, SENSOR)):
+            path = f"/signals/{signal.channel}/{name}"
+            once(recording, path, rr.SeriesLines(colors=[colour], names=[name], widths=[1.4]))
+            recording.send_columns(path, [column], rr.Scalars.columns(scalars=list(values)))

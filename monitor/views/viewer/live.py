@@ -1,0 +1,169 @@
+"""Results and signals as they come, served to any viewer that asks."""
+
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+
+import rerun as rr
+
+from daq import Block, Item
+from monitor.results.events import event_result
+from monitor.results.story import Story
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.settings import Settings, parse_attached
+from monitor.views.geometry import Geometry
+from monitor.views.viewer.blueprint import Live, layout
+from monitor.views.viewer.cards import write_cards, write_reference
+from monitor.views.viewer.increments import draw_increments
+from monitor.views.viewer.mode_shapes import draw_mode_shapes
+from monitor.views.viewer.posterior import draw_answers
+from monitor.views.viewer.primitives import APPLICATION
+from monitor.views.viewer.scene import draw_bare_structure, draw_place
+from monitor.views.viewer.signals import SignalStream
+from monitor.views.viewer.spectrum import draw_spectra
+from monitor.views.viewer.state_lanes import events, log_state, name_states, state_changes, write_event
+from monitor.views.viewer.trends import draw_trends
+from updater import parse_structure
+
+_HOST = "127.0.0.1"
+_SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
+_BASELINES, _LEAST_WINDOWS = 2.0, 12  # that a live view's trends reach back
+_KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
+_KEPT_ALARMS = 50
+
+
+def serve(structure: str, site: str, items: Iterable[Item]) -> None:
+    """Serve what comes until there is no more; to be called in a process of its own.
+
+    Parameters
+    ----------
+    structure, site : texts of the structure's and the site's TOML
+    items : blocks and events as they are logged
+    """
+    os.nice(10)  # acquisition and analysis come first
+    settings = parse_attached(site)
+    if settings.viewer is None:
+        raise ValueError("site: expected a [viewer] section, found none")
+    name, identity = parse_structure(structure).name, f"live-{os.getpid()}"
+    port, limit = settings.viewer.port, settings.viewer.memory_mb
+    with _server(identity, port, limit) as trend, _server(identity, port + 1, _SIGNALS_MB) as raw:
+        trend.send_recording_name(name)
+        results, signals = LiveResults(trend, name, settings), SignalStream(raw, settings.channels)
+        for item in items:
+            if isinstance(item, Block):
+                signals.add(item)
+                continue
+            result = event_result(item)
+            results.add(result)
+            if isinstance(result, ReferenceResult):
+                signals.know(result)
+
+
+@contextmanager
+def _server(identity: str, port: int, megabytes: int) -> Iterator[rr.RecordingStream]:
+    """Open a server; two with the same identity are one recording to a viewer that opens both."""
+    recording = rr.RecordingStream(APPLICATION, recording_id=identity, send_properties=False)
+    recording.set_sinks(rr.GrpcServerSink(_HOST, port, server_memory_limit=f"{megabytes}MB"))
+    rr.set_log_time_enabled(False, recording=recording)
+    rr.set_log_tick_enabled(False, recording=recording)
+    try:
+        yield recording
+    finally:
+        with suppress(RuntimeError):  # a server whose port was taken meanwhile has said so, and has nothing to send
+            recording.flush(timeout_sec=2.0)
+        recording.disconnect()
+
+
+class LiveResults:
+    """Draws each result when it comes.
+
+    Parameters
+    ----------
+    recording : that is served
+    name : of the structure
+    settings : of the site
+    """
+
+    def __init__(self, recording: rr.RecordingStream, name: str, settings: Settings) -> None:
+        self._recording, self._name = recording, name
+        analysis = settings.analysis
+        self._most = int(_BASELINES * max(analysis.most_windows, _LEAST_WINDOWS))  # windows that are kept
+        shown = self._most * analysis.window_seconds
+        channels = tuple(channel.name for channel in settings.channels)
+        self._live = Live(seconds=shown, channels=channels)
+        self._reference: ReferenceResult | None = None
+        self._windows: list[WindowResult] = []  # the first one, and the newest
+        self._alarms: deque[AlarmResult] = deque(maxlen=_KEPT_ALARMS)
+        self._states: dict[str, tuple[int, str]] = {}  # lane -> time [ns UTC] and state of its last change
+        self._told: set[tuple[int, str, str]] = set()  # events of what is kept
+        self._shown: set[str] = set()
+        name_states(recording)
+
+    def add(self, result: Result | None) -> None:
+        """Take one result; None is none, and a self-test is nothing to draw."""
+        if isinstance(result, ReferenceResult):
+            self._reference = result
+            draw_bare_structure(self._recording, result, result.time)
+            write_reference(self._recording, result)
+            draw_mode_shapes(self._recording, result, result.time)
+        elif isinstance(result, AlarmResult):
+            self._alarms.append(result)
+        elif isinstance(result, WindowResult):
+            self._window(result)
+        if result and self._windows:
+            self._tell()
+            self._lay_out()
+
+    def _story(self, windows: list[WindowResult]) -> Story:
+        return Story(name=self._name, reference=self._reference, windows=tuple(windows), alarms=tuple(self._alarms))
+
+    def _window(self, window: WindowResult) -> None:
+        answered = bool(self._windows) and self._windows[-1].answer is not None
+        self._windows = [*self._windows, window]
+        older = self._windows[:-_KEPT_WINDOWS]
+        self._windows[: len(older)] = [_light(w) for w in older]
+        del self._windows[1 : max(1, len(self._windows) - self._most)]
+        story = self._story([window])
+        if self._reference:
+            draw_place(self._recording, Geometry(self._reference), window, story.mass_unit, answered=answered)
+        draw_spectra(self._recording, story, static=False)
+        draw_trends(self._recording, story)
+        draw_answers(self._recording, story, static=False)
+        draw_increments(self._recording, story, static=False)
+        write_cards(self._recording, story)
+
+    def _tell(self) -> None:
+        """Log the changes of state and the events that were not logged yet."""
+        story = self._story(self._windows)
+        for lane, time, state in state_changes(story):
+            last = self._states.get(lane)
+            if last is None or (time > last[0] and state != last[1]):
+                self._states[lane] = time, state
+                log_state(self._recording, lane, time, state)
+        happened = list(events(story))
+        for event in happened:
+            if event not in self._told:
+                write_event(self._recording, *event)
+        self._told = set(happened)
+
+    def _lay_out(self) -> None:
+        """Send the layout again when there is something new to show; what a user has moved is kept until then."""
+        story = self._story(self._windows)
+        last = self._windows[-1]
+        has = {
+            "reference": self._reference,
+            "judged": last.novelty,
+            "answer": last.answer,
+            "increments": last.increments,
+            "diagnosis": last.diagnosis,
+        }
+        grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, story.tracks)}
+        if grown != self._shown:
+            self._shown = grown
+            self._recording.send_blueprint(layout(story, self._live))
+
+
+def _light(window: WindowResult) -> WindowResult:
+    """Return a window without what is large: it has been drawn."""
+    return window.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})

@@ -1,0 +1,102 @@
+"""Lanes of states, and the events in words."""
+
+import textwrap
+from collections.abc import Iterator
+
+import rerun as rr
+
+from monitor.results.story import Story
+from monitor.views.palette import ALARM, GREY, LEARN, OK, WARN, Colour
+from monitor.views.viewer.primitives import at, clock
+
+_LINE = 78  # characters that the view of events holds
+_Lane = dict[str, tuple[str, Colour]]
+_DAEMON: _Lane = {"learning": ("learning", LEARN), "watching": ("watching", OK), "problem": ("no modes", WARN)}
+_STRUCTURE: _Lane = {
+    "unknown": ("not known yet", GREY),
+    "normal": ("normal", OK),
+    "watch": ("watch", WARN),
+    "alarm": ("ALARM", ALARM),
+}
+_LEVEL = {"normal": "INFO", "watch": "WARN", "alarm": "ERROR"}
+
+
+_LANES = {"/state/daemon": _DAEMON, "/state/structure": _STRUCTURE}
+
+
+def draw_states(recording: rr.RecordingStream, story: Story) -> None:
+    """Draw the lanes: what the daemon does, what the structure is."""
+    name_states(recording)
+    for change in state_changes(story):
+        log_state(recording, *change)
+
+
+def name_states(recording: rr.RecordingStream) -> None:
+    """Give the lanes the words and colours of their states."""
+    for path, lane in _LANES.items():
+        labels, colours = [text for text, _ in lane.values()], [colour for _, colour in lane.values()]
+        recording.log(path, rr.StateConfiguration(values=list(lane), labels=labels, colors=colours), static=True)
+
+
+def state_changes(story: Story) -> Iterator[tuple[str, int, str]]:
+    """Return lane, time [ns UTC] and state of each change."""
+    for path, changes in (("/state/daemon", daemon_states(story)), ("/state/structure", structure_states(story))):
+        for time, state in changes:
+            yield path, time, state
+
+
+def log_state(recording: rr.RecordingStream, path: str, time: int, state: str) -> None:
+    """Log one change."""
+    at(recording, time)
+    recording.log(path, rr.StateChange(state=state))
+
+
+def daemon_states(story: Story) -> Iterator[tuple[int, str]]:
+    """Return when the daemon's state changed [ns UTC], and to which."""
+    before, reached = None, 0
+    for window in story.windows:
+        state = "problem" if window.problem else "learning" if window.phase == "learning" else "watching"
+        if state != before:
+            yield max(window.start, reached), state
+        before, reached = state, window.end
+
+
+def structure_states(story: Story) -> Iterator[tuple[int, str]]:
+    """Return when the structure's state changed [ns UTC], and to which; unknown until a baseline is learnt."""
+    reference = story.reference
+    changes = [(story.start, "unknown")] if reference is None or reference.time > story.start else []
+    if reference:
+        changes.append((max(reference.time, story.start), "normal"))
+    changes += [
+        (max(alarm.time, story.start), alarm.state) for alarm in story.alarms if reference or alarm.state != "normal"
+    ]
+    before = None
+    for time, state in changes:
+        if state != before:
+            yield time, state
+        before = state
+
+
+def write_events(recording: rr.RecordingStream, story: Story) -> None:
+    """Write what happened in the order of time; a long event goes on in further entries, as the view wraps nothing."""
+    for event in sorted(events(story), key=lambda event: event[0]):
+        write_event(recording, *event)
+
+
+def write_event(recording: rr.RecordingStream, time: int, level: str, words: str) -> None:
+    """Write one event at its time [ns UTC]."""
+    at(recording, time)
+    tied = words.replace(" ± ", "\u00a0±\u00a0")  # stays together
+    for body in textwrap.wrap(f"{clock(time)}  {tied}", _LINE, subsequent_indent=" " * 6):
+        recording.log("/events", rr.TextLog(body, level=level))
+
+
+def events(story: Story) -> Iterator[tuple[int, str, str]]:
+    """Return time [ns UTC], level and words of each event."""
+    first = story.windows[0]
+    yield story.start, "INFO", f"started: {len(first.channels)} channels"
+    for window in story.windows:
+        if window.problem:
+            yield window.end, "WARN", f"window {window.index} gave no modes: {window.problem}"
+    for alarm in story.alarms:
+        yield max(alarm.time, story.start), _LEVEL[alarm.state], alarm.text

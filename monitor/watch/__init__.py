@@ -1,0 +1,1 @@
+"""The monitoring loop: windows, baseline, detector, alarm, explanation, acceptance."""

@@ -1,0 +1,124 @@
+"""A change that somebody accepts becomes the reference; what is known of temperature and scatter is kept."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor.analysis.window import Window
+from monitor.detection import Shift
+from monitor.optional import run_optional
+from monitor.settings import Settings
+from monitor.text.causes import change_text
+from monitor.watch.accepted_change import Accepted, Wanted
+from monitor.watch.answer import diagnosis_of
+from monitor.watch.baseline import Watch, learn_watch
+from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
+from updater.modal_data.averaging import LEAST_PRESENCE
+
+LEAST_WINDOWS = 5  #: since the change, from which a reference is learnt: as many as a baseline has at least
+
+
+class CannotAcceptError(Exception):
+    """There is a reason why a change cannot become the reference."""
+
+
+def accept_change(
+    structure: Structure,
+    watch: Watch,
+    pure: Sequence[Window],
+    devices: Mapping[str, str],
+    settings: Settings,
+    wanted: Wanted,
+    raised: int,
+) -> Watch:
+    """Return what to watch by from now on.
+
+    Where the diagnosis explains the change, its causes are written into the structure first: a mass is not taken for a
+    softer material. Elsewhere the one-step update's first stage takes it up.
+
+    Parameters
+    ----------
+    structure : of the site
+    watch : by which the change was found
+    pure : windows since the change, at least `LEAST_WINDOWS`
+    devices : of each channel
+    settings : of the site
+    wanted : who accepts it as what
+    raised : when the alarm was [ns UTC]
+
+    Raises
+    ------
+    CannotAcceptError
+        Saying why.
+    """
+    text, found = _explained(watch, pure, devices)
+    known, shift = watch.detector.moved(len(pure))
+    change = Accepted(
+        time=pure[-1].end,
+        raised=raised,
+        cause=wanted.cause,
+        by=wanted.by,
+        found=found,
+        structure=text,
+        windows=tuple(pure),
+        shift=shift,
+    )
+    last: Exception | None = None
+    for tried in (change, replace(change, structure="")) if text else (change,):
+        try:
+            return learn_watch(structure, watch.baseline, devices, settings, known, (*watch.accepted, tried))
+        except (UpdaterError, np.linalg.LinAlgError) as error:
+            last = error
+    raise CannotAcceptError(str(last)) from last
+
+
+def watch_again(
+    structure: Structure, watch: Watch, calm: Sequence[Window], devices: Mapping[str, str], settings: Settings
+) -> Watch | None:
+    """Return a watch of modes too that the last accepted change hid and most windows show again; None without such.
+
+    Their frequencies are those of now: they were not watched meanwhile.
+
+    Parameters
+    ----------
+    structure : of the site
+    watch : as it is
+    calm : the last windows, none over the limit, as many as a baseline has
+    devices : of each channel
+    settings : of the site
+    """
+    if not watch.accepted:
+        return None
+    *before, last = watch.accepted
+    tracks = [watch.tracker.assign(window.in_time) for window in calm]
+    again = [track for track in last.hides if np.mean([modes[track] >= 0 for modes in tracks]) >= LEAST_PRESENCE]
+    if not again:
+        return None
+    modes = stack_tracks([window.in_time for window in calm], tracks)
+    known, now = watch.detector.seen_again(modes, np.array(again))
+    shift = Shift(
+        log_frequency=np.where(np.isin(np.arange(len(now.std)), again), now.log_frequency, last.shift.log_frequency),
+        std=np.where(np.isnan(now.std), last.shift.std, now.std),
+    )
+    change = replace(last, windows=tuple(calm), shift=shift)
+    try:
+        return learn_watch(structure, watch.baseline, devices, settings, known, (*before, change))
+    except (PairingError, ModalDataError):
+        return None  # it has no partner in the model: it stays hidden
+
+
+def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], settings: Settings) -> Watch:
+    """Return what was watched by before the last acceptance, with all that has been learnt of scatter since."""
+    *before, last = watch.accepted
+    return learn_watch(structure, watch.baseline, devices, settings, watch.detector.moved_back(last.shift), before)
+
+
+def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
+    """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
+    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(watch, pure, devices))
+    if both is None:
+        return "", "not explained"
+    found, _ = both
+    extended = found.extended if found.diagnosis.verdict == "explained" else None
+    return dump_structure(extended) if extended else "", change_text(found.diagnosis)

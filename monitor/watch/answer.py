@@ -1,0 +1,98 @@
+"""Results for the windows since a change: increments, a diagnosis, and a mass where that is the only cause."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from monitor.analysis.event import Event
+from monitor.analysis.window import Window
+from monitor.optional import Extras
+from monitor.results.comparison import ChannelHealth
+from monitor.results.convert import increment_result, mass_answer
+from monitor.results.windows import MassAnswer, MassIncrements
+from monitor.text.causes import failed_text
+from monitor.text.verdicts import is_one_mass
+from monitor.watch.baseline import Watch
+from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
+from updater import (
+    Explained,
+    ModalDataError,
+    ModalMean,
+    PairingError,
+    Reference,
+    Structure,
+    locate_and_sharpen,
+    stack_tracks,
+)
+from updater.modal_data.delay_removal import InTime
+
+
+def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> InTime:
+    """Return windows with what their devices (of each channel) were late by."""
+    return InTime(tuple(w.in_time for w in windows), devices, tuple(w.removed for w in windows))
+
+
+def answer(
+    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], structure: Structure, extras: Extras
+) -> dict[str, Any]:
+    """Return the fields of a `WindowResult` that explain a change; none without windows.
+
+    A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them. A fault in one part
+    costs that part alone.
+
+    Parameters
+    ----------
+    watch : by which the change was found
+    pure : windows over the limit that begin after the first one: that one may hold both states
+    devices : of each channel
+    structure : of the site
+    extras : collects what fails
+    """
+    if not pure:
+        return {}
+    reference = watch.reference
+    tracks = [watch.modes_of(window.in_time) for window in pure]
+    modes = reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
+    found: dict[str, Any] = {}
+    found["increments"] = extras.found("the one-step update", lambda: _increments(watch, modes, len(pure)))
+    both = extras.found("the diagnosis", lambda: diagnosis_of(watch, pure, devices))
+    if both is None:
+        return found
+    explained, event = both
+    for failed in explained.diagnosis.failed:
+        extras.note(failed_text(failed))
+    found["diagnosis"] = explained.diagnosis
+    found["discrepancy"] = extras.found(
+        "the comparison with simulated modes", lambda: compare_windows(reference, event, explained)
+    )
+    if is_one_mass(explained.diagnosis):
+        found["answer"] = extras.found(
+            "the location of the mass", lambda: _location(reference, modes, structure, len(pure))
+        )
+    return found
+
+
+def diagnosis_of(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[Explained, Event] | None:
+    """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
+    try:
+        return explain_windows(watch.reference, watch.before, conditions_of(pure), in_time_of(pure, devices))
+    except ModalDataError:
+        return None  # there is an alarm, but no cause
+
+
+def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
+    change, outlook = locate_and_sharpen(reference, modes)
+    return mass_answer(structure, change, n_windows, outlook.said)
+
+
+def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:
+    """Return how each channel fares in calm windows; of one that died among them a window holds half."""
+    tracks = [watch.modes_of(window.in_time) for window in calm]
+    found = sensors_seen(watch.reference, in_time_of(calm, devices), tracks)
+    return {channel: health for channel, health in found.items() if channel in calm[-1].in_time.channels}
+
+
+def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
+    try:
+        return increment_result(watch.updater.update(event), n_windows)
+    except (PairingError, ModalDataError):
+        return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments

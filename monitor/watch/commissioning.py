@@ -1,0 +1,270 @@
+"""The commissioning drill: a known mass is hung on, and what the watch says of it is held against the truth.
+
+The same mass scales the modes: output-only modes have no scale, the shift that a known mass makes of each frequency
+gives it.
+
+References
+----------
+Parloo, E., Verboven, P., Guillaume, P., Van Overmeire, M. (2002). Sensitivity-based operational mode shape
+normalisation. MSSP 16, 757-767: eq. 8, the scale from the shift; here by the shift that the model predicts of it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from monitor.analysis.window import Window
+from monitor.errors import MonitorError
+from monitor.settings import Settings
+from monitor.text.causes import change_text
+from monitor.text.verdicts import is_one_mass
+from monitor.watch.answer import in_time_of
+from monitor.watch.baseline import Watch, learn_watch
+from monitor.watch.explanation import conditions_of, explain_windows
+from monitor.watch.memory import Memory
+from monitor.watch.self_test import with_mass
+from updater import (
+    Diagnosis,
+    MassChange,
+    ModalDataError,
+    ModalMean,
+    PairingError,
+    Structure,
+    locate_and_sharpen,
+    stack_tracks,
+)
+
+_SIGMAS = 3.0  # that place and mass may be off by
+_TELLS = 0.5  # of a mode's scale: one that is known no better is not told
+_NEAR = 0.05  # m from a member's axis, at which the mass may hang on it
+
+
+class ProofError(MonitorError):
+    """Nothing can be proven yet, or not there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One thing that had to be."""
+
+    what: str
+    said: str
+    passed: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scale:
+    """Mass-normalised shape of a mode at the sensors."""
+
+    mode: int  #: identity
+    frequency: float  #: without the mass [Hz]
+    modal_mass: float  #: real over the model's [-]
+    modal_mass_std: float  #: [-]
+    shape: FloatArray  #: (n_channels,) [kg^-1/2]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Proof:
+    """Result of the drill."""
+
+    mass: float  #: that was hung on [kg]
+    place: FloatArray  #: (3,) on a member's axis [m]
+    member: str
+    found: MassChange
+    found_place: FloatArray  #: (3,) [m]
+    raised: int | None  #: when the alarm was [ns UTC]
+    checks: tuple[Check, ...]
+    channels: tuple[str, ...]
+    scales: tuple[Scale, ...]  #: none by a mass that is not proven: it is another one, or elsewhere
+    n_windows: int
+    start: int  #: of the windows that were looked at [ns UTC]
+    end: int  #: [ns UTC]
+
+    @property
+    def passed(self) -> bool:
+        """True if every requirement was met."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def modal_mass(self) -> tuple[float, float] | None:
+        """Real over the model's modal masses, all modes together, and its standard deviation [-]; None: not known.
+
+        Where they scatter by more than their own deviations say, as much less sure (Birge's ratio).
+        """
+        if not self.scales:
+            return None
+        found = np.array([scale.modal_mass for scale in self.scales])
+        weight = np.array([scale.modal_mass_std**-2 for scale in self.scales])
+        mean = float(np.average(found, weights=weight))
+        scatter = weight @ (found - mean) ** 2 / max(1, len(found) - 1)
+        return mean, float((max(1.0, scatter) / weight.sum()) ** 0.5)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """Knowledge of a watch about the active change."""
+
+    structure: Structure
+    watch: Watch
+    event: ModalMean  #: of the windows with the mass
+    diagnosis: Diagnosis
+    found: MassChange
+    raised: int | None  #: when the alarm was [ns UTC]
+    n_windows: int
+    start: int  #: [ns UTC]
+    end: int  #: [ns UTC]
+
+    @property
+    def place(self) -> FloatArray:
+        """Position at which the mass was found (3,) [m]."""
+        return next(m for m in self.structure.member if m.name == self.found.member).point(self.found.distance)
+
+
+def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence:
+    """Return what a watch knows of the change that stands.
+
+    Parameters
+    ----------
+    memory : of the watch, while the mass hangs
+    structure, settings : of the site
+
+    Raises
+    ------
+    ProofError
+        If no baseline is learnt, no change is seen, or too little is known of it.
+    """
+    devices = settings.device_of
+    watch, pure = _watch(memory, structure, settings, devices)
+    tracks = [watch.modes_of(window.in_time) for window in pure]
+    event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
+    late = in_time_of(pure, devices)
+    try:
+        explained, _ = explain_windows(watch.reference, watch.before, conditions_of(pure), late)
+        found, _ = locate_and_sharpen(watch.reference, event)
+    except (ModalDataError, PairingError) as error:
+        raise ProofError(f"the change cannot be explained: {error}") from error
+    return Evidence(
+        structure=structure,
+        watch=watch,
+        event=event,
+        diagnosis=explained.diagnosis,
+        found=found,
+        raised=memory.alarm.raised,
+        n_windows=len(pure),
+        start=pure[0].start,
+        end=pure[-1].end,
+    )
+
+
+def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
+    """Hold what a watch knows of a change against the mass that made it.
+
+    Parameters
+    ----------
+    evidence : of the watch
+    mass : that was hung on [kg]
+    at : (3,) where, within 5 cm of a member's axis [m]
+
+    Raises
+    ------
+    ProofError
+        If no member is near.
+    """
+    found, diagnosis = evidence.found, evidence.diagnosis
+    member, place = _on_member(evidence.structure, np.asarray(at, float))
+    checks = (
+        Check(what="cause", said=change_text(diagnosis), passed=is_one_mass(diagnosis)),
+        _place_check(evidence, member, place),
+        _mass_check(found, mass),
+    )
+    proven = all(check.passed for check in checks)
+    return Proof(
+        mass=mass,
+        place=place,
+        member=member,
+        found=found,
+        found_place=evidence.place,
+        raised=evidence.raised,
+        checks=checks,
+        channels=evidence.watch.reference.baseline.channels,
+        scales=tuple(_scales(evidence.watch, evidence.event, place, mass)) if proven else (),
+        n_windows=evidence.n_windows,
+        start=evidence.start,
+        end=evidence.end,
+    )
+
+
+def _watch(
+    memory: Memory, structure: Structure, settings: Settings, devices: dict[str, str]
+) -> tuple[Watch, list[Window]]:
+    """Return what is watched by, and the windows with the mass; the first may hold both states."""
+    if memory.detector is None:
+        n, of = len(memory.baseline), memory.target
+        raise ProofError(f"the baseline is being learnt, {n} of {of} windows: hang the mass on once it is")
+    minutes = settings.step_seconds * (1 + settings.alarm.hold_windows) / 60
+    if not memory.out:
+        again = (
+            f"hang the mass on, and look again after {minutes:.3g} min; one that has hung for longer is not seen there"
+        )
+        raise ProofError(f"no change is seen: {again}")
+    pure = [w for w in memory.out if w.start >= memory.out[0].end]
+    if not pure or memory.alarm.state != "alarm":
+        raise ProofError(f"a change is seen, but too little of it yet: look again after {minutes:.3g} min")
+    return learn_watch(structure, memory.baseline, devices, settings, memory.detector, memory.accepted), pure
+
+
+def _on_member(structure: Structure, at: FloatArray) -> tuple[str, FloatArray]:
+    """Return the member nearest to a point, and the nearest point (3,) of its axis."""
+    found = []
+    for member in structure.member:
+        start, way = np.asarray(member.start), np.subtract(member.end, member.start)
+        nearest = start + np.clip((at - start) @ way / (way @ way), 0, 1) * way
+        found.append((float(np.linalg.norm(at - nearest)), member.name, nearest))
+    off, name, nearest = min(found, key=lambda one: one[0])
+    if off > _NEAR:
+        raise ProofError(
+            f"--at: {at.tolist()} is {1000 * off:.0f} mm off the nearest member, {name}: expected within 50"
+        )
+    return name, nearest
+
+
+def _place_check(evidence: Evidence, member: str, place: FloatArray) -> Check:
+    """Return whether the true place is in the stated region, or within three deviations of the stated place."""
+    found = evidence.found
+    start = next(m for m in evidence.structure.member if m.name == member).start
+    distance, off = float(np.linalg.norm(place - start)), float(np.linalg.norm(evidence.place - place))
+    inside = any(s.member == member and s.start <= distance <= s.stop for s in found.region)
+    said = f"{1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
+    return Check(what="place", said=said, passed=inside or off <= _SIGMAS * found.distance_std)
+
+
+def _mass_check(found: MassChange, mass: float) -> Check:
+    off = found.mass - mass
+    said = f"{1000 * found.mass:.0f} g, {1000 * off:+.0f} g off, ± {1000 * found.mass_std:.0f} g stated"
+    return Check(what="mass", said=said, passed=abs(off) <= _SIGMAS * found.mass_std)
+
+
+def _scales(watch: Watch, event: ModalMean, place: FloatArray, mass: float) -> Iterator[Scale]:
+    """Yield the scale of each mode that the mass tells of.
+
+    A mass moves 1 / omega^2 by itself times the square of the mode's motion: what it really does, over what it does
+    in the model, is the model's modal mass over the real one.
+    """
+    reference = watch.reference
+    expected = with_mass(reference, place[None], mass)[0] ** -2 - 1
+    base = reference.baseline
+    ratio = np.exp(2 * (base.log_frequency - event.log_frequency))
+    std = 2 * ratio * np.hypot(base.log_frequency_std, event.log_frequency_std)
+    length = np.linalg.norm(reference.at_channels(base.channels)[:, reference.paired], axis=0)
+    for k in np.flatnonzero(std < _TELLS * np.abs(ratio - 1)):
+        modal_mass = float(expected[k] / (ratio[k] - 1))
+        if modal_mass > 0:
+            yield Scale(
+                mode=int(watch.watched[k]) + 1,
+                frequency=float(np.exp(base.log_frequency[k])),
+                modal_mass=modal_mass,
+                modal_mass_std=float(modal_mass * std[k] / abs(ratio[k] - 1)),
+                shape=base.shape[k] * length[k] / np.sqrt(modal_mass),
+            )

@@ -1,0 +1,148 @@
+"""The memory's file in the state folder: read once at the start, replaced after each window."""
+
+import contextlib
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+from daq import Event, Item
+from monitor.settings import Settings
+from monitor.settings.redaction import redacted_topic
+from monitor.watch.memory.codec import CodecError
+from monitor.watch.memory.state import MEMORY, matters, memory_text, parse_memory
+from updater import Structure
+
+_SETTLE = 1.0  # s after an item was logged: log, history and notices have it on the disk by then
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recalled:
+    """State of the run before, found at a start."""
+
+    text: str | None = None  #: the memory
+    refused: str | None = None  #: why one that is there is of no use
+
+
+NOTHING = Recalled()
+
+
+def recall(state: Path, structure: Structure, settings: Settings) -> Recalled:
+    """Return what is remembered, if it is whole and of the same watch."""
+    path = state / MEMORY
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return NOTHING
+    except (OSError, UnicodeDecodeError) as error:
+        return Recalled(refused=f"{path} cannot be read: {error}")
+    return fitting(text, str(path), structure, settings)
+
+
+def fitting(text: str, source: str, structure: Structure, settings: Settings) -> Recalled:
+    """Return a memory if it is whole and was made with what matters as it is now; else why not."""
+    try:
+        found = parse_memory(text)
+    except CodecError as error:
+        return Recalled(refused=f"{source}: {error}")
+    then, now = _without_login(found.matters), matters(structure, settings)
+    changed = [f"{name}: {then.get(name)} then, {value} now" for name, value in now.items() if then.get(name) != value]
+    if changed:
+        return Recalled(refused="; ".join(changed))
+    return Recalled(text=text if then == found.matters else memory_text(replace(found, matters=then)))
+
+
+def _without_login(then: Mapping[str, str]) -> dict[str, str]:
+    """Return what a memory depends on, with the address of a thermometer as it is written now: without a login."""
+    return {
+        name: redacted_topic(words) if words.startswith(("mqtt://", "mqtts://")) else words
+        for name, words in then.items()
+    }
+
+
+class MemoryFile:
+    """Keeps the newest memory on disk, never ahead of the log, the history and the notices that it rests on.
+
+    A memory that knew of an alarm of which nobody was told would let that alarm be forgotten for good: so it is
+    written a second after the last result that it rests on was logged.
+
+    Parameters
+    ----------
+    path : of the file
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._lock = path, threading.Lock()
+        self._handed: deque[Event] = deque()  # results that are not known to be in the log
+        self._any = False  # whether one was ever handed to it
+        self._expected: deque[tuple[Event, str]] = deque()  # what rests on one of these
+        self._logged: deque[tuple[float, str]] = deque()  # monotonic time from which on each may be written
+        self.problem: str | None = None  #: why the last one is not on the disk
+
+    def after(self, event: Event) -> None:
+        """Take note of a result that is handed to the log."""
+        with self._lock:
+            self._handed.append(event)
+            self._any = True
+
+    def expect(self, text: str) -> None:
+        """Take a memory that may be written once the newest result is in the log, where it may be by now."""
+        with self._lock:
+            if self._handed:
+                self._expected.append((self._handed[-1], text))
+            elif self._any:
+                self._logged.append((time.monotonic() + _SETTLE, text))
+
+    def take(self, item: Item) -> None:
+        """Take what was logged, in the log's thread."""
+        with self._lock:
+            if not any(item is event for event in self._handed):
+                return
+            while self._handed.popleft() is not item:
+                pass  # found the log's queue full
+            while self._expected and not any(self._expected[0][0] is event for event in self._handed):
+                self._logged.append((time.monotonic() + _SETTLE, self._expected.popleft()[1]))
+
+    def write(self) -> None:
+        """Write the newest that may be; called now and then."""
+        text = None
+        while self._logged and time.monotonic() >= self._logged[0][0]:
+            text = self._logged.popleft()[1]
+        if text is not None:
+            self._replace(text)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Write the last that was logged: nothing comes after it."""
+        if self._logged:
+            self._replace(self._logged.pop()[1])
+            self._logged.clear()
+
+    def _replace(self, text: str) -> None:
+        unfinished = self._path.with_suffix(".part")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with unfinished.open("w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(unfinished, self._path)
+            self._sync_folder()
+        except OSError as error:
+            self.problem = f"{self._path}: {error.strerror}"
+        else:
+            self.problem = None
+
+    def _sync_folder(self) -> None:
+        with contextlib.suppress(OSError):  # not every file system takes it
+            folder = os.open(self._path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)

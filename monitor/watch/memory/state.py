@@ -1,0 +1,99 @@
+"""Contents of the saved state, as text with a check of its completeness and of the watch that it belongs to."""
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from daq import parse_json
+from monitor.analysis.window import Window
+from monitor.detection.alarm import Alarm
+from monitor.settings import Settings, TemperatureSettings
+from monitor.settings.redaction import redacted_topic, revealed
+from monitor.watch.accepted_change import Accepted, Wanted
+from monitor.watch.detector import DetectorState
+from monitor.watch.memory.codec import CodecError, decode, encode
+from monitor.watch.self_test import Tested
+from updater import Structure, dump_structure
+
+MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
+VERSION = 9  # of what is written here, or of how modes are identified: another one is not read
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Memory:
+    """State of a watch between two windows."""
+
+    matters: dict[str, str]  #: what it depends on, each as words (see `matters`)
+    n_windows: int  #: so far
+    baseline: tuple[Window, ...]  #: learnt from, or so far
+    target: int  #: windows to learn from
+    restarts: int  #: of learning, by changes of the structure within the baseline
+    detector: DetectorState | None  #: None while the baseline is being learnt
+    alarm: Alarm
+    accepted: tuple[Accepted, ...]  #: changes of the structure since the baseline
+    wanted: Wanted | None  #: an acceptance that waits for windows
+    tests: Tested
+    out: tuple[Window, ...]  #: over the limit, without a break
+    calm: tuple[Window, ...]  #: under it since the sensors were last looked at
+    thermometer_offset: float = math.nan  #: of the site's thermometer against the devices' [K], see `Weather`
+
+
+def matters(structure: Structure, settings: Settings) -> dict[str, str]:
+    """Return what a baseline depends on; with anything of it changed, it must be learnt anew."""
+    analysis, temperature = settings.analysis, settings.temperature
+    return {
+        "the structure file": hashlib.sha256(dump_structure(structure).encode()).hexdigest()[:16],
+        "the channels": ", ".join(f"{c.name} = {c.device} {'xyz'[c.axis]}" for c in settings.channels),
+        "the devices": ", ".join(f"{d.name} ({d.driver}, {d.rate:g} Hz)" for d in settings.device),
+        "the thermometer": "the devices'" if temperature is None else _thermometer(temperature),
+        "analysis.window_seconds": f"{analysis.window_seconds:g}",
+        "analysis.overlap": f"{analysis.overlap:g}",
+        "analysis.band": "unset" if analysis.band is None else "{:g} to {:g} Hz".format(*analysis.band),
+    }
+
+
+def _thermometer(settings: TemperatureSettings) -> str:
+    """Return which one it is: a file by its name, wherever the site lies."""
+    return Path(settings.csv).name if settings.csv else redacted_topic(revealed(settings.mqtt))
+
+
+def memory_text(memory: Memory) -> str:
+    """Return a memory as text: a line that says of what version and how whole it is, and one of values."""
+    content = json.dumps(encode(memory))
+    return json.dumps({"modalwatch": VERSION, "sha256": _digest(content)}) + "\n" + content
+
+
+def parse_memory(text: str) -> Memory:
+    """Return the memory of a text.
+
+    Raises
+    ------
+    CodecError
+        If it is damaged, of another version, or no memory.
+    """
+    head, _, content = text.partition("\n")
+    try:
+        said: Any = parse_json(head)
+        version, digest = said["modalwatch"], said["sha256"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise CodecError("it is no memory of a watch, or damaged") from error
+    if version != VERSION:
+        raise CodecError(f"it is of version {version}, this program reads {VERSION}")
+    if _digest(content) != digest:
+        raise CodecError("it is damaged: its checksum is wrong")
+    memory: Memory = decode(Memory, _content(content))
+    return memory
+
+
+def _content(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    try:
+        return parse_json(text)
+    except ValueError as error:
+        raise CodecError(f"it is no memory of a watch: {error}") from error
+
+
+def _digest(content: str) -> str:
+    return hashlib.sha256(content.encode()).hexdigest()

@@ -1,0 +1,108 @@
+"""From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from daq import Assembler, Block, Event, FloatArray, Recording
+from monitor.analysis.temperature import Weather
+from monitor.analysis.window import window_of
+from monitor.results.convert import spectrum_result
+from monitor.results.windows import Result, WindowResult
+from monitor.settings import Settings
+from monitor.watch.backlog import SKIPPED, Skip, none
+from monitor.watch.judge import Judge
+from monitor.watch.memory import Memory
+from oma import IdentificationError, identify_all
+from updater import Structure
+
+
+class Pipeline:
+    """The monitoring loop without clocks, ports and files.
+
+    Parameters
+    ----------
+    structure : of the site
+    settings : of the site
+    memory : of the run before, to go on from; it must be of the same watch (see `recall`)
+    skip : says which windows are left out
+    """
+
+    def __init__(
+        self, structure: Structure, settings: Settings, memory: Memory | None = None, skip: Skip = none
+    ) -> None:
+        analysis = settings.analysis
+        self._settings, self._structure, self._skip = settings, structure, skip
+        self._assembler = Assembler(
+            settings.channels,
+            {device.name: device.rate for device in settings.device},
+            window_seconds=analysis.window_seconds,
+            step_seconds=settings.step_seconds,
+        )
+        offset = memory.thermometer_offset if memory else math.nan
+        self._weather = Weather(settings.temperature.stale_minutes, offset) if settings.temperature else None
+        self._judge = Judge(structure, settings, memory)
+        self._resumed = memory is not None  # which has not been said yet
+
+    @property
+    def memory(self) -> Memory:
+        """State to continue from after a restart."""
+        memory = self._judge.memory
+        return replace(memory, thermometer_offset=self._weather.offset) if self._weather else memory
+
+    def push(self, item: Block | Event) -> Iterator[Result]:
+        """Take one item in the log's order; yield what it lets be said."""
+        if self._resumed and isinstance(item, Block):
+            self._resumed = False
+            yield from self._judge.resumed(item.pair_time)
+        if isinstance(item, Event):
+            yield from self._judge.hear(item)
+        windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
+        if self._weather and isinstance(item, Event):
+            self._weather.take(item)
+        for recording in windows:
+            weather = self._weather
+            yield from self.analyse(replace(recording, temperature=weather.of(recording)) if weather else recording)
+
+    def analyse(self, recording: Recording) -> Iterator[Result]:
+        """Take one window; yield what it lets be said."""
+        index = self._judge.n_windows
+        self._judge.n_windows += 1
+        if self._skip(index, recording):
+            yield self._bare(index, recording, SKIPPED).model_copy(update={"skipped": True})
+            return
+        try:
+            found = identify_all(recording, band=self._settings.analysis.band).without_uncertain()
+        except IdentificationError as error:
+            yield self._bare(index, recording, str(error))
+            return
+        window = window_of(
+            index, recording, found, self._settings.device_of, self._structure.delays, self._judge.delays
+        )
+        seen = {
+            "channels": list(window.in_time.channels),
+            "faults": {channel: str(fault) for channel, fault in found.left_out.items()},
+            "modes": self._judge.modes(window),
+            "spectrum": spectrum_result(recording, found.poles),
+            "problem": None,
+        }
+        yield from self._judge.consider(window, self._bare(index, recording, "").model_copy(update=seen))
+
+    def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
+        return WindowResult(
+            index=index,
+            start=recording.start,
+            end=recording.end,
+            phase=self._judge.phase,
+            channels=[channel.name for channel in recording.channels],
+            modes=[],
+            rms=_rms(recording),
+            problem=problem,
+        )
+
+
+def _rms(recording: Recording) -> dict[str, float]:
+    power: FloatArray = np.nanmean(np.where(np.isfinite(recording.data).any(0), recording.data, 0.0) ** 2, axis=0)
+    return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}

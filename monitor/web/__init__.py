@@ -1,8 +1,0 @@
-"""The outside face: health, metrics and a status page, served by a process of its own from files and the history."""
-
-from monitor.web.app import make_app
-from monitor.web.guard import read_token
-from monitor.web.process import WebServer, web_process
-from monitor.web.source import Source
-
-__all__ = ["Source", "WebServer", "make_app", "read_token", "web_process"]

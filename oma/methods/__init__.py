@@ -1,0 +1,1 @@
+"""Identification methods behind one interface: SSI, pLSCF, FDD and its kin."""

@@ -1,0 +1,1 @@
+"""Signals before identification: conditioning, channel faults, gaps, sampling rates, quality."""

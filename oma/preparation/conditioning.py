@@ -1,0 +1,147 @@
+"""From a recording to clean channels."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import FloatArray, Recording
+from oma.errors import TooFewChannels
+from oma.preparation.faults import MOST_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
+from oma.preparation.gaps import filled
+
+_MENTIONED = 0.01  # share of samples missing in a channel from which on it is said
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cleaned:
+    """A recording that can be analysed, and what was wrong with it."""
+
+    recording: Recording  #: of the channels kept; spikes are out, short gaps filled
+    faults: Mapping[str, ChannelFault]  #: of the channels left out, and of those mended
+
+
+def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
+    """Give up channels that carry no signal of the structure, mend what can be mended, and say so.
+
+    Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
+    of the recording is complete; gaps of a few samples are filled before (`oma.preparation.gaps`).
+    Spikes and a few clipped samples are such gaps.
+
+    Parameters
+    ----------
+    recording : Recording
+    min_complete : float
+        Smallest share of samples that the channels kept have in common [-].
+
+    Returns
+    -------
+    Cleaned
+        With no channels if none is left.
+    """
+    names = [channel.name for channel in recording.channels]
+    data = np.where(np.isfinite(recording.data), recording.data, np.nan)
+    faults = {names[column]: fault for column, fault in signal_faults(data, names)}
+    given_up = set(faults)
+    data, clipped = without_clipped(data)
+    for name, share in zip(names, clipped.tolist(), strict=True):
+        if share:
+            text = f"clipped: {share:.1%} of the samples are at a limit, and replaced"
+            faults.setdefault(name, ChannelFault(kind="clipped", text=text))
+    data, taken = without_spikes(data)
+    for name, share in zip(names, taken.tolist(), strict=True):
+        if share:
+            text = f"spikes: {share:.2%} of the samples are taken out"
+            faults.setdefault(name, ChannelFault(kind="spikes", text=text))
+        if share > MOST_SPIKES:
+            given_up.add(name)
+    kept = [i for i, name in enumerate(names) if name not in given_up]
+    lost = np.isnan(data).mean(axis=0)
+    data[:, kept] = filled(data[:, kept])
+    for i, fault in _incomplete(data, kept, min_complete):
+        kept.remove(i)
+        faults[names[i]] = fault
+    for i in kept:
+        if lost[i] > _MENTIONED:
+            left = np.isnan(data[:, i]).mean()
+            text = f"gaps: {lost[i]:.1%} of the samples were missing, {lost[i] - left:.1%} are filled"
+            faults.setdefault(names[i], ChannelFault(kind="gaps", text=text))
+    channels = tuple(recording.channels[i] for i in kept)
+    return Cleaned(
+        recording=replace(recording, channels=channels, data=data[:, kept]),
+        faults={name: faults[name] for name in names if name in faults},
+    )
+
+
+def _incomplete(data: FloatArray, columns: Sequence[int], min_complete: float) -> Iterator[tuple[int, ChannelFault]]:
+    """Yield the columns that have to go until enough rows are complete."""
+    valid, kept = np.isfinite(data), list(columns)
+    while kept and np.count_nonzero(valid[:, kept].all(axis=1)) < min_complete * len(valid):
+        share = valid[:, kept].mean(axis=0)
+        text = f"{share.min():.0%} of the samples are there"
+        kind: FaultKind = "gaps" if share.min() > 0 else "no_signal"
+        yield kept.pop(int(np.argmin(share))), ChannelFault(kind=kind, text=text)
+
+
+def channel_faults(recording: Recording) -> dict[str, ChannelFault]:
+    """Return the faults of channels: of those that are left out, and of those that are mended.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    dict
+        Channel name to fault.
+    """
+    return dict(cleaned(recording).faults)
+
+
+def usable(recording: Recording) -> Recording:
+    """Return the recording without the channels that carry no signal, mended.
+
+    Raises
+    ------
+    TooFewChannels
+        If fewer than two channels are left of several, or none of one.
+    """
+    return enough(cleaned(recording))
+
+
+def enough(clean: Cleaned) -> Recording:
+    """Return a cleaned recording if it has channels enough: two, or one where no more was measured.
+
+    Raises
+    ------
+    TooFewChannels
+        If fewer are left.
+    """
+    names = tuple(channel.name for channel in clean.recording.channels)
+    needed = 1 if len({*names, *clean.faults}) == 1 else 2
+    if len(names) < needed:
+        raise TooFewChannels(names, needed, {name: str(fault) for name, fault in clean.faults.items()})
+    return clean.recording
+
+
+def detrended(data: FloatArray) -> FloatArray:
+    """Remove mean and slope of each channel, NaN left out.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+
+    Returns
+    -------
+    (n_samples, n_channels) array
+    """
+    result = np.where(np.isfinite(data), data, np.nan)
+    time = np.linspace(-1.0, 1.0, len(data))
+    for column in result.T:
+        valid = np.isfinite(column)
+        basis = np.column_stack((np.ones(valid.sum()), time[valid]))
+        column[valid] -= basis @ np.linalg.lstsq(basis, column[valid], rcond=None)[0]
+    return result

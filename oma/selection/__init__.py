@@ -1,0 +1,1 @@
+"""Selection of modes among the poles of all model orders."""

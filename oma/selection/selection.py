@@ -1,0 +1,111 @@
+"""Automatic selection: which groups of stable poles are modes.
+
+References
+----------
+Magalhães, F., Cunha, Á., Caetano, E. (2009). Online automatic identification of the modal parameters of a long span
+arch bridge. MSSP 23(2), 316-329.
+Au, S.-K. (2014). Uncertainty law in ambient modal identification, part I: theory. MSSP 48, 15-33.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.cluster import hierarchy
+from scipy.spatial.distance import squareform
+
+from daq import FloatArray
+from oma.mac import mac_matrix
+from oma.types import ComplexArray
+
+LEAST_MEMBERS = 3  #: poles of a group that may be a mode [-]
+BAND = 4.0  #: half widths of a resonance on each side of it: 84 % of its power [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Limits of the automatic selection."""
+
+    max_damping: float = 0.1  #: of a pole, ratio of critical [-]
+    min_damping: float = 2e-4  #: of a mode; below it is a tone [-]
+    min_damping_sigmas: float = 3.0  #: damping over its standard deviation, of a mode seen by a single channel [-]
+    min_mpc: float = 0.5  #: modal phase collinearity of a peak of the spectra [-]
+    max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
+    max_mac_loss: float = 0.1  #: 1 - MAC of the same neighbours [-]
+    min_agreement: float = 0.5  #: MAC above which no two orthogonal shapes can be exchanged [-]
+    cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
+    max_law_ratio: float = 8.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
+    min_law_ratio: float = 0.5  #: the same, of a mode in whose band a tone is known; below it is that tone again [-]
+
+
+def groups(
+    frequency: FloatArray, shape: ComplexArray, order: npt.NDArray[np.intp], cut: float
+) -> list[npt.NDArray[np.intp]]:
+    """Group poles by average linkage on relative frequency difference plus 1 - MAC.
+
+    Two modes of nearly one frequency are told apart by their shapes, two of nearly one shape by their frequencies,
+    two of nearly one frequency and shape by standing side by side in the same models.
+
+    Parameters
+    ----------
+    frequency : (n_poles,) array
+        [Hz].
+    shape : (n_poles, n_channels) array
+    order : (n_poles,) array
+        Of the model that shows the pole [-].
+    cut : float
+        Largest mean distance of groups that are joined.
+
+    Returns
+    -------
+    list of (n_members,) index arrays
+    """
+    if len(frequency) < 2:
+        return [np.arange(len(frequency))] if len(frequency) else []
+    difference = np.abs(frequency[:, None] - frequency) / np.maximum(frequency[:, None], frequency)
+    distance = difference + np.clip(1 - mac_matrix(shape, shape), 0, None)
+    np.fill_diagonal(distance, 0)
+    return _cut(hierarchy.average(squareform((distance + distance.T) / 2, checks=False)), order, cut)
+
+
+def _cut(tree: FloatArray, order: npt.NDArray[np.intp], cut: float) -> list[npt.NDArray[np.intp]]:
+    """Cut a tree of linkages; what stands side by side in most orders stays apart however near it is."""
+    found: dict[int, list[npt.NDArray[np.intp]]] = {i: [np.array([i])] for i in range(len(order))}
+    for i, (left, right, distance, _) in enumerate(tree.tolist()):
+        parts = found.pop(int(left)) + found.pop(int(right))
+        if distance < cut and len(parts) == 2 and not _side_by_side(order[parts[0]], order[parts[1]]):
+            parts = [np.sort(np.concatenate(parts))]
+        found[len(order) + i] = parts
+    (result,) = found.values()
+    return result
+
+
+def _side_by_side(a: npt.NDArray[np.intp], b: npt.NDArray[np.intp]) -> bool:
+    """Tell whether most of the orders that show the rarer of two groups show the other too: a mode has one pole."""
+    a, b = np.unique(a), np.unique(b)
+    rarer = min(len(a), len(b))
+    return rarer >= LEAST_MEMBERS and 2 * len(np.intersect1d(a, b, assume_unique=True)) > rarer
+
+
+def uncertainty_law(frequency: float, damping: float, duration: float) -> tuple[float, float]:
+    """Return the smallest standard deviations of frequency and damping that any method can reach.
+
+    ``sigma_f / f = sqrt(zeta / (2 pi N_c))`` and ``sigma_zeta / zeta = 1 / sqrt(2 pi zeta N_c)`` with ``N_c = f T``
+    cycles (Au 2014): long, well excited records.
+
+    Parameters
+    ----------
+    frequency : float
+        [Hz].
+    damping : float
+        [-].
+    duration : float
+        [s].
+
+    Returns
+    -------
+    frequency_std, damping_std : float
+        [Hz], [-].
+    """
+    cycles = frequency * duration
+    return frequency * np.sqrt(damping / (2 * np.pi * cycles)), damping / np.sqrt(2 * np.pi * damping * cycles)

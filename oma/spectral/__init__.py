@@ -1,0 +1,1 @@
+"""Spectra and correlations, and the resonances and tones in them."""

@@ -1,0 +1,170 @@
+"""Devices that are late: told from the phases of cross spectra, and put right before modes are sought.
+
+Shapes of lightly damped modes are real: two channels move together or against each other. So twice the phase of their
+cross spectrum is zero wherever a mode carries it, whatever the sign of the shape, and a device that is late by tau
+turns it by 4 pi f tau. All frequencies together tell tau without the ambiguity that each alone has. A real shape is
+what makes a stable pole a mode (`mpc`): uncorrected, a device late by a millisecond costs all modes above 100 Hz.
+
+References
+----------
+Carter, G. C. (1987). Coherence and time delay estimation. Proceedings of the IEEE 75(2), 236-255: the weight of a line.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from scipy import fft
+
+from daq import FloatArray, IndexArray, Recording
+from oma.preparation.conditioning import BoolArray, detrended, usable
+from oma.preparation.gaps import bridged
+from oma.preparation.pyramid import PASS
+from oma.spectral.spectra import spectral_matrix
+from oma.types import ComplexArray
+
+_LARGEST = 0.01  # s: delay that is looked for
+_LEAST = 3e-4  # s: a smaller one costs no modes (see `mpc`), and is told better by the phases of the modes
+_N_FFT, _LEAST_FFT, _LEAST_SEGMENTS = 4096, 256, 8  # half overlapping
+_GRID = 1 << 16  # delays that one transform tries: 31 us apart at 1000 Hz
+_LEAST_INCOHERENT = 0.01  # share of a line's power: what a window of finite length tells apart
+_LEAST_REAL = 0.7  # of 1: how real shapes must be with a delay taken out ...
+_LEAST_GAIN = 0.1  # ... and how much more real than with it, for it to be believed
+_SWEEPS = 10
+_MARGIN = 16  # samples at the ends and around gaps that a shift spoils
+
+
+def device_delays(recording: Recording) -> dict[str, float]:
+    """Return how late each device is [s], relative to most of them; zero if that is under 0.3 ms or not sure.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of ambient vibration, a few hundred periods of the lowest modes long; shorter ones tell nothing (zeros).
+
+    Raises
+    ------
+    TooFewChannels
+        If fewer than two channels carry a signal.
+    """
+    zero = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
+    return zero | delays_of_clean(usable(recording))
+
+
+def delays_of_clean(recording: Recording) -> dict[str, float]:
+    """Return the same as `device_delays` of a recording whose channels all carry a signal."""
+    return _delays(recording, [channel.device for channel in recording.channels])
+
+
+def channel_delays(recording: Recording) -> dict[str, float]:
+    """Return the delay of each channel that carries a signal [s], as if each had a device of its own.
+
+    For recordings whose channels are said to be of one device and are not synchronous; see `device_delays`.
+    """
+    clean = usable(recording)
+    return _delays(clean, [channel.name for channel in clean.channels])
+
+
+def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
+    """Return the delays of groups of channels; `column` names the group of each channel."""
+    data = recording.data
+    devices = sorted(set(column))
+    zero = dict.fromkeys(devices, 0.0)
+    n_fft = min(_N_FFT, 1 << (2 * len(data) // (_LEAST_SEGMENTS + 1)).bit_length() >> 1)
+    if len(devices) < 2 or n_fft < _LEAST_FFT:
+        return zero
+    doubled, weight = _doubled_phases(spectral_matrix(detrended(data), recording.rate, n_fft))
+    members = [np.flatnonzero([c == device for c in column]) for device in devices]
+    step = n_fft / recording.rate / 2 / _GRID
+    n_steps = int(_LARGEST / step)
+    realness, most = _realness(doubled, weight, members, 2 * n_steps)
+    found = _most_real(realness, most, n_steps)
+    believed = _sure(realness, most, found) & (np.abs(step * found) >= _LEAST)
+    late = np.where(believed, step * found, 0.0)
+    return zero | dict(zip(devices, late.tolist(), strict=True))
+
+
+def aligned(recording: Recording, delays: Mapping[str, float]) -> Recording:
+    """Return a recording without its devices' delays [s]; NaN where a shift left nothing to say.
+
+    Parameters
+    ----------
+    recording : Recording
+    delays : device -> how late it is
+    """
+    data = recording.data.copy()
+    for k, channel in enumerate(recording.channels):
+        if delays[channel.device]:
+            data[:, k] = _advanced(recording.data[:, k], delays[channel.device] * recording.rate)
+    return replace(recording, data=data)
+
+
+def _doubled_phases(spectrum: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Return exp(2i phase) times its weight, and the weight, of each line and pair (n_lines, n, n): 1 / variance."""
+    power = np.einsum("fii->fi", spectrum).real
+    squared = np.maximum(np.abs(spectrum) ** 2, 1e-300)
+    coherence = squared / np.maximum(power[:, :, None] * power[:, None, :], 1e-300)
+    weight = coherence / np.maximum(1 - coherence, _LEAST_INCOHERENT)
+    weight[0] = weight[round(2 * PASS * (len(weight) - 1)) :] = 0
+    return np.asarray(weight * spectrum**2 / squared), np.asarray(weight)
+
+
+def _realness(
+    doubled: ComplexArray, weight: FloatArray, members: Sequence[IndexArray], reach: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return how real shapes are if device a is later than b by each delay of the grid (a, b, grid), and at most.
+
+    The grid has `reach` steps on each side of zero, which is its first entry, negative delays last.
+    """
+    n, kept = len(members), np.r_[0 : reach + 1, -reach:0]
+    realness, most = np.zeros((n, n, len(kept))), np.zeros((n, n))
+    for a, b in combinations(range(n), 2):
+        pairs = np.ix_(np.arange(len(doubled)), members[a], members[b])
+        realness[a, b] = _GRID * fft.ifft(doubled[pairs].sum((1, 2)), _GRID).real[kept]
+        realness[b, a] = np.roll(realness[a, b, ::-1], 1)  # the same, of minus the delay
+        most[a, b] = most[b, a] = weight[pairs].sum()
+    return realness, most
+
+
+def _total(realness: FloatArray, found: IndexArray, device: int, span: IndexArray) -> FloatArray:
+    """Return how real shapes are for each delay of one device (n,), those of the others as found."""
+    others = [b for b in range(len(found)) if b != device]
+    return np.asarray(sum(realness[device, b, span - found[b]] for b in others))
+
+
+def _most_real(realness: FloatArray, most: FloatArray, n_steps: int) -> IndexArray:
+    """Return the delays [grid] that make shapes most real: against the surest device, then each against all."""
+    span = np.arange(-n_steps, n_steps + 1)
+    first = int(np.argmax(most.sum(1)))
+    found: IndexArray = span[np.argmax(realness[:, first][:, span], axis=1)]
+    found[first] = 0
+    for _ in range(_SWEEPS):
+        before = found.copy()
+        for device in range(len(found)):
+            found[device] = span[np.argmax(_total(realness, found, device, span))]
+        found -= int(np.median(found))
+        if np.array_equal(found, before):
+            break
+    return found
+
+
+def _sure(realness: FloatArray, most: FloatArray, found: IndexArray) -> BoolArray:
+    """Tell for which devices the delay makes shapes real that were not."""
+    each = range(len(found))
+    without = np.array([_total(realness, found, d, np.zeros(1, np.intp))[0] for d in each]) / most.sum(1)
+    with_it = np.array([_total(realness, found, d, found[d : d + 1])[0] for d in each]) / most.sum(1)
+    return np.asarray((with_it > _LEAST_REAL) & (with_it > without + _LEAST_GAIN))
+
+
+def _advanced(signal: FloatArray, n: float) -> FloatArray:
+    """Return a signal (n_samples,) n samples earlier, by its Fourier transform; NaN near ends and gaps."""
+    missing = np.isnan(signal)
+    pad = int(abs(n)) + _MARGIN
+    padded = np.pad(bridged(signal[:, None], missing[:, None])[:, 0], pad, mode="edge")
+    size = fft.next_fast_len(len(padded), real=True)
+    turned = fft.rfft(padded, size) * np.exp(2j * np.pi * fft.rfftfreq(size) * n)
+    moved = np.asarray(fft.irfft(turned, size)[pad : pad + len(signal)])
+    spoilt = np.convolve(np.pad(missing, pad, constant_values=True), np.ones(2 * pad + 1), mode="valid") > 0
+    moved[spoilt] = np.nan
+    return moved

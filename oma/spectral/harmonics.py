@@ -1,0 +1,184 @@
+"""Tones of machines and mains, told from lightly damped modes.
+
+Three properties distinguish a tone from the narrow-band Gaussian noise that random forces make of a resonance:
+
+- its line is as wide as the window and has no skirts (`oma.spectral.narrow_band`): compared with every resonance
+  of at least the smallest damping that a mode may have, by likelihood, for modes whose damping may be nearly zero;
+- its power stays: the variance of the envelope's power over its mean squared, which is the kurtosis of the signal and
+  the two horns of its probability density in one number, is 0 for a sine and 1 for a resonance. A tone whose frequency
+  wanders, and whose line is wide, shows by this. How steady a resonance may be by chance depends on how often it
+  has forgotten: over 300 s a mode at 2 Hz with 0.2 % forgets eight times only;
+- it lies at a multiple of another tone.
+
+Each is stated with the rate at which it takes a resonance for a tone. A mode whose line does not differ from a tone's,
+in a record that allows it to be a resonance as well, is uncertain.
+
+References
+----------
+Jacobsen, N.-J., Andersen, P., Brincker, R. (2007). Eliminating the influence of harmonic components in operational
+modal analysis. Proceedings of IMAC XXV.
+Brincker, R., Andersen, P., Møller, N. (2000). An indicator for separation of structural and harmonic modes in
+output-only modal testing. Proceedings of IMAC XVIII.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from daq import FloatArray
+from oma.preparation.conditioning import BoolArray
+from oma.preparation.gaps import bridged
+from oma.selection.selection import BAND, Selection, uncertainty_law
+from oma.spectral.narrow_band import LineTest, line_test
+from oma.types import ComplexArray, ModalEstimate
+
+_WANDER = 0.01  # half a band that a wandering tone stays in, as a share of its frequency [-]
+_LEAST_LINES = 8  # on each side
+_LEAST_COMPLETE = 0.5  # share of samples
+_FALSE_TONE = 1e-4  # rate at which a resonance is taken for a tone, by its line or by its steadiness
+_DECAY_EVIDENCE = 2.7  # log likelihood ratio of some decay over none that a tone exceeds in 1 % of cases
+_SUSPECT = 1e-3  # damping below which a mode may be, within three standard deviations, to be compared with a tone
+_LIGHT = 5e-4  # damping of the lightest modes, whose estimates may fall below the limit of a tone's by chance
+_REACH = (24, 64)  # half width of the band compared [lines]
+_LINE_STD = 0.1  # standard deviation of a line's frequency, not less than the bound for 10 dB [lines]
+_FALSE_MULTIPLE = 1e-2  # chance that any frequency of the record lies so near to a multiple of a tone
+# Variance of the power of an envelope over its mean squared that a resonance stays under once in ten thousand windows,
+# by how often it has forgotten: decay rate times duration. Simulated; `tests/oma/test_harmonics.py` repeats it.
+_TIMES = 2.0 ** np.arange(1, 12)
+_STEADIEST = np.array([0.016, 0.058, 0.109, 0.211, 0.357, 0.461, 0.577, 0.667, 0.753, 0.804, 0.864])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LineClasses:
+    """Modes of an estimate that are tones."""
+
+    tone: BoolArray  #: (n_modes,) taken for tones
+    uncertain: BoolArray  #: (n_modes,) tone and lightly damped mode explain the record alike
+    frequency: FloatArray  #: (n_modes,) of the line where one was found, else of the mode [Hz]
+
+
+def steadiest(times: float) -> float:
+    """Return the variance of power over its mean squared that chance leaves a resonance once in ten thousand windows.
+
+    Parameters
+    ----------
+    times : float
+        Decay rate times duration: ``2 pi f zeta T``.
+
+    Returns
+    -------
+    float
+        1 in the long run; 0 where the window is too short to tell.
+    """
+    if times < _TIMES[0]:
+        return 0.0
+    return float(np.interp(np.log(times), np.log(_TIMES), _STEADIEST))
+
+
+def classify(
+    data: FloatArray, rate: float, estimate: ModalEstimate, suspected: BoolArray, limits: Selection
+) -> LineClasses:
+    """Tell tones from modes.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+        Of the estimate's channels, NaN where a sample is missing.
+    rate : float
+        [Hz].
+    estimate : ModalEstimate
+        Modes and tones.
+    suspected : (n_modes,) array of bool
+        Taken for tones by their damping alone, which is what counts where the data allow no test.
+    limits : Selection
+
+    Returns
+    -------
+    LineClasses
+    """
+    tone, uncertain, frequency = suspected.copy(), np.zeros_like(suspected), estimate.frequency.copy()
+    complete: BoolArray = np.all(np.isfinite(data), axis=1)
+    if complete.mean() < _LEAST_COMPLETE:
+        return LineClasses(tone=tone, uncertain=uncertain, frequency=frequency)
+    gaps = np.repeat(~complete[:, None], estimate.n_modes, axis=1)
+    lines = fft.rfft(bridged(data @ estimate.shape.real.T, gaps), axis=0)
+    duration = len(data) / rate
+    law = np.array([uncertainty_law(f, _LIGHT, duration)[1] for f in estimate.frequency])
+    undamped = suspected & (estimate.damping < _LIGHT - 3 * law)  # as no light mode's estimate would be
+    for i in np.flatnonzero(estimate.damping - 3 * estimate.damping_std < _SUSPECT):
+        test = _line(lines[:, i], complete, duration, estimate, int(i), limits.min_damping)
+        threshold = np.log(test.n_samples / _FALSE_TONE) if test else np.inf
+        if test and test.significance > threshold:
+            tone[i] = undamped[i] or test.evidence > threshold
+            uncertain[i] = not tone[i] and test.decay_evidence < _DECAY_EVIDENCE
+            frequency[i] = (round(float(estimate.frequency[i]) * duration) + test.frequency) / duration
+    multiple = _multiples(frequency, tone, duration) & uncertain
+    tone, uncertain = tone | multiple, uncertain & ~multiple
+    steady = _steady(lines, complete, duration, estimate, tone)
+    return LineClasses(tone=tone | steady, uncertain=uncertain & ~steady, frequency=frequency)
+
+
+def _line(
+    lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, i: int, least_damping: float
+) -> LineTest | None:
+    """Return the comparison of a tone with resonances for one mode; None if the highest line is not the mode's."""
+    frequency, std = float(estimate.frequency[i]), float(estimate.frequency_std[i])
+    wide = BAND * float(estimate.damping[i]) * frequency * duration
+    centre = round(frequency * duration)
+    reach = int(min(np.clip(wide, *_REACH), centre // 2))
+    if reach < _REACH[0] // 2:
+        return None
+    test = line_test(lines, centre, reach, complete.astype(float), 2 * np.pi * frequency * least_damping * duration)
+    away = abs(centre + test.frequency - frequency * duration)
+    return test if away < 1 + 3 * std * duration else None
+
+
+def _multiples(frequency: FloatArray, tone: BoolArray, duration: float) -> BoolArray:
+    """Tell which frequencies lie at a multiple of a tone's, as near as chance would hardly bring any of them."""
+    pairs = max(len(frequency) * np.count_nonzero(tone), 1)
+    result = np.zeros_like(tone)
+    for base in frequency[tone]:
+        order = np.round(frequency / base)
+        margin = 3 * _LINE_STD * np.hypot(order, 1) / duration
+        sure = 2 * margin / base * pairs < _FALSE_MULTIPLE
+        result |= (order >= 2) & (np.abs(frequency - order * base) < margin) & sure
+    return result
+
+
+def _steady(
+    lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, known: BoolArray
+) -> BoolArray:
+    """Tell which modes are too steady to be resonances under random forces (n_modes,).
+
+    A mode with a known tone in its band is not doubted, for what is steady there is the tone.
+    """
+    result = np.zeros_like(known)
+    for i in np.argsort(estimate.damping):
+        others = estimate.frequency[known | result]
+        frequency, damping = float(estimate.frequency[i]), float(estimate.damping[i])
+        result[i] = not known[i] and any(
+            _variation(lines[:, i], complete, frequency * duration, width * duration)
+            < steadiest(2 * np.pi * frequency * damping * duration)
+            for width in _half_widths(frequency, damping)
+            if not np.any(np.abs(others - frequency) < width)
+        )
+    return result
+
+
+def _half_widths(frequency: float, damping: float) -> tuple[float, float]:
+    """Return the half widths [Hz] of the bands to look at: a resonance's, and that of a tone that wanders."""
+    narrow = BAND * damping * frequency
+    return narrow, max(narrow, _WANDER * frequency)
+
+
+def _variation(lines: ComplexArray, complete: BoolArray, centre: float, half_width: float) -> float:
+    """Return the variance of the power of a band's envelope over its mean squared; centre and width in lines."""
+    reach = max(half_width, _LEAST_LINES)
+    first, last = max(round(centre - reach), 1), min(round(centre + reach), len(lines) - 1)
+    n = fft.next_fast_len(4 * (last - first + 1))  # so many points that the power, of twice the band, is resolved
+    band = np.zeros(n, dtype=np.complex128)
+    band[: last - first + 1] = lines[first : last + 1]
+    power = np.abs(fft.ifft(band)) ** 2
+    there = np.interp(np.arange(n) / n, np.linspace(0, 1, len(complete)), complete) > 1 / 2
+    return float(np.var(power[there]) / np.mean(power[there]) ** 2)

@@ -1,0 +1,258 @@
+"""Spectral matrices as sums over blocks: additive, masked where samples are missing, of bounded memory.
+
+References
+----------
+Welch, P. D. (1967). The use of fast Fourier transform for the estimation of power spectra. IEEE Transactions on Audio
+and Electroacoustics 15(2), 70-73.
+Brincker, R., Zhang, L., Andersen, P. (2001). Modal identification of output-only systems using frequency domain
+decomposition. Smart Materials and Structures 10(3), 441-445.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import fft, signal
+
+from daq import FloatArray, Recording
+from oma.errors import IdentificationError, TooShort
+from oma.preparation.conditioning import detrended, usable
+from oma.types import ComplexArray
+
+PackedArray = npt.NDArray[np.complex64]
+
+_AT_ONCE = 1 << 17  # samples transformed at once, which bounds the memory
+_LINES_AT_ONCE = 64
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpectralSums:
+    """Sums of cross periodograms and of what the window let pass, one set a block of time.
+
+    The expectation of a sum is the Fourier transform of the correlation function times `windows`: a spectrum that is
+    divided by ``windows[0]`` is a density, and a model that is to be compared with it can be given the same window
+    exactly, gaps included.
+    """
+
+    rate: float  #: [Hz]
+    n_fft: int  #: samples a segment
+    first: int  #: number of the first line kept
+    n_channels: int
+    sums: Sequence[
+        PackedArray
+    ]  #: a block: (n_lines, n_channels (n_channels + 1) / 2), lower triangle of line(s) x line*
+    windows: FloatArray  #: (n_blocks, n_fft): autocorrelation of the windows, from lag 0 on
+
+    def __post_init__(self) -> None:
+        """Refuse what has no mean."""
+        if not self.windows[:, 0].sum() > 0:
+            raise IdentificationError("gaps leave no complete sample: the spectrum is unknown")
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Frequencies of the lines, (n_lines,) [Hz]."""
+        result: FloatArray = (self.first + np.arange(len(self.sums[0]))) * self.rate / self.n_fft
+        return result
+
+    @property
+    def window(self) -> FloatArray:
+        """Autocorrelation of all windows, (n_fft,), 1 at lag 0."""
+        result: FloatArray = self.windows.sum(axis=0) / self.windows[:, 0].sum()
+        return result
+
+    def mean(self, lines: slice = slice(None)) -> ComplexArray:
+        """Return the two-sided spectral density of some lines, (n_lines, n_channels, n_channels) [per Hz]."""
+        total = np.zeros(self.sums[0][lines].shape, dtype=np.complex128)
+        for block in self.sums:
+            total += block[lines]
+        return unpacked(total / (self.windows[:, 0].sum() * self.rate), self.n_channels)
+
+    def influences(self, lines: slice = slice(None)) -> Iterator[ComplexArray]:
+        """Yield what each block moves the mean by, (n_lines, n_channels, n_channels); they add up to zero."""
+        mean, total = self.mean(lines), self.windows[:, 0].sum()
+        for block, weight in zip(self.sums, self.windows[:, 0], strict=True):
+            yield (
+                unpacked(block[lines].astype(np.complex128) / (total * self.rate), self.n_channels)
+                - weight / total * mean
+            )
+
+
+class SpectrumAccumulator:
+    """Spectral sums of a stream: blocks of any length are added at one end and dropped at the other.
+
+    Welch's method: Hann windows, half overlap. A segment belongs to the block that its last sample lies in. Where one
+    channel is missing all are left out. Memory does not grow with the length of a block.
+
+    Parameters
+    ----------
+    n_channels : int
+    rate : float
+        [Hz].
+    n_fft : int
+        Samples a segment.
+    band : (float, float), optional
+        Frequencies of the lines that are kept [Hz]; all unless given.
+    """
+
+    def __init__(self, n_channels: int, rate: float, n_fft: int, band: tuple[float, float] | None = None) -> None:
+        lines = fft.rfftfreq(n_fft, 1 / rate)
+        kept = np.flatnonzero((lines >= band[0]) & (lines <= band[1])) if band else np.arange(len(lines))
+        self._lines = slice(int(kept[0]), int(kept[-1]) + 1)
+        self.n_fft = n_fft
+        self._rate, self._hop = rate, n_fft // 2
+        self._taper = signal.get_window("hann", n_fft)
+        self._whole = _autocorrelation(self._taper[None])[0]
+        self._before = np.empty((0, n_channels))
+        self._sums: deque[PackedArray] = deque()
+        self._windows: deque[FloatArray] = deque()
+        self._complete: deque[int] = deque()
+
+    def add(self, data: FloatArray) -> None:
+        """Add a block.
+
+        Parameters
+        ----------
+        data : (n_samples, n_channels) array
+            The zero-mean signals that follow those of the last block, NaN where a sample is missing.
+        """
+        n_channels = data.shape[1]
+        total = np.zeros((self._lines.stop - self._lines.start, n_channels, n_channels), dtype=np.complex128)
+        window = np.zeros(self.n_fft)
+        at_once = max(_AT_ONCE // n_channels, 2 * self.n_fft)
+        for start in range(0, len(data), at_once):
+            values = np.concatenate((self._before, data[start : start + at_once]))
+            n_segments = max(len(values) - self.n_fft + self._hop, 0) // self._hop
+            if n_segments:
+                window += self._add_segments(values[: (n_segments - 1) * self._hop + self.n_fft], total)
+            self._before = values[n_segments * self._hop :].copy()  # a view would keep the block
+        self._sums.append(packed(total))
+        self._windows.append(window)
+        self._complete.append(int(np.count_nonzero(np.isfinite(data).all(axis=1))))
+
+    def _add_segments(self, values: FloatArray, total: ComplexArray) -> FloatArray:
+        """Add the spectra of whole segments to `total`, and return the autocorrelation of their windows."""
+        known = np.asarray(np.isfinite(values).all(axis=1))
+        data = values if known.all() else np.where(known[:, None], values, 0.0)
+        segments = sliding_window_view(data, self.n_fft, axis=0)[:: self._hop] * self._taper
+        lines = fft.rfft(segments, axis=-1)[:, :, self._lines].transpose(2, 1, 0)
+        for start in range(0, len(lines), _LINES_AT_ONCE):
+            some = np.ascontiguousarray(lines[start : start + _LINES_AT_ONCE])
+            total[start : start + _LINES_AT_ONCE] += np.matmul(some, some.conj().transpose(0, 2, 1))
+        if known.all():
+            return np.asarray(len(segments) * self._whole)
+        there = sliding_window_view(known.astype(np.float64), self.n_fft)[:: self._hop] * self._taper
+        return np.asarray(_autocorrelation(there).sum(axis=0))
+
+    def drop(self, n_blocks: int = 1) -> None:
+        """Forget the oldest blocks."""
+        for _ in range(n_blocks):
+            self._sums.popleft()
+            self._windows.popleft()
+            self._complete.popleft()
+
+    @property
+    def n_complete(self) -> int:
+        """Number of samples in the blocks held that all channels have."""
+        return sum(self._complete)
+
+    @property
+    def sums(self) -> SpectralSums:
+        """Sum of the blocks."""
+        return SpectralSums(
+            rate=self._rate,
+            n_fft=self.n_fft,
+            first=self._lines.start,
+            n_channels=self._before.shape[1],
+            sums=tuple(self._sums),
+            windows=np.array(self._windows),
+        )
+
+
+def spectral_sums(
+    data: FloatArray, rate: float, n_fft: int, n_blocks: int, band: tuple[float, float] | None = None
+) -> SpectralSums:
+    """Sum cross periodograms block by block.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) array
+        Zero-mean signals, NaN where a sample is missing.
+    rate, n_fft, band : as for `SpectrumAccumulator`
+    n_blocks : int
+
+    Raises
+    ------
+    IdentificationError
+        If no sample is complete.
+    """
+    accumulator = SpectrumAccumulator(data.shape[1], rate, n_fft, band)
+    for block in np.array_split(data, n_blocks):
+        accumulator.add(block)
+    return accumulator.sums
+
+
+def _autocorrelation(windows: FloatArray) -> FloatArray:
+    """Return the autocorrelation of each window (n, n_fft) from lag 0 on."""
+    n = windows.shape[-1]
+    return np.asarray(fft.irfft(np.abs(fft.rfft(windows, 2 * n)) ** 2, 2 * n)[..., :n])
+
+
+def packed(matrices: ComplexArray) -> PackedArray:
+    """Return the lower triangles of Hermitian matrices (n_lines, n, n) in single precision."""
+    rows, columns = np.tril_indices(matrices.shape[-1])
+    result = np.empty((len(matrices), len(rows)), dtype=np.complex64)
+    for start in range(0, len(matrices), _LINES_AT_ONCE):  # no second copy of all
+        result[start : start + _LINES_AT_ONCE] = matrices[start : start + _LINES_AT_ONCE, rows, columns]
+    return result
+
+
+def unpacked(triangles: ComplexArray, n: int) -> ComplexArray:
+    """Return the Hermitian matrices (..., n, n) of lower triangles (..., n (n + 1) / 2)."""
+    rows, columns = np.tril_indices(n)
+    result = np.empty((*triangles.shape[:-1], n, n), dtype=np.complex128)
+    result[..., columns, rows] = triangles.conj()
+    result[..., rows, columns] = triangles
+    return result
+
+
+def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray, FloatArray]:
+    """Return the singular values of the one-sided spectral density matrix: what engineers look at first.
+
+    Parameters
+    ----------
+    recording : Recording
+    n_fft : int
+        Samples a segment (Welch's method, Hann windows, half overlap).
+
+    Returns
+    -------
+    frequency : (n_fft // 2 + 1,) array
+        [Hz].
+    values : (n_fft // 2 + 1, n_channels) array
+        Of the usable channels, falling at each frequency [(m/s2)^2/Hz].
+
+    Raises
+    ------
+    TooShort
+        If the recording has fewer than `n_fft` samples.
+    TooFewChannels
+        If fewer than two channels carry a signal.
+    """
+    data = usable(recording).data
+    if len(data) < n_fft:
+        raise TooShort(recording.duration, n_fft / recording.rate)
+    spectrum = spectral_matrix(detrended(data), recording.rate, n_fft)
+    values = np.linalg.eigvalsh(spectrum)[:, ::-1]
+    return fft.rfftfreq(n_fft, 1 / recording.rate), np.maximum(values, 0).astype(np.float64)
+
+
+def spectral_matrix(data: FloatArray, rate: float, n_fft: int) -> ComplexArray:
+    """Return the one-sided spectral density matrix, (n_frequencies, n_channels, n_channels)."""
+    density = 2 * spectral_sums(data, rate, n_fft, 1).mean()
+    density[0] /= 2
+    if n_fft % 2 == 0:
+        density[-1] /= 2
+    return density

@@ -1,0 +1,1 @@
+"""Identities of modes over time and over set-ups."""

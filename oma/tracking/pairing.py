@@ -1,0 +1,91 @@
+"""One-to-one pairing of two sets of modes by frequency and shape."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray, IndexArray
+from oma.mac import mac_matrix
+from oma.preparation.conditioning import BoolArray
+
+_IMPOSSIBLE = 1e6  # beside any cost
+_LEAST_LENGTH = 1e-3  # of the longest of the model's shapes: what stands still there has that of a mode beside it
+_LEAST_MAC, _FARTHEST = 0.5, 0.3  # of a measured mode and the model's that answers to it; the latter of ln f
+
+
+def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
+    """Pair rows with columns one to one: as many possible pairs as there can be, and of these the cheapest.
+
+    Parameters
+    ----------
+    cost : (n_rows, n_columns) array
+        Far below 1e6 where a pair is possible.
+    possible : (n_rows, n_columns) array of bool
+
+    Returns
+    -------
+    (n_rows,) array of int
+        The column of each row, -1 where it has none.
+    """
+    rows, columns = linear_sum_assignment(np.where(possible, cost, _IMPOSSIBLE))
+    result = np.full(len(cost), -1, dtype=np.intp)
+    taken = possible[rows, columns]
+    result[rows[taken]] = columns[taken]
+    return result
+
+
+def assign_gains(gain: FloatArray) -> IndexArray:
+    """Pair rows with columns one to one so that the sum of gains is largest; what gains nothing stays alone.
+
+    Parameters
+    ----------
+    gain : (n_rows, n_columns) array
+
+    Returns
+    -------
+    (n_rows,) array of int
+        The column of each row, -1 where it has none.
+    """
+    rows, columns = linear_sum_assignment(gain.clip(0), maximize=True)
+    result = np.full(len(gain), -1, dtype=np.intp)
+    taken = gain[rows, columns] > 0
+    result[rows[taken]] = columns[taken]
+    return result
+
+
+def mac_of_moving(shape: FloatArray, model_shape: FloatArray) -> FloatArray:
+    """Return the MAC (n, k) of measured shapes (n, n_channels) with a model's (k, n_channels).
+
+    It is 0 with what stands still at the channels: the little that it moves is of a mode beside it.
+    """
+    length = np.linalg.norm(model_shape, axis=1)
+    moving = length > _LEAST_LENGTH * length.max()
+    assurance = np.zeros((len(shape), len(model_shape)))
+    assurance[:, moving] = mac_matrix(shape, model_shape[moving])
+    return assurance
+
+
+def pair_modes(
+    frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
+) -> IndexArray:
+    """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
+
+    The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors. A pair with a
+    MAC under 0.5 or frequencies more than 30 % apart is none, and nothing answers to what no channel sees.
+
+    Parameters
+    ----------
+    frequency, shape : (n,) [Hz] and (n, n_channels) measured; NaN for one that was never seen
+    model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels
+
+    Returns
+    -------
+    (n,) array of int
+    """
+    seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
+    assurance = mac_of_moving(shape[seen], model_shape)
+    distance = np.abs(np.log(frequency[seen, None] / model_frequency))
+    row, column = linear_sum_assignment(1 - assurance + distance)
+    near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)
+    answers = np.full(len(frequency), -1, np.intp)
+    answers[seen[row[near]]] = column[near]
+    return answers

@@ -1,0 +1,132 @@
+"""Modes as a universal file, which other modal software reads: dataset 55, and 15 and 82 where places are known.
+
+References
+----------
+Structural Dynamics Research Corporation: universal file format, datasets 15 (nodes), 55 (data at nodes), 82 (trace
+lines), kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+
+from daq import FloatArray
+from oma.types import ComplexArray, ModalEstimate
+
+_STRUCTURAL, _COMPLEX_MODE, _THREE_TRANSLATIONS, _DISPLACEMENT = 1, 3, 2, 8
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_NAMED = re.compile(r"(?P<stem>.*?)_?(?P<sign>[+-]?)(?P<axis>[xyz])", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """Place and direction of a channel."""
+
+    node: int  #: number, from 1 on
+    direction: tuple[float, float, float]  #: unit vector
+
+
+def places_by_name(channels: Sequence[str]) -> dict[str, Place]:
+    """Read nodes and directions from names: ``12_x`` is node 12, ``top_-y`` the next free number.
+
+    A name that ends in no axis is a node of its own that moves in x.
+    """
+    stems: dict[str, tuple[str, tuple[float, float, float]]] = {}
+    for name in channels:
+        match = _NAMED.fullmatch(name)
+        if match is None:
+            stems[name] = name, _AXES["x"]
+        else:
+            x, y, z = _AXES[match["axis"].lower()]
+            sign = -1.0 if match["sign"] == "-" else 1.0
+            stems[name] = match["stem"], (sign * x, sign * y, sign * z)
+    number = {stem: int(stem) for stem, _ in stems.values() if stem.isdecimal() and int(stem) > 0}
+    for stem, _ in stems.values():
+        if stem not in number:
+            number[stem] = max(number.values(), default=0) + 1
+    return {name: Place(node=number[stem], direction=direction) for name, (stem, direction) in stems.items()}
+
+
+def write_universal(
+    path: Path,
+    estimate: ModalEstimate,
+    places: Mapping[str, Place] | None = None,
+    nodes: Mapping[int, tuple[float, float, float]] | None = None,
+    lines: Sequence[Sequence[int]] = (),
+) -> None:
+    """Write modes as complex eigenvalues and vectors at nodes.
+
+    What the channels of a node say is put together to its motion in x, y and z, of the least length if there are
+    fewer than three.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file; one that exists is replaced.
+    estimate : ModalEstimate
+    places : mapping, optional
+        Channel -> place; read from the names unless given (`places_by_name`).
+    nodes : mapping, optional
+        Node -> position [m]; with them the file can be animated.
+    lines : sequence, optional
+        Nodes to draw lines through.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    places = places or places_by_name(estimate.channels)
+    with path.open("wb"):  # pyuff would say no more than that it cannot
+        pass
+    numbers, motion = _motion(estimate, places)
+    sets: list[dict[str, Any]] = [_geometry(nodes)] if nodes else []
+    sets += [_line(k, line) for k, line in enumerate(lines, 1)]
+    sets += [_mode(estimate, k, numbers, motion[k]) for k in range(estimate.n_modes)]
+    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+
+
+def _motion(estimate: ModalEstimate, places: Mapping[str, Place]) -> tuple[list[int], ComplexArray]:
+    """Return the nodes with a channel, and their motion (n_modes, n_nodes, 3)."""
+    numbers = sorted({places[name].node for name in estimate.channels})
+    motion = np.zeros((estimate.n_modes, len(numbers), 3), np.complex128)
+    for i, number in enumerate(numbers):
+        here = [k for k, name in enumerate(estimate.channels) if places[name].node == number]
+        directions: FloatArray = np.array([places[estimate.channels[k]].direction for k in here])
+        motion[:, i] = estimate.shape[:, here] @ np.linalg.pinv(directions).T
+    return numbers, motion
+
+
+def _geometry(nodes: Mapping[int, tuple[float, float, float]]) -> dict[str, Any]:
+    x, y, z = np.array(list(nodes.values())).T.tolist()
+    return {"type": 15, "node_nums": list(nodes), "x": x, "y": y, "z": z}
+
+
+def _line(number: int, line: Sequence[int]) -> dict[str, Any]:
+    return {"type": 82, "trace_num": number, "nodes": np.array(line), "id": f"line {number}", "color": 0}
+
+
+def _mode(estimate: ModalEstimate, k: int, numbers: Sequence[int], motion: ComplexArray) -> dict[str, Any]:
+    """Return one mode: the eigenvalue has the frequency as its modulus and the damping as its slope."""
+    frequency, damping = float(estimate.frequency[k]), float(estimate.damping[k])
+    omega = 2 * np.pi * frequency
+    return {
+        "type": 55,
+        "id1": f"mode {k + 1}: {frequency:.6g} Hz, {100 * damping:.4g} % of critical damping",
+        "id2": f"standard deviations {estimate.frequency_std[k]:.2g} Hz, {100 * estimate.damping_std[k]:.2g} %",
+        "id4": "modalwatch, ambient vibration; unit norm over the channels, not mass-normalised",
+        "model_type": _STRUCTURAL,
+        "analysis_type": _COMPLEX_MODE,
+        "data_ch": _THREE_TRANSLATIONS,
+        "spec_data_type": _DISPLACEMENT,
+        "load_case": 1,
+        "mode_n": k + 1,
+        "eig": complex(-damping * omega, omega * np.sqrt(1 - damping**2)),
+        "node_nums": list(numbers),
+        **{f"r{axis + 1}": motion[:, axis] for axis in range(3)},
+    }

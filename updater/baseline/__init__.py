@@ -1,0 +1,1 @@
+"""References learned from baseline windows, or taken from the structure file."""

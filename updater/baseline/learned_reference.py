@@ -1,0 +1,160 @@
+"""A reference learnt from baseline windows: modes averaged, the model calibrated, then one-step updated."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import IndexArray
+from oma import ModalEstimate, mac_matrix
+from updater.baseline.recalibration import Measured, Recalibrated, is_far, model_reference, parameters_of, recalibrated
+from updater.errors import ModalDataError, PairingError
+from updater.modal_data.device_delays import NO_DELAYS, DeviceDelays
+from updater.modal_data.scatter import learn_scatter, stated_scatter
+from updater.modal_data.tracked import ModalMean, mean_modes, stack_tracks
+from updater.reference.calibration import UNLIKE, Calibration, Parameter, calibrate, share_within
+from updater.reference.nominal_modes import answers_of_file
+from updater.reference.reference import NEAR, SAME_SHAPE, Reference, first_stage
+from updater.structure.entries import Body
+from updater.structure.parameters import Knob, with_springs
+from updater.structure.structure import Structure
+
+_LEAST_P = 1e-3  # of data and prior, under which the file's parameters are believed less
+
+
+def learn_reference(
+    structure: Structure,
+    estimates: Sequence[ModalEstimate],
+    tracks: Sequence[IndexArray],
+    delays: DeviceDelays = NO_DELAYS,
+    *,
+    stated: bool = False,
+    shaped: bool = True,
+) -> Reference:
+    """Learn from baseline windows: average, calibrate, then the one-step update's first stage.
+
+    The model is calibrated to frequencies, then to frequencies and shapes with its modes paired anew, until its
+    parameters stand still (`updater.baseline.recalibration`). The measured modes are expanded in clusters of the
+    paired modes only and orthonormalised, so that the mass is not altered (eqs 7, 9 to 12) and the change
+    is one of stiffness (eq. 8).
+
+    Measured modes without a partner in the model are only kept so that no other is taken for them;
+    `calibration.tracks` says which have one. `delays` are kept for the windows to come: they have been removed from
+    these. With `stated` the windows' own standard deviations are taken at their word; else how far they really scatter
+    is learnt from three or more of them. Where nothing but frequencies was measured (not `shaped`) the shapes serve to
+    pair modes only.
+
+    Raises
+    ------
+    PairingError
+        If fewer than three measured modes have a partner in the model.
+    ValueError
+        With fewer than three windows, unless `stated`.
+    """
+    tracked = stack_tracks(estimates, tracks)
+    every = mean_modes(tracked)
+    calibration = calibrate(structure, every)
+    if shaped and calibration.knobs and structure.external is None:
+        scatter = stated_scatter(tracked) if stated else learn_scatter(tracked)
+        calibration = _with_shapes(structure, calibration, Measured(windows=tracked, scatter=scatter))
+    calibration = calibration.only(~_mistakable(every, calibration.tracks))
+    kept = stack_tracks(estimates, [track[calibration.tracks] for track in tracks])
+    scatter = stated_scatter(kept) if stated else learn_scatter(kept)
+    baseline = scatter.mean(kept)
+    updated = first_stage(calibration.model, calibration.modes, calibration.paired, baseline)
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(every.log_frequency)), calibration.tracks)
+    return Reference(
+        calibration=calibration,
+        baseline=baseline,
+        scatter=scatter,
+        frequency=updated.frequency,
+        shape=updated.shape,
+        windows=kept,
+        delays=delays,
+        unanswered=every.only(others) if len(others) else None,
+    )
+
+
+def with_bodies_on(reference: Reference, bodies: Sequence[Body], *, shaped: bool) -> Reference | None:
+    """Return the reference of a structure that bore bodies, which its file lacks, while the baseline was measured.
+
+    Its model has the bodies, and is calibrated to the baseline with them. None where other modes pair with it.
+
+    Parameters
+    ----------
+    reference : learnt from that baseline with a model without the bodies
+    bodies : that were there
+    shaped : whether shapes were measured
+    """
+    loaded = reference.calibration.nominal.with_bodies(bodies)
+    measured = Measured(windows=reference.windows, scatter=reference.scatter)
+    try:
+        found = calibrate(loaded, measured.mean)
+    except PairingError:
+        return None
+    if shaped:
+        found = _with_shapes(loaded, found, measured)
+    if not np.array_equal(found.tracks, np.arange(len(reference.paired))):
+        return None
+    updated = first_stage(found.model, found.modes, found.paired, reference.baseline)
+    calibration = replace(found, tracks=reference.calibration.tracks)
+    return replace(reference, calibration=calibration, frequency=updated.frequency, shape=updated.shape)
+
+
+def _with_shapes(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:
+    """Return a calibration carried on with shapes; the same where too few modes can be paired then."""
+    try:
+        there = model_reference(with_springs(structure), structure, measured)
+    except (PairingError, ModalDataError):
+        return calibration
+    far, start = is_far(calibration, measured.mean), parameters_of(calibration)
+    found = recalibrated(structure, there, measured, far=far, start=start)
+    if found is not None and not far and found.p_value < _LEAST_P:
+        found = recalibrated(structure, there, measured, far=True, start=start)
+    return calibration if found is None else _calibration(found, there, measured.mean)
+
+
+def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> Calibration:
+    """Return the calibration of a recalibrated model, its pairs as alike as those of a model that is right."""
+    reference = found.reference
+    own = reference.calibration
+    at_channels = reference.at_channels(measured.channels).T
+    answers = np.full(len(measured.n), -1, np.intp)
+    answers[own.tracks] = own.paired
+    share = share_within(measured, answers, reference.frequency, at_channels)
+    assert reference.filed is not None
+    of_file = answers_of_file(reference, reference.filed, measured.channels)[own.paired]
+    likeness = mac_matrix(measured.shape[own.tracks], there.at_channels(measured.channels).T[of_file])
+    whole = replace(
+        own,
+        n_nominal=there.calibration.n_nominal,
+        nominal_frequency=there.frequency[of_file],
+        nominal_mac=np.diagonal(likeness),
+        parameters=tuple(_parameter(*one) for one in zip(own.knobs, found.value, found.std, strict=True)),
+        reason="the parameters stand still" if found.at_rest else "gave up after too many iterations",
+    )
+    kept = np.flatnonzero(share[own.tracks] > UNLIKE)
+    return whole.only(kept[np.argsort(own.tracks[kept])])
+
+
+def _parameter(knob: Knob, value: float, std: float) -> Parameter:
+    return Parameter(
+        name=knob.name,
+        value=float(np.exp(value)) if knob.kind == "stiffness" else float(value),
+        std=float(std),
+        at_bound=bool(value <= knob.lower or value >= knob.upper),
+    )
+
+
+def _mistakable(measured: ModalMean, tracks: IndexArray) -> npt.NDArray[np.bool_]:
+    """Tell which tracks (n_tracks,) the sensors cannot tell from a mode that was measured too and the model has not.
+
+    After a change either may be the other: a twist that they see as the bending beside it, since it has a little of
+    that. Three are left at least.
+    """
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(measured.log_frequency)), tracks)
+    alike = mac_matrix(measured.shape[tracks], measured.shape[others]) > SAME_SHAPE
+    near = np.abs(measured.log_frequency[tracks, None] - measured.log_frequency[others]) < NEAR
+    found = np.asarray((alike & near).any(1))
+    return found if (~found).sum() >= 3 else np.zeros(len(tracks), bool)

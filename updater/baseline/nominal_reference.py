@@ -1,0 +1,53 @@
+"""The structure file taken at its word, as a reference for what it gets wrong about measured modes.
+
+Where it is far off - by more than 5 % in the median frequency - the model is moved first: its parameters are fitted to
+the measured frequencies, then to shapes too, with modes paired anew, until it rests. What the file says stays what is
+known beforehand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from updater.baseline.recalibration import Measured, is_far, model_reference, recalibrated
+from updater.modal_data.scatter import learn_scatter, stated_scatter
+from updater.modal_data.tracked import TrackedModes
+from updater.reference.reference import Filed, Reference
+from updater.structure.parameters import as_filed, with_springs
+from updater.structure.structure import Structure
+
+
+def nominal_reference(
+    structure: Structure,
+    windows: TrackedModes,
+    devices: Sequence[str] = (),
+    *,
+    n_modes: int = 30,
+    stated: bool = False,
+) -> Reference:
+    """Return a reference whose baseline is the model's own modes, at the measured ones' channels.
+
+    Parameters
+    ----------
+    structure : as the file says; rigid feet and joints get springs stiff enough to change nothing. If it is far off,
+        the reference is of a nearer one, and `filed` of this
+    windows : (n_windows, n_tracks) modes that the model is to be compared with
+    devices : that sampled the channels; the model has them in time, as well as devices are
+    n_modes : of the model to keep, at least
+    stated : whether the windows' standard deviations are taken at their word; else their scatter is learnt
+
+    Raises
+    ------
+    PairingError
+        If fewer than three measured modes have a partner in the model.
+    ValueError
+        With fewer than three windows, unless `stated`.
+    """
+    scatter = stated_scatter(windows) if stated else learn_scatter(windows)
+    measured = Measured(windows=windows, scatter=scatter, devices=devices, n_modes=n_modes)
+    there = model_reference(with_springs(structure), structure, measured)
+    if structure.external is not None or not there.calibration.knobs or not is_far(there.calibration, measured.mean):
+        return there
+    found = recalibrated(structure, there, measured, far=True)
+    if found is None:  # where too little can be paired with a model it stays where it is
+        return replace(there, filed=Filed(reference=there, value=as_filed(there.calibration.knobs), far=True))
+    return found.reference

@@ -1,0 +1,199 @@
+"""Parameters of a model fitted to measured frequencies and shapes, its modes paired anew after every step.
+
+Frequencies alone leave parameters open: they do not say which of two bearings of a symmetric girder is the softer one.
+A mode that the structure file has far from where it was measured is paired once the model is near it, and counts from
+then on.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes.model.parameters import ModelParameters, propose_model_parameters
+from updater.errors import ModalDataError, PairingError
+from updater.inference.compare import MODEL_ERROR, compare
+from updater.inference.fit import fit
+from updater.modal_data.device_delays import DeviceDelays
+from updater.modal_data.matching import match_modes, matched, without_fault
+from updater.modal_data.plausibility import check_unit
+from updater.modal_data.scatter import Scatter
+from updater.modal_data.tracked import ModalMean, TrackedModes
+from updater.reference.calibration import Calibration, best_model, calibrate
+from updater.reference.model_modes import own_modes
+from updater.reference.reference import Filed, Reference
+from updater.structure.parameters import apply_knobs, knobs_of
+from updater.structure.structure import Structure
+
+FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
+_DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
+_MAX_ROUNDS, _AT_REST = 6, 0.1  # until no parameter moves by so much of the standard deviation of its estimate
+_N_STARTS, _SCATTER = 40, 0.7  # of a fit, and by how much ln of flexibilities scatters among them ...
+_SCATTERED_ROUNDS = 2  # ... in the first rounds
+_ROUGHER = 2.0  # times the error of a good model
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Measured:
+    """Modes that a model is compared with."""
+
+    windows: TrackedModes  #: (n_windows, n_tracks)
+    scatter: Scatter  #: of the windows
+    devices: Sequence[str] = ()  #: that sampled the channels; the model has them in time, as well as devices are
+    n_modes: int = 30  #: of the model to keep, at least
+
+    @property
+    def mean(self) -> ModalMean:
+        """Mean of the windows (n_tracks,)."""
+        return self.scatter.mean(self.windows)
+
+
+@dataclass(frozen=True, eq=False)
+class Recalibrated:
+    """A model at the parameters with which it fits best."""
+
+    reference: Reference  #: of the model's own modes; `filed` is the structure file's
+    value: FloatArray  #: (n_knobs,)
+    std: FloatArray  #: (n_knobs,) standard deviations, prior included
+    p_value: float  #: chance of a worse fit of data and prior
+    at_rest: bool  #: whether the parameters stand still
+
+
+def is_far(calibration: Calibration, measured: ModalMean) -> bool:
+    """Return whether a structure file is far off, by the median frequency of its paired modes."""
+    off = measured.log_frequency[calibration.tracks] - np.log(calibration.nominal_frequency)
+    return bool(np.median(np.abs(off)) >= FAR)
+
+
+def recalibrated(
+    structure: Structure, there: Reference, measured: Measured, *, far: bool, start: FloatArray | None = None
+) -> Recalibrated | None:
+    """Return the model with the parameters with which it fits best; None where too few modes can be paired with one.
+
+    The parameters are first fitted to the frequencies, then to frequencies and shapes, modes paired anew each time,
+    until they stand still. The file's parameters stay the mean of the prior.
+
+    Parameters
+    ----------
+    structure : as the file says
+    there : reference of the file's own modes
+    measured : modes to fit
+    far : whether the file is far off, so that its parameters are believed less
+    start : (n_knobs,) parameters to begin with; None: fitted to the frequencies alone
+    """
+    found = None
+    knobs, modes = there.calibration.knobs, without_fault(there.baseline, measured.mean)
+    with suppress(PairingError, ModalDataError):  # the last model that enough modes can be paired with is kept
+        value = parameters_of(calibrate(structure, modes)) if start is None else start
+        for number in range(_MAX_ROUNDS):
+            nearer = model_reference(apply_knobs(structure, list(knobs), value), structure, measured)
+            nearer = replace(nearer, filed=Filed(reference=there, value=value, far=far))
+            cause, best, covariance, p_value = _best_parameters(
+                nearer, modes, _N_STARTS if number < _SCATTERED_ROUNDS else 1
+            )
+            std = np.sqrt(np.diag(covariance))
+            at_rest = bool((np.abs(best - cause.moved) < _AT_REST * std).all())
+            found = Recalibrated(nearer, value, std, p_value, at_rest)
+            if at_rest:
+                break
+            value = np.minimum(cause.said + best, [knob.upper for knob in knobs])
+    return found
+
+
+def parameters_of(calibration: Calibration) -> FloatArray:
+    """Return the calibrated parameters (n_knobs,), logarithms of factors of stiffness."""
+    pairs = zip(calibration.knobs, calibration.parameters, strict=True)
+    return np.array([np.log(p.value) if knob.kind == "stiffness" else p.value for knob, p in pairs])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Restarted(ModelParameters):
+    """The same parameters from several starts: of symmetric structures softer left and right is as good as reversed."""
+
+    starts: FloatArray  #: (n_starts, n_knobs)
+
+    @property
+    def start(self) -> FloatArray:
+        """Begin at each of them."""
+        return self.starts
+
+
+def _best_parameters(
+    reference: Reference, measured: ModalMean, n_starts: int
+) -> tuple[ModelParameters, FloatArray, FloatArray, float]:
+    """Return the parameters about a model: cause, best values over the file's, covariance and p value."""
+    data = compare(reference, matched(reference.baseline, measured), model_error=_ROUGHER * MODEL_ERROR)
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None  # nothing was calibrated
+    starts = _starts(cause, n_starts)
+    given = {field.name: getattr(cause, field.name) for field in fields(cause)}
+    found = fit(data, _Restarted(**given | {"lower": np.repeat(cause.lower, len(starts), axis=0)}, starts=starts))
+    best = int(np.argmin(found.chi_square))
+    return cause, found.theta[best], found.covariance[best], found.p_value
+
+
+def _starts(cause: ModelParameters, n: int) -> FloatArray:
+    """Return where fits begin (n, n_knobs): at the model's own parameters, and with flexibilities scattered."""
+    random = np.random.default_rng(0)
+    flexible = np.array([knob.kind in {"support", "joint"} for knob in cause.knobs])
+    factor = np.exp(_SCATTER * random.standard_normal((n - 1, len(flexible))) * flexible)
+    value = np.vstack([cause.said + cause.moved, (cause.said + cause.moved) * factor])
+    return np.maximum(value - cause.said, cause.lower)
+
+
+def model_reference(sprung: Structure, structure: Structure, data: Measured) -> Reference:
+    """Return a reference of a structure's own modes; the file's parameters are those that may be off.
+
+    Parameters
+    ----------
+    sprung : the structure to model, with springs in the place of rigid connections
+    structure : as the file says
+    data : modes to pair the model's with
+
+    Raises
+    ------
+    PairingError
+        If fewer than three measured modes have a partner in the model.
+    """
+    measured = data.mean
+    model = best_model(sprung)
+    modes, seen, own = own_modes(model, measured, n_modes=data.n_modes)
+    check_unit(np.exp(measured.log_frequency), measured.shape, np.exp(own.log_frequency), own.shape)
+    found = match_modes(own, measured)
+    paired = np.flatnonzero(found >= 0)
+    if len(paired) < 3:
+        raise PairingError(
+            f"only {len(paired)} measured modes ({np.round(np.exp(measured.log_frequency), 2).tolist()} Hz) have a "
+            f"partner in the model ({np.round(modes.frequency[:12], 2).tolist()} Hz), at least 3 are needed"
+        )
+    return Reference(
+        measured=False,
+        calibration=Calibration(
+            structure=sprung,
+            nominal=structure,
+            model=model,
+            modes=modes,
+            tracks=found[paired],
+            paired=seen[paired],
+            n_nominal=len(paired),
+            nominal_frequency=modes.frequency[seen[paired]],
+            nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
+            parameters=(),
+            reason="nothing was fitted",
+            knobs=tuple(knobs_of(structure)),
+        ),
+        baseline=own.only(paired),
+        scatter=data.scatter,
+        frequency=modes.frequency,
+        shape=modes.shape,
+        windows=data.windows,
+        delays=_in_time(data.devices),
+    )
+
+
+def _in_time(devices: Sequence[str]) -> DeviceDelays:
+    return DeviceDelays(
+        seconds=dict.fromkeys(devices, 0.0), std=dict.fromkeys(devices, _DELAY_STD), wander=0.0, noise_factor=1.0
+    )

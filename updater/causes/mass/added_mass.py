@@ -1,0 +1,371 @@
+"""A rigid body clamped on anywhere, or one taken off: modal mass I + m (Phi_s^T Phi_s + r^2 Theta_s^T Theta_s).
+
+Phi_s are the three translations of the body's centre, which may lie beside the member's axis: its two offsets are
+fitted with a prior, because where two modes are close (a symmetric column's first two) even a centimetre turns their
+planes. Theta_s are the rotations there, r the body's radius of gyration, taken alike about all axes: 3 cm change a mode
+at 400 Hz by as much as the noise.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.mass.removed_mass import mass_outside_model
+from updater.fe.element import local_axes
+from updater.inference.comparison import Comparison
+from updater.inference.linearization import most_likely
+from updater.inference.posterior import Place, credible, places
+from updater.inference.priors import Magnitude, log_uniform
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import Quantity, Vector, Where, vector
+from updater.reference.reference import Reference
+from updater.structure.entries import Body, Member
+from updater.structure.structure import Structure, fineness, size
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+DENSITY_STD = 0.015  # of the structure's own mass: frequencies tell a body, a spring or a force only as a share of it
+FINE = 0.001  # m between positions where the posterior is
+_COARSE = 0.01  # m between them elsewhere
+_MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
+_KEPT = 100  # nodes, each of which may be on several members
+_NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
+_ARRIVED = 300.0  # of log density under the best: what is farther may not have come to where it could
+_MOST_FINE = 120  # fine positions on one member
+_MOST_FINE_IN_ALL = 480
+_FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off, if as heavy
+_LARGE_SHARE = 0.15  # of a mode's mass
+MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
+_LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
+LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
+OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of a body's centre beside the member's axis
+_BEGUN_BESIDE = 0.1  # of that, where fits begin
+GYRATION_STD = 0.03**2  # m2 on such a frame, prior of its squared radius of gyration
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AddedMass:
+    """One mass at any of many positions; parameters are mass, two offsets and the squared radius of gyration."""
+
+    reference: Reference
+    comparison: Comparison
+    member: IndexArray  #: (n,) of the structure's members
+    position: FloatArray  #: (n,) distance from the member's start [m]
+    translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there
+    rotation: FloatArray  #: (n, 3, n_modes) [rad/m]
+    by_offset: FloatArray  #: (2, n, 3, n_modes) more of it a metre of offset along the two cross axes
+    start: FloatArray  #: (n, 4) where the fit begins
+    gap: float  #: between positions where they are not finer [m]
+    name: str = "added_mass"
+    cannot_be_told_from: tuple[str, ...] = ()
+    drifting: bool = True
+    place_free: bool = False
+    advice: str = "Inspect this place. A sensor moved there would make the estimate more precise."
+
+    @property
+    def _total(self) -> float:
+        return self.reference.calibration.model.total_mass()
+
+    @property
+    def _fine(self) -> float:
+        return FINE * fineness(self.reference.calibration.structure)
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Mass [kg], offsets [m] and squared radius of gyration [m2]: large structures bear large bodies."""
+        large = size(self.reference.calibration.structure)
+        return np.array([MASS_STD * self._total, large * OFFSET_STD, large * OFFSET_STD, large**2 * GYRATION_STD])
+
+    @property
+    def idle(self) -> FloatArray:
+        """Without mass, hardly beside the axis."""
+        return self.start * [0.0, 1.0, 1.0, 1.0]
+
+    @property
+    def lower(self) -> FloatArray:
+        """Only so much can be taken off."""
+        return np.tile([-LARGEST_REMOVED * self._total, -np.inf, -np.inf, 0.0], (len(self.position), 1))
+
+    @property
+    def weight(self) -> FloatArray:
+        """Length that each position stands for (n,) [m]; between far ones there are others, which are unlikely."""
+        members = np.unique(self.member)
+        return np.concatenate([_lengths(self.position[self.member == m], self.gap) for m in members])
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """Every metre of the structure alike."""
+        length = sum(member.length for member in self.reference.calibration.structure.member)
+        return np.asarray(np.log(self.weight / max(self.weight.sum(), length)))
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return modal mass changes m (Phi^T Phi + r^2 Theta^T Theta)."""
+        mass = theta[:, 0, None, None] * self._per_kilogram(theta, rows)
+        return replace(no_effect(len(rows), self.comparison), mass=mass)
+
+    def _per_kilogram(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the modal mass (len(rows), n_modes, n_modes) of 1 kg with the offsets and gyration of theta [1/kg]."""
+        beside = (theta[:, o, None, None] * self.by_offset[o - 1, rows] for o in (1, 2))
+        at = self.translation[rows] + sum(beside)
+        turn = np.sqrt(np.maximum(theta[:, 3, None, None], 0)) * self.rotation[rows]
+        moved = np.concatenate([at, turn], axis=1)
+        return np.asarray(moved.transpose(0, 2, 1) @ moved)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what the mass's own prior, uniform in its logarithm, makes of the evidence."""
+        return self.magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
+
+    def magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
+        """Return posteriors of masses under their own prior, from those under the Gaussian one (n,), (n,) [kg]."""
+        return log_uniform(
+            mass,
+            std,
+            gaussian=MASS_STD * self._total,
+            least=_LEAST_MASS * self._total,
+            most=self._total,
+        )
+
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass | None":
+        """Return the positions and, where one comes near the best, many more about it; none if it is near everywhere.
+
+        They start from what those about them came to, but from none that got nowhere.
+        """
+        near, arrived = (log_density > log_density.max() - less for less in (_NEAR, _ARRIVED))
+        most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
+        members = np.unique(self.member).tolist()
+        spacing = {m: max(self._fine, 2 * self.gap * near[self.member == m].sum() / most) for m in members}
+        refined = near & np.array([spacing[m] < self.gap for m in self.member.tolist()])
+        if not refined.any():
+            return None
+        grids, starts = {}, []
+        for m in members:
+            here = self.member == m
+            grids[m] = _closer(self.position[here], refined[here], self.gap, spacing[m])
+            known = here & arrived if near[here].any() else here
+            starts.append([np.interp(grids[m], self.position[known], values) for values in theta[known].T])
+        return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)
+
+    def _member(self, row: int) -> Member:
+        return self._member_of(int(self.member[row]))
+
+    def _member_of(self, number: int) -> Member:
+        return self.reference.calibration.structure.member[number]
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return mean of the most probable place, and the region."""
+        place = self.places(fit)[0]
+        distance, std = self.distance(place)
+        members = self.reference.calibration.structure.member
+        probability = fit.probability
+        return Where(
+            member=members[place.member].name,
+            position=vector(members[place.member].point(distance)),
+            position_std=std,
+            region=tuple(
+                (vector(members[m].point(a)), vector(members[m].point(b)))
+                for m, a, b in credible(self.member, self.position, probability / self.weight, probability)
+            ),
+        )
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the mass, averaged over positions."""
+        value, std = self.mass(fit, self.places(fit)[0])
+        return {"mass": Quantity(value=value, std=std, unit="kg")}
+
+    def places(self, fit: "Fit[Any]") -> list[Place]:
+        """Return the places that a fit leaves open, the most probable first."""
+        probability = fit.probability
+        large = size(self.reference.calibration.structure)
+        return places(self.member, self.position, probability / self.weight, probability, large)
+
+    def points(self, fit: "Fit[Any]") -> FloatArray:
+        """Return where each alternative is (n, 3), on its member's axis [m]."""
+        del fit
+        places = zip(self.member.tolist(), self.position.tolist(), strict=True)
+        return np.array([self._member_of(m).point(s) for m, s in places])
+
+    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+        """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
+        return [place.probability * place.share for place in self.places(fit)]
+
+    def distance(self, place: Place) -> tuple[float, float]:
+        """Return mean and standard deviation of the distance from the member's start at a place [m]."""
+        mean = float(place.share @ self.position)
+        return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + self._fine**2 / 12))
+
+    def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
+        """Return mean and standard deviation of the mass at a place [kg]."""
+        here = np.flatnonzero(place.share)
+        share = place.share[here]
+        magnitude = self.magnitude(fit.theta[here, 0], np.sqrt(fit.covariance[here, 0, 0]))
+        mean = float(share @ magnitude.mean)
+        variance = share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
+        std = float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
+        row = int(here[np.argmax(share)])
+        return self._outside_the_file(row, fit.theta[row], mean, std) if self._is_unlisted(row, mean) else (mean, std)
+
+    def unlisted(self, row: int, theta: FloatArray) -> Body | None:
+        """Return a removed body as it was if the reference's model does not have it, else None."""
+        mass = float(theta[0])
+        whole = self._outside_the_file(row, theta, mass, 0.0)[0] if self._is_unlisted(row, mass) else 0.0
+        return self._body(row, theta, -whole) if whole else None
+
+    def removed(self, row: int, theta: FloatArray) -> Body | None:
+        """Return a removed body as it was if the reference's model has it, else None."""
+        mass = float(theta[0])
+        return None if mass >= 0 or self._is_unlisted(row, mass) else self._body(row, theta, -mass)
+
+    def _body(self, row: int, theta: FloatArray, mass: float) -> Body:
+        found = self.extend(self.reference.calibration.structure, row, theta).body[-1]
+        inertia = vector(mass / abs(found.mass) * np.abs(found.inertia))
+        return found.model_copy(update={"mass": mass, "inertia": inertia})
+
+    def _is_unlisted(self, row: int, mass: float) -> bool:
+        """Return whether a body was removed that the reference's model lacks, since a baseline was measured."""
+        if mass >= 0 or not self.reference.measured:
+            return False
+        structure = self.reference.calibration.structure
+        near = _FILED * fineness(structure)
+        at = self._member(row).point(self.position[row])
+        filed = sum(max(b.mass, 0.0) for b in structure.body if np.linalg.norm(np.subtract(b.at, at)) < near)
+        return filed < -mass / 2
+
+    def _outside_the_file(self, row: int, theta: FloatArray, mass: float, std: float) -> tuple[float, float]:
+        """Return mass and deviation [kg] of a removed body that is not in the file, from those taken off the model.
+
+        The correction is known to a third of itself, because the model was calibrated with the body on; of a body that
+        is a large share of a mode's mass not even to that.
+        """
+        per_kilogram = self._per_kilogram(theta[None], np.array([row]))[0]
+        whitener, paired = self.comparison.drifting.matrix, self.comparison.paired
+        omega = 2 * np.pi * self.reference.frequency
+        body = -mass_outside_model(-mass, per_kilogram, omega, paired, whitener)
+        share = -mass * float(np.diag(per_kilogram)[paired].max())
+        known = 3 if share < _LARGE_SHARE else 1
+        return body, float(np.hypot(std * (body / mass) ** 2, (body - mass) / known))
+
+    def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:
+        """Return mean and standard deviation of a parameter over the positions of a place."""
+        value = fit.theta[:, parameter]
+        mean = float(place.share @ value)
+        return mean, float(np.sqrt(place.share @ (fit.covariance[:, parameter, parameter] + (value - mean) ** 2)))
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add the body."""
+        member = self._member(row)
+        offset = theta[1:3] @ local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
+        at = vector(member.point(self.position[row]))
+        inertia = vector(np.full(3, theta[0] * theta[3]))
+        return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=vector(offset), inertia=inertia)])
+
+
+def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:
+    """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes.
+
+    A centimetre unless given where the longest member is of a metre and a half, else in proportion to it.
+    """
+    members = reference.calibration.structure.member
+    spacing = _COARSE * size(reference.calibration.structure) if spacing is None else spacing
+    steps = [max(4, round(member.length / spacing)) for member in members]
+    if sum(steps) > _MOST:
+        return along(reference, comparison, *_likely_nodes(reference, comparison))
+    grids = {i: np.linspace(0, member.length, n + 1) for i, (member, n) in enumerate(zip(members, steps, strict=True))}
+    return along(reference, comparison, grids, max(float(np.diff(grid).max()) for grid in grids.values()))
+
+
+def _likely_nodes(reference: Reference, comparison: Comparison) -> tuple[dict[int, FloatArray], float]:
+    """Return distances of the most likely nodes from the starts of the members they are on, and how far nodes are."""
+    model, members = reference.calibration.model, reference.calibration.structure.member
+    spans = np.array(model.spans)
+    nodes = np.unique(spans)
+    moved = np.vstack([reference.shape, np.zeros(reference.shape.shape[1])])[model.dofs[nodes, :3]]  # -1 is held
+    nodes = nodes[most_likely(comparison, moved, MASS_STD * model.total_mass(), _KEPT)]
+    number = {member.name: i for i, member in enumerate(members)}
+    kept = np.isin(spans, nodes)
+    found: dict[int, list[int]] = {}
+    for span in np.flatnonzero(kept.any(1)).tolist():
+        found.setdefault(number[model.member_names[span]], []).extend(spans[span][kept[span]].tolist())
+    apart = np.linalg.norm(np.diff(model.nodes[spans], axis=1), axis=2).max()
+    return {m: _distances(members[m], model.nodes[n]) for m, n in sorted(found.items())}, float(apart)
+
+
+def _distances(member: Member, points: FloatArray) -> FloatArray:
+    """Return the distances (n,), ascending, of points (n, 3) on a member from its start [m]."""
+    return np.unique(np.round(np.linalg.norm(points - member.start, axis=1), 6))
+
+
+def along(
+    reference: Reference,
+    comparison: Comparison,
+    grids: dict[int, FloatArray],
+    gap: float,
+    start: FloatArray | None = None,
+) -> AddedMass:
+    """Return a mass at given distances from the starts of some members, by their numbers.
+
+    Parameters
+    ----------
+    grids : member -> distances (n,), ascending [m]
+    gap : between positions where they are not finer [m]
+    start : (n_positions, 4) where the fit begins, members in the order of `grids`; None: to first order
+    """
+    structure, model = reference.calibration.structure, reference.calibration.model
+    points = np.concatenate([structure.member[i].point(grid) for i, grid in grids.items()])
+    here = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)
+    axes = [_axes_of(structure.member[i]) for i in grids]
+    across = np.repeat(np.array(axes), [len(grid) for grid in grids.values()], axis=0)
+    translation, rotation = here[:, :3], here[:, 3:]
+    return AddedMass(
+        reference=reference,
+        comparison=comparison,
+        member=np.concatenate([np.full(len(grid), m, np.intp) for m, grid in grids.items()]),
+        position=np.concatenate(list(grids.values())),
+        translation=translation,
+        rotation=rotation,
+        by_offset=np.array([np.cross(rotation, across[:, k, :, None], axis=1) for k in (1, 2)]),
+        start=_first_order(reference, comparison, translation) if start is None else start,
+        gap=gap,
+    )
+
+
+def _axes_of(member: Member) -> FloatArray:
+    direction = np.subtract(member.end, member.start) / member.length
+    return _axes_along(vector(np.round(direction, 12)), member.local_y)
+
+
+@lru_cache(maxsize=1024)
+def _axes_along(direction: Vector, local_y: Vector | None) -> FloatArray:
+    """Return the local axes, for many members that point the same way once."""
+    return local_axes(np.array(direction), local_y)
+
+
+def _first_order(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
+    """Return d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies; hardly an offset, no inertia.
+
+    On the axis itself of a structure that is symmetric about it no slope says that a body may hang beside it.
+    """
+    whitener = comparison.drifting.matrix
+    effect = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1) @ whitener.T
+    mass = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
+    # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
+    total = reference.calibration.model.total_mass()
+    mass = np.clip(mass, -LARGEST_REMOVED * total, MASS_STD * total)
+    beside = np.full((len(mass), 2), _BEGUN_BESIDE * size(reference.calibration.structure) * OFFSET_STD)
+    return np.column_stack([mass, beside, np.zeros(len(mass))])
+
+
+def _lengths(position: FloatArray, gap: float) -> FloatArray:
+    return np.minimum(np.gradient(position), gap) if len(position) > 1 else np.array([gap])
+
+
+def _closer(position: FloatArray, near: FloatArray, gap: float, spacing: float) -> FloatArray:
+    if not near.any():
+        return position
+    steps = np.arange(-gap, gap + spacing / 2, spacing)
+    fine = np.clip((position[near][:, None] + steps).ravel(), position[0], position[-1])
+    return np.unique(np.round(np.concatenate([position, fine]), 6))

@@ -1,0 +1,313 @@
+"""Something that hangs on the structure by a spring of its own: a loose part, an appendage, a damper.
+
+It brings a mode that was not there. With z its motion beside the structure's along its direction d, times the root of
+its mass, the modes' mass matrix grows by m Phi^T Phi and is bordered by m^1/2 Phi^T d, the flexibility by
+1 / omega_o^2: exact in the reference's modes. The new mode's shape is the structure shaken at one place, which says
+where; how far the other modes make way says how heavy it is.
+
+Where no mode is seen that the reference does not know, its own may move the sensors too little to be seen: then its
+frequency can be any, and how the other modes make way says all there is.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from scipy.special import gammaln
+
+from daq import FloatArray, IndexArray
+from updater.causes.mass.oscillator_start import hung, not_known, shaking, translations
+from updater.fe.element import local_axes
+from updater.inference.comparison import Comparison, NewModes
+from updater.inference.fit import fit as fit_all
+from updater.inference.posterior import credible, places
+from updater.inference.priors import Magnitude, log_uniform
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import Quantity, Where, vector
+from updater.reference.reference import Reference
+from updater.structure.entries import Oscillator
+from updater.structure.structure import Structure, fineness, size
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_COARSE = 0.02  # m between positions, less on structures of less than a metre and a half
+_FINER = 10  # times, where the posterior is
+_KEPT = 90  # of the alternatives, those that are nearest to the data to first order
+_MOST = 2000  # positions that are looked at
+_MOST_FINE = 60
+_NEAR = 20.0  # of log density under the best
+_MASS_STD = 0.1  # of the structure's mass, Gaussian prior while it is fitted
+_LEAST_MASS = 1e-4  # of the structure's mass
+_DAMPING_STD = 1.0  # of ln of its own damping over the modes': a third of it to three times as much
+_TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
+_STEP = 0.15  # of ln f between own frequencies that are begun from where no mode tells; their prior's deviation too
+_TOLD = 0.05  # of ln f between those whose probabilities are told
+_STILL = 1e-4  # of ln f: what does not give
+_BEYOND = 1.3  # times the lowest and the highest mode that is seen: farther off it is a mass, or not there
+_CHANCE = 0.1  # probability of a new mode that is nobody's, or was not seen before
+_UNSEEN = 0.01  # of an oscillator whose mode no sensor sees, over one that is seen: a body clamped on acts much like it
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AttachedOscillator:
+    """Places, directions and new modes; parameters are mass [kg], ln f from the new mode's, and ln of its own damping.
+
+    The latter is over that of the structure's modes, which share it as they share its energy. Of one whose mode is not
+    seen, places, directions and frequencies to begin from.
+    """
+
+    reference: Reference
+    comparison: Comparison
+    new: NewModes | None  #: those seen that the reference does not know; None: it is one whose mode is not seen
+    log_frequency: FloatArray  #: (n_begun,) of the new modes, or that are begun from [ln Hz]
+    member: IndexArray  #: (n,) of the structure's members
+    position: FloatArray  #: (n,) distance from the member's start [m]
+    axis: IndexArray  #: (n,) of the member's local axes, 0 along it
+    mode: IndexArray  #: (n,) which of these frequencies
+    translation: FloatArray  #: (n, 3, n_modes) of the reference's modes there, along the member's local axes
+    log_prior: FloatArray  #: (n,)
+    start: FloatArray  #: (n, 3)
+    gap: float  #: between positions where they are not finer [m]
+    name: str = "attached_oscillator"
+    cannot_be_told_from: tuple[str, ...] = ()
+    drifting: bool = True
+    place_free: bool = False
+    advice: str = "Look for a loose part at this place and fix it: the new mode must disappear."
+
+    @property
+    def _total(self) -> float:
+        return self.reference.calibration.model.total_mass()
+
+    @property
+    def idle(self) -> FloatArray:
+        """Without mass, tuned to the mode that it is tried at."""
+        return np.zeros(self.start.shape)
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Mass [kg], ln f and ln of damping."""
+        return np.array([_MASS_STD * self._total, _TUNED if self.new else _STEP, _DAMPING_STD])
+
+    @property
+    def lower(self) -> FloatArray:
+        """It has a mass."""
+        return np.tile([0.1 * _LEAST_MASS * self._total, -np.inf, -np.inf], (len(self.member), 1))
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the mass that rides on the structure, and what is coupled with it."""
+        at, mass = self.translation[rows], theta[:, 0]
+        along = np.take_along_axis(at, self.axis[rows, None, None], axis=1)[:, 0]
+        omega = 2 * np.pi * np.exp(self.log_frequency[self.mode[rows]] + theta[:, 1])
+        return replace(
+            no_effect(len(rows), self.comparison),
+            mass=mass[:, None, None] * (at.transpose(0, 2, 1) @ at),
+            coupling=np.sqrt(mass)[:, None, None] * along[:, :, None],
+            own=omega[:, None] ** -2.0,
+            own_log_damping=theta[:, 2:],
+        )
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a mass of any order makes of the evidence, and that the new mode is somebody's or is not seen."""
+        mass = self._magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
+        if self.new is None:
+            return np.asarray(mass + np.log(_UNSEEN))
+        explained = _log_explained(self.new, self.comparison.overdispersion)[np.unique(self.mode)]
+        return np.asarray(mass + explained.mean())  # of several new modes alike: beside others only one is left here
+
+    def _magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
+        """Return posteriors of masses under a prior uniform in the logarithm; of its two signs one is possible."""
+        found = log_uniform(
+            mass, std, gaussian=_MASS_STD * self._total, least=_LEAST_MASS * self._total, most=self._total
+        )
+        return replace(found, log_ratio=found.log_ratio + np.log(2.0))
+
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
+        """Return positions closer together about the likely ones, of the same direction and mode."""
+        near = np.flatnonzero(log_density > log_density.max() - _NEAR)
+        near = near[np.argsort(-log_density[near])]
+        steps = np.linspace(-self.gap, self.gap, 2 * _FINER + 1)
+        chosen: dict[tuple[int, int, int, float], int] = {}
+        for row in near.tolist():
+            length = self.reference.calibration.structure.member[self.member[row]].length
+            for at in np.clip(self.position[row] + steps, 0, length):
+                key = int(self.member[row]), int(self.axis[row]), int(self.mode[row]), round(float(at), 6)
+                chosen.setdefault(key, row)
+            if len(chosen) > _MOST_FINE:
+                break
+        keys = sorted(chosen)
+        columns = [np.array(column) for column in zip(*keys, strict=True)]
+        source = np.array([chosen[key] for key in keys])
+        finer = self.log_prior[source] + np.log(1 / _FINER)
+        return replace(
+            self,
+            member=columns[0],
+            axis=columns[1],
+            mode=columns[2],
+            position=columns[3],
+            translation=translations(self.reference, columns[0], columns[3]),
+            log_prior=finer,
+            start=theta[source],
+        )
+
+    def _alike(self, fit: "Fit[Cause]") -> IndexArray:
+        """Return the alternatives of the best one's direction and new mode, by member and position."""
+        same = self.mode == self.mode[fit.best] if self.new else np.ones(len(self.mode), bool)
+        own = np.flatnonzero((self.axis == self.axis[fit.best]) & same)
+        return own[np.lexsort((self.position[own], self.member[own]))]
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return mean of the most probable place, and the region."""
+        own = self._alike(fit)
+        probability = fit.probability[own] / fit.probability[own].sum()
+        member, position = self.member[own], self.position[own]
+        place = places(member, position, probability, probability, size(self.reference.calibration.structure))[0]
+        mean = float(place.share @ position)
+        std = float(np.sqrt(place.share @ (position - mean) ** 2 + (self.gap / _FINER) ** 2 / 12))
+        members = self.reference.calibration.structure.member
+        return Where(
+            member=members[place.member].name,
+            position=vector(members[place.member].point(mean)),
+            position_std=std,
+            region=tuple(
+                (vector(members[m].point(a)), vector(members[m].point(b)))
+                for m, a, b in credible(member, position, probability, probability)
+            ),
+        )
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return mass and own frequency, averaged over the places; damping of the new mode where it was seen."""
+        own = self._alike(fit)
+        share = fit.probability[own] / fit.probability[own].sum()
+        magnitude = self._magnitude(fit.theta[own, 0], np.sqrt(fit.covariance[own, 0, 0]))
+        mass = float(share @ magnitude.mean)
+        variance = float(share @ (magnitude.variance + (magnitude.mean - mass) ** 2))
+        each = self.log_frequency[self.mode[own]] + fit.theta[own, 1]
+        variances = fit.covariance[own, 1, 1]
+        if self.new is None:
+            each, variances, share = self._tunings(fit)
+        log_f = float(share @ each)
+        spread = float(np.sqrt(share @ (variances + (each - log_f) ** 2)))
+        frequency = float(np.exp(log_f))
+        found = {
+            "mass": Quantity(value=mass, std=variance**0.5, unit="kg"),
+            "frequency": Quantity(value=frequency, std=frequency * spread, unit="Hz"),
+        }
+        if self.new is not None:
+            damping, std = self.new.damping[self.mode[fit.best]], self.new.damping_std[self.mode[fit.best]]
+            if np.isfinite(damping + std):
+                found["damping"] = Quantity(value=float(damping), std=float(std), unit="-")
+        return found
+
+    def _tunings(self, fit: "Fit[Cause]") -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return own frequencies at the best place (n,) [ln Hz], their variances and probabilities.
+
+        A mode that is not seen may lie where hardly any mode tells: far from a Gaussian about where fits have ended.
+        """
+        best = fit.best
+        at = float(self.log_frequency[self.mode[best]] + fit.theta[best, 1])
+        near = at + np.sqrt(fit.covariance[best, 1, 1]) * np.linspace(-4, 4, 33)
+        begun, still = _begun(self.comparison), np.array([fit.theta[best, 0], 0.0, fit.theta[best, 2]])
+        grid = np.union1d(near, np.arange(begun[0], begun[-1], _TOLD))
+        n, one = len(grid), np.full(len(grid), best)
+        held = _Held(
+            **vars(self)
+            | {name: getattr(self, name)[one] for name in ("member", "position", "axis", "translation", "log_prior")}
+            | {
+                "log_frequency": grid,
+                "mode": np.arange(n),
+                "start": np.tile(still, (n, 1)),
+            }
+        )
+        density = fit_all(self.comparison, held, refine=False).log_density
+        share = np.exp(density - density.max()) * np.gradient(grid)
+        return grid, np.zeros(n), share / share.sum()
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add the oscillator."""
+        member = self.reference.calibration.structure.member[self.member[row]]
+        way = local_axes(np.subtract(member.end, member.start), member.local_y)[self.axis[row]]
+        oscillator = Oscillator(
+            at=vector(member.point(float(self.position[row]))),
+            direction=vector(np.round(way, 9)),
+            mass=float(theta[0]),
+            frequency=float(np.exp(self.log_frequency[self.mode[row]] + theta[1])),
+        )
+        return structure.model_copy(update={"oscillator": (*structure.oscillator, oscillator)})
+
+
+class _Held(AttachedOscillator):
+    """One that is tuned to what it is begun from."""
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Mass [kg], ln f and ln of damping."""
+        return np.array([_MASS_STD * self._total, _STILL, _DAMPING_STD])
+
+
+def propose_attached_oscillator(reference: Reference, comparison: Comparison) -> AttachedOscillator | None:
+    """Return the places and directions whose shaking looks most like a new mode, or that make way most like it.
+
+    None if every new mode is one that the reference has.
+    """
+    new = comparison.new
+    unknown = not_known(reference, comparison) if new is not None else np.empty(0, np.intp)
+    if new is not None and not len(unknown):
+        return None
+    members = reference.calibration.structure.member
+    length = sum(member.length for member in members)
+    gap = max(_COARSE * fineness(reference.calibration.structure), length / _MOST)
+    grids = [np.linspace(0, m.length, max(2, round(m.length / gap)) + 1) for m in members]
+    member = np.repeat(np.arange(len(members)), [len(grid) for grid in grids])
+    position = np.concatenate(grids)
+    translation = translations(reference, member, position)
+    largest = _MASS_STD * reference.calibration.model.total_mass()
+    if new is not None:
+        frequencies = new.log_frequency
+        looked = [shaking(comparison, new, int(mode), translation, largest) for mode in unknown]
+    else:
+        frequencies = _begun(comparison)
+        unknown = np.arange(len(frequencies))
+        looked = hung(comparison, translation, np.exp(frequencies), largest)
+    misfit, start = (np.stack(parts) for parts in zip(*looked, strict=True))  # (n_new, n, 3), (n_new, n, 3, 2)
+    kept = np.sort(np.argsort(misfit, axis=None)[:_KEPT])
+    mode, place, axis = np.unravel_index(kept, misfit.shape)
+    alternatives = np.log(gap / length) - np.log(3 * len(unknown))  # the rest of the prior is where nothing fits
+    return AttachedOscillator(
+        reference=reference,
+        comparison=comparison,
+        new=new,
+        log_frequency=frequencies,
+        member=member[place],
+        position=position[place],
+        axis=axis.astype(np.intp),
+        mode=unknown[mode],
+        translation=translation[place],
+        log_prior=np.full(len(kept), alternatives),
+        start=np.pad(start[mode, place, axis], ((0, 0), (0, 1))),
+        gap=gap,
+    )
+
+
+def hides(cause: object) -> bool:
+    """Tell whether a cause is an oscillator whose mode is not seen."""
+    return isinstance(cause, AttachedOscillator) and cause.new is None
+
+
+def _begun(comparison: Comparison) -> FloatArray:
+    """Return own frequencies to begin from where no new mode is seen [ln Hz]."""
+    seen = np.log(comparison.frequency[comparison.paired])
+    return np.arange(seen.min() - np.log(_BEYOND), seen.max() + np.log(_BEYOND), _STEP)
+
+
+def _log_explained(new: NewModes, overdispersion: float) -> FloatArray:
+    """Return the log density of new modes (n_extra,) that fit to their noise, over that of modes that are nobody's.
+
+    The latter come with a small probability, anywhere near in frequency, with any shape: uniform on half the sphere.
+    """
+    n = new.shape.shape[1]
+    frequency = np.log(_TUNED / new.log_frequency_std)
+    area = 0.5 * n * np.log(np.pi) - gammaln(n / 2)  # of half the unit sphere in n dimensions
+    peak = (n - 1) * (np.linalg.slogdet(new.whitener)[1] / n - 0.5 * np.log(2 * np.pi))
+    return np.asarray(frequency + (peak + area) / overdispersion - np.log(_CHANCE))

@@ -1,0 +1,145 @@
+"""Mass spread over a stretch of a member, or gone from it: snow, water, a cable, ice.
+
+Modal mass I + m / e int (Phi^T Phi + g r^2 Theta^T Theta) dx over the stretch of length e: Phi the modes'
+displacements, Theta their rotations in the member's axes, r the section's radii of gyration; g is 1 if it lies as the
+material does, less for water in a pipe and more for ice on it.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
+from updater.causes.member_grid import Cells, cut
+from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
+from updater.fe.element import local_axes
+from updater.inference.comparison import Comparison
+from updater.inference.priors import log_uniform
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import Quantity
+from updater.reference.reference import Reference
+from updater.structure.entries import Segment
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_LEAST = 1e-4  # of the structure's mass
+_GYRATION_STD = 0.7  # of g: nobody knows how a load lies
+_REMOVABLE = 0.9  # of a stretch's own mass
+#: from a sixth of the longest member to all of it: what is shorter is a body
+_LENGTHS = Kinds(
+    size={70: 70, 120: 120, 220: 220},
+    step={70: 20, 120: 30, 220: 40},
+    about={70: (50, 60, 72, 86), 120: (104, 124, 150), 220: (180, 216, 260, 300)},
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DistributedMass(Spread):
+    """Stretches of all members; parameters are the mass [kg], the shift, the length and g - 1."""
+
+    #: (2, n_edges, n_modes, n_modes) modal mass of 1 kg/m from each member's start, as it moves, and as it turns about
+    #: axes as far as the material's
+    mass: FloatArray
+    own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
+    name: str = "distributed_mass"
+    advice: str = "Inspect this part of the member for loads that lie or hang on it."
+
+    @property
+    def _total(self) -> float:
+        return self.reference.calibration.model.total_mass()
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Of the mass [kg], the shift, the length and how it lies about the axis."""
+        return np.array([MASS_STD * self._total, WITHIN, WITHIN, _GYRATION_STD])
+
+    @property
+    def lower(self) -> FloatArray:
+        """Only what is there can be taken off."""
+        there = _REMOVABLE / 1.5 * self.own[self.member] * self.size * self.cells.length[self.member]
+        least = np.full((len(there), 4), -np.inf)
+        least[:, 0] = -np.minimum(there, LARGEST_REMOVED * self._total)
+        least[:, 3] = -1.0
+        return least
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return modal mass changes."""
+        along = theta[:, 0] / (self.sizes(theta, rows) * self.cells.length[self.member[rows]])
+        return replace(no_effect(len(rows), self.comparison), mass=along[:, None, None] * self.per_metre(theta, rows))
+
+    def per_metre(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the modal mass (len(rows), n_modes, n_modes) of 1 kg/m over the stretches."""
+        turned = np.stack([np.ones(len(theta)), 1 + theta[:, 3]], axis=1)
+        return self.matrix(self.mass, turned, theta, rows)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a mass of any order makes of the evidence."""
+        std, most = np.sqrt(covariance[:, 0, 0]), self._total
+        return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_LEAST * most, most=most).log_ratio
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the mass in all and the length over which it is spread."""
+        mass = self.averaged(fit, fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
+        extent = self.averaged(fit, *self.extents(fit))
+        return {
+            "mass": Quantity(value=mass[0], std=float(np.hypot(mass[1], DENSITY_STD * mass[0])), unit="kg"),
+            "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
+        }
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add a segment of the stretch's mass; what is taken off takes no more rotary inertia than is there."""
+        member, at, extent = self.stretch(row, theta)
+        mass, gyration = float(theta[0]), float(1 + theta[3])
+        if mass < 0:
+            gyration = min(gyration, self.own[self.member[row]] * extent / -mass)
+        segment = Segment(member=member, at=at, extent=extent, mass=mass, gyration=gyration)
+        return structure.model_copy(update={"segment": (*structure.segment, segment)})
+
+
+def propose_distributed_mass(reference: Reference, comparison: Comparison) -> DistributedMass | None:
+    """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
+    structure = reference.calibration.structure
+    if not may_be_cut(structure):
+        return None
+    cells, mass = _mass(reference)
+    own = [structure.material[m.material].density * structure.section[m.section].area for m in structure.member]
+    found = DistributedMass(
+        reference=reference,
+        comparison=comparison,
+        cells=cells,
+        kinds=_LENGTHS,
+        mass=mass,
+        own=np.array(own),
+        **everywhere(cells, _LENGTHS, 4),
+    )
+    return begun(found, _first_order(found))
+
+
+def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
+    """Return d ln f_i = -m/2 dM_ii, fitted to the log frequencies."""
+    comparison = cause.comparison
+    per_metre = cause.per_metre(cause.start, np.arange(len(cause.member)))
+    heavier = np.diagonal(per_metre, axis1=1, axis2=2)[:, comparison.paired]
+    mass, explained = strength(comparison, -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None])
+    return np.clip(mass, cause.lower[:, 0] / 2, cause.prior_std[0]), explained
+
+
+@lru_cache(maxsize=4)
+def _mass(reference: Reference) -> tuple[Cells, FloatArray]:
+    """Return the modal mass of all stretches if they weighed a kilogram a metre: as it moves, and as it turns."""
+    structure, model = reference.calibration.structure, reference.calibration.model
+    cells, ways, turns = cut(structure.member), [], []
+    for m, member in enumerate(cells.members):
+        section = structure.section[member.section]
+        gyration = np.array([sum(section.second_moment), *section.second_moment]) / section.area
+        axes = local_axes(np.subtract(member.end, member.start), member.local_y)
+        moved = (model.reader(member.point(cells.middles(m))) @ reference.shape).reshape(cells.count[m], 6, -1)
+        ways.append(moved[:, :3])
+        turns.append(np.sqrt(gyration)[:, None] * (axes @ moved[:, 3:]))
+    return cells, np.stack([cells.summed(ways), cells.summed(turns)])

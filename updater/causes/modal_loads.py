@@ -1,0 +1,48 @@
+"""Section forces of members: in each mode under its inertia load, and in each state of self-stress."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from daq import FloatArray
+from updater.fe.section_forces import weighted_actions
+from updater.fe.self_stress import self_stress
+from updater.reference.reference import Reference
+from updater.structure.entries import Axis, Joint, Support
+
+
+def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+    """Return the actions at stations along members, each over the root of the stiffness that bears it.
+
+    Products of these, summed along a stretch, are the compliance that it has; those of modes are the calibrated
+    model's, turned to the updated ones, over omega^2.
+
+    Parameters
+    ----------
+    reference : whose model's elements are beams
+    stations : number of a member -> distances from its start (n,) [m]
+
+    Returns
+    -------
+    dict
+        Number of the member -> (n, 6, n_modes + n_stress).
+    """
+    model, modes = reference.calibration.model, reference.calibration.modes
+    turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    stress, members = self_stress(model), model.structure.member
+    return {
+        m: np.concatenate([of_modes @ turned, stress.actions(members[m], stations[m])], axis=2)
+        for m, of_modes in weighted_actions(model, modes, dict(stations)).items()
+    }
+
+
+def borne_by_spring(reference: Reference, connection: Support | Joint, axis: Axis, row: FloatArray) -> FloatArray:
+    """Return the force or moment (n_modes + n_stress,) in a connection's spring, of modes over omega^2.
+
+    Parameters
+    ----------
+    row : (n_dofs,) that reads how far the spring is strained [m] or [rad]
+    """
+    stiffness: dict[Axis, float] = dict(connection.stiffness.items())
+    of_modes = stiffness[axis] * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
+    return np.append(of_modes, self_stress(reference.calibration.model).in_spring(connection, axis))

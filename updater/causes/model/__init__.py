@@ -1,0 +1,1 @@
+"""Causes that are errors of the model."""

@@ -1,0 +1,97 @@
+"""The structure file's mesh is too coarse: the model's upper modes lie too high, the more the higher.
+
+A question about a structure file alone, asked where no reference was learnt: a baseline's measured modes have no mesh.
+The same structure on elements a quarter as long gives frequencies and shapes X in the coarse model's modes, and with
+them the flexibility X Lambda'^-1 X^T. Not asked of matrices from elsewhere, whose elements nobody knows; lumped mass
+and missing shear cannot be in a file's model, which has neither.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.fe.model import Model
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, in_modes, no_effect
+from updater.quantities import Quantity
+from updater.reference.calibration import best_model
+from updater.reference.reference import Reference
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_FINER = 4  # elements for one
+_WORTH = 1e-4  # of ln f: less than this is a fine mesh
+_MOST_DOFS = 20_000  # of the finer model: a larger one is fine, and slow
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeshError(Discrete):
+    """One alternative, the finer mesh; it has no parameter."""
+
+    comparison: Comparison
+    flexibility: FloatArray  #: (n_modes, n_modes) of the finer mesh over that of the coarse one [s2]
+    name: str = "mesh_error"
+    place_free: bool = True
+    advice: str = "Give the members more elements and ask again: it costs nothing."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the finer mesh's flexibility."""
+        del theta
+        change = np.tile(self.flexibility, (len(rows), 1, 1))
+        return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
+
+    def where(self, fit: "Fit[Cause]") -> None:
+        """Return none: it is everywhere."""
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """There are none."""
+        del fit
+        return {}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Cut every member into more elements."""
+        del row, theta
+        return _refined(structure)
+
+
+def propose_mesh_error(reference: Reference, comparison: Comparison) -> MeshError | None:
+    """Return the finer mesh; None where a baseline was measured, or the mesh is fine already."""
+    calibration = reference.calibration
+    model = calibration.model
+    if calibration.fitted or calibration.structure.external is not None or _FINER * model.n_dofs > _MOST_DOFS:
+        return None
+    finer = best_model(_refined(calibration.structure))
+    modes = finer.modes(len(reference.frequency))
+    if np.abs(np.log(modes.frequency / reference.frequency))[: int(comparison.paired.max()) + 1].max() < _WORTH:
+        return None
+    shape = _at_nodes(model, finer, modes.shape)
+    inside, _ = np.linalg.qr(reference.shape.T @ (model.mass @ shape))  # the low ones as they are, the high make way
+    own = (2 * np.pi * reference.frequency) ** -2.0
+    flexibility = (inside * (2 * np.pi * modes.frequency) ** -2.0) @ inside.T - np.diag(own)
+    return MeshError(
+        prior_std=np.zeros(0),
+        lower=np.zeros((1, 0)),
+        drifting=False,
+        comparison=comparison,
+        flexibility=0.5 * (flexibility + flexibility.T),
+    )
+
+
+def _refined(structure: Structure) -> Structure:
+    members = tuple(m.model_copy(update={"elements": _FINER * m.elements}) for m in structure.member)
+    return structure.model_copy(update={"member": members})
+
+
+def _at_nodes(model: Model, finer: Model, shape: FloatArray) -> FloatArray:
+    """Return shapes (n_dofs, n_modes) of a finer model at the DOFs of a model's nodes."""
+    read = (finer.reader(model.nodes) @ shape).reshape(len(model.nodes), 6, -1)
+    found = np.zeros((model.n_dofs, shape.shape[1]))
+    free = model.dofs >= 0
+    found[model.dofs[free]] = read[free]
+    return found

@@ -1,0 +1,219 @@
+"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, all at once.
+
+A question about a structure file alone, asked where no reference was learnt: a baseline's calibration has answered it.
+All parameters that a calibration would fit have the prior that they have there. Each of them adds compliance, of a
+material's members, of a spring, or takes that of a joint's zone away.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.causes.modal_loads import borne, borne_by_spring
+from updater.fe.model import Model
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity
+from updater.reference.calibration import spring_of
+from updater.reference.reference import Reference
+from updater.structure.parameters import (
+    TURNS,
+    Knob,
+    apply_knobs,
+    connection_of,
+    flexibility_unit,
+    physical_slope,
+    physical_unit,
+    physical_value,
+    welded,
+)
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_STIFFNESS_STD = 0.05  # of ln E, density's share included, which frequencies cannot tell from it
+_GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, for nobody has looked
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
+_TURNED = slice(3, None)  # twist and bending: what a joint's zone has less of
+_LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
+_TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave less is one they tell of
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModelParameters(Discrete):
+    """One alternative: all parameters, over what the file says of them."""
+
+    comparison: Comparison
+    filed: Structure  #: as in the file
+    knobs: tuple[Knob, ...]
+    said: FloatArray  #: (n_knobs,) what the file's model has for them
+    moved: FloatArray  #: (n_knobs,) what the reference's model has over that
+    compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds to the reference's model
+    name: str = "model_parameters"
+    place_free: bool = True
+    advice: str = (
+        "Use the extended model, or learn a reference from logs, which calibrates the same parameters; then only what "
+        "changes is left to explain. Frequencies determine only the ratio of Young's modulus to density."
+    )
+
+    @property
+    def start(self) -> FloatArray:
+        """Begin as the reference's model is."""
+        return self.moved[None]
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return compliances; that of a material goes with 1 / E."""
+        theta = np.minimum(theta, self._upper)
+        more = np.where(self._stiffness, np.expm1(self.moved - theta), theta - self.moved)
+        change = np.tensordot(more, self.compliance, 1)
+        return replace(no_effect(len(rows), self.comparison), compliance=change)
+
+    def gives(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Return all: that of a material less the stiffer it is."""
+        amount = np.where(self._stiffness, -np.exp(self.moved - theta), theta < self._upper)
+        return dict(enumerate(zip(self.compliance, amount.T, strict=True)))
+
+    @property
+    def _upper(self) -> FloatArray:
+        return np.array([knob.upper for knob in self.knobs]) - self.said
+
+    @property
+    def _stiffness(self) -> IndexArray:
+        return np.array([knob.kind == "stiffness" for knob in self.knobs])
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what is left of the priors, and of the posteriors, above the least values."""
+        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        kept = log_ndtr((theta - self.lower) / std) - log_ndtr(-self.lower / self.prior_std)
+        return np.asarray(kept.sum(1))
+
+    def where(self, fit: "Fit[Cause]") -> None:
+        """Return none: they are everywhere."""
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the values after the change, in physical units."""
+        return {c.name: Quantity(value=c.after, std=c.std, unit=c.unit) for c in self.changes(fit)}
+
+    def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
+        """Return the parameters that differ significantly from the file's, as in the file and as fitted.
+
+        Left out are those whose posterior is as wide as their prior, and those within two deviations of the file.
+        """
+        return tuple(self._change(k, float(fit.theta[0, k]), std) for k, std in self._significant(fit))
+
+    def deviations(self, fit: "Fit[Cause]") -> float:
+        """Return by how many standard deviations the parameter that changed most differs from the file's."""
+        return max((abs(fit.theta[0, k]) / std for k, std in self._significant(fit)), default=0.0)
+
+    def _significant(self, fit: "Fit[Cause]") -> list[tuple[int, float]]:
+        """Return the parameters that differ significantly from the file's, with their standard deviations."""
+        std = np.sqrt(np.diagonal(fit.covariance[0]))
+        significant = np.abs(fit.theta[0]) > SIGNIFICANT * std
+        found = np.flatnonzero((std < _TOLD * self.prior_std) & significant & (fit.theta[0] > self.lower[0]))
+        return [(k, float(std[k])) for k in found.tolist()]
+
+    def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
+        """Return the standard deviations of all parameters."""
+        std = np.sqrt(np.diagonal(fit.covariance[0]))
+        every = (self._change(k, float(fit.theta[0, k]), float(std[k])) for k in range(len(self.knobs)))
+        return {change.name: change.std for change in every}
+
+    def _change(self, k: int, theta: float, std: float) -> ParameterChange:
+        knob, value = self.knobs[k], float(self.said[k] + theta)
+        rigid = knob.kind in {"support", "joint"} and not knob.mean
+        return ParameterChange(
+            name=knob.key,
+            quantity=knob.quantity,
+            of=knob.of,
+            position=knob.position,
+            unit=physical_unit(self.filed, knob),
+            before=None if rigid else physical_value(self.filed, knob, float(self.said[k])),
+            after=physical_value(self.filed, knob, value),
+            std=std * physical_slope(self.filed, knob, value),
+        )
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Write the new values of all parameters that move; what stays rigid or without a weld gets no entry."""
+        del row
+        moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+        value = self.said + np.minimum(theta, self._upper)
+        return apply_knobs(structure, [self.knobs[k] for k in moved], value[moved])
+
+
+def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
+    """Return the one alternative; None where a baseline was calibrated, or of matrices from elsewhere, a factor's."""
+    calibration = reference.calibration
+    if calibration.fitted or not calibration.knobs or calibration.structure.external is not None:
+        return None
+    knobs, filed = calibration.knobs, reference.filed
+    file = filed.reference.calibration.model if filed else calibration.model
+    said = np.array([_said(file, knob) for knob in knobs])
+    value = filed.value if filed else said
+    lower = np.array([knob.lower for knob in knobs]) - said
+    return ModelParameters(
+        prior_std=np.array([_prior(knob, _LESS_BELIEVED if filed and filed.far else 1.0) for knob in knobs]),
+        lower=np.minimum(lower, 0.0)[None],
+        drifting=False,
+        comparison=comparison,
+        filed=file.structure,
+        knobs=knobs,
+        said=said,
+        moved=value - said,
+        compliance=np.array([_compliance(reference, k, x, file.structure) for k, x in zip(knobs, value, strict=True)]),
+    )
+
+
+def _prior(knob: Knob, wider: float) -> float:
+    """Return the standard deviation of a parameter about what the file says, of one that is far off a wider one."""
+    if knob.kind == "stiffness":
+        return wider * _STIFFNESS_STD
+    rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
+    return wider * _GIVES if rigid else knob.prior
+
+
+def _said(model: Model, knob: Knob) -> float:
+    """Return what the model has for a parameter."""
+    if knob.kind in ("stiffness", "weld"):
+        return 0.0
+    return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
+
+
+def _compliance(reference: Reference, knob: Knob, value: float, file: Structure) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) that one of a parameter adds; of ln E, that there is.
+
+    Parameters
+    ----------
+    value : that the reference's model has
+    file : in whose units flexibilities count
+    """
+    model = reference.calibration.model
+    members = model.structure.member
+    if knob.kind == "stiffness":
+        parts = [
+            _between(reference, m, np.linspace(0, member.length, member.elements + 1), slice(None))
+            for m, member in enumerate(members)
+            if member.material == knob.target
+        ]
+        return np.asarray(np.sum(parts, axis=0))
+    if knob.kind == "weld":
+        zones = welded(model.structure, knob.at)
+        parts = [_between(reference, members.index(m), np.array([start, end]), _TURNED) for m, start, end in zones]
+        return np.asarray(-np.sum(parts, axis=0)) / (1 - value)
+    row, _ = spring_of(model, knob)
+    force = borne_by_spring(reference, connection_of(model.structure, knob), knob.axis, row)
+    return np.outer(force, force) / flexibility_unit(file, knob.axis)
+
+
+def _between(reference: Reference, member: int, edges: FloatArray, actions: slice) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) of a member between edges (n,) [m], by some of its actions."""
+    half = np.diff(edges)[:, None] / 2
+    at = (edges[:-1, None] + half * (_POINTS + 1)).ravel()
+    found = borne(reference, {member: at})[member][:, actions] * np.sqrt((half * _WEIGHTS).reshape(-1, 1, 1))
+    flat = found.reshape(-1, found.shape[2])
+    return flat.T @ flat

@@ -1,0 +1,1 @@
+"""Causes that act on all modes alike, and damping."""

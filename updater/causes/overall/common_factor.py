@@ -1,0 +1,119 @@
+"""One factor on all frequencies without a change of shapes: common part of its four causes.
+
+Stiffness, density, temperature and the sampling clock say the very same of one record. Each has the same wide prior, so
+that none is preferred where nothing tells them apart; what is known beside the record (a temperature, a tone) makes a
+maker's prior narrow, and then it is told.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.causes.modal_loads import borne_by_spring
+from updater.fe.self_stress import self_stress
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, no_effect
+from updater.reference.reference import Reference
+from updater.structure.entries import AXES
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+COMMON_FACTOR_STD = 0.025  # of ln f: stiffness or density known to 5 %
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CommonFactor(Discrete):
+    """One alternative; its parameter is the standard score of the logarithm of the factor on frequencies."""
+
+    comparison: Comparison
+    centre: float = 0.0  #: prior mean of that logarithm
+    spread: float = COMMON_FACTOR_STD  #: its prior standard deviation
+    place_free: bool = True
+
+    @property
+    def informed(self) -> bool:
+        """True if data other than the modes determine the factor."""
+        return self.spread < COMMON_FACTOR_STD
+
+    def log_factor(self, theta: FloatArray) -> FloatArray:
+        """Return ln of the factor on frequencies (...) of parameters (..., 1)."""
+        return np.asarray(self.centre + self.spread * theta[..., 0])
+
+    def found(self, fit: "Fit[Cause]") -> tuple[float, float]:
+        """Return the logarithm of the factor on frequencies, and its standard deviation."""
+        return float(self.log_factor(fit.theta[0])), self.spread * float(fit.covariance[0, 0, 0] ** 0.5)
+
+    @property
+    def compliance(self) -> FloatArray:
+        """Compliance (n_modes + n_stress, same) of what the factor is on: Lambda^-1 in modes [s2]."""
+        own = (2 * np.pi * self.comparison.frequency) ** -2.0
+        return np.diag(np.concatenate([own, np.ones(self.comparison.n_stress)]))
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the compliance over the squared factor."""
+        change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.compliance
+        return replace(no_effect(len(rows), self.comparison), compliance=change)
+
+    def where(self, fit: "Fit[Cause]") -> None:
+        """Return none: it is everywhere."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OwnFactor(CommonFactor):
+    """A factor on what is the structure's own: what it stands on is not."""
+
+    ground: FloatArray  #: (n_modes + n_stress, same) compliance of the springs to the ground
+
+    @property
+    def compliance(self) -> FloatArray:
+        """Compliance (n_modes + n_stress, same) of members and joints."""
+        return super().compliance - self.ground
+
+
+def ground_compliance(reference: Reference) -> FloatArray:
+    """Return the compliance (n_modes + n_stress, same) of the springs to the ground.
+
+    Of a spring k that bears f_r in a mode over omega_r^2, f_r f_s / k.
+    """
+    model = reference.calibration.model
+    stress = self_stress(model)
+    found = np.zeros(2 * (len(reference.frequency) + stress.n,))
+    for support in reference.calibration.structure.support:
+        for axis, stiffness in support.stiffness.items():
+            force = borne_by_spring(reference, support, axis, model.node_rows(support.at, AXES.index(axis)))
+            found += np.outer(force, force) / stiffness
+    return found
+
+
+def stiffened(structure: Structure, factor: float, *, ground: bool = True) -> Structure:
+    """Return a structure with all its materials and springs so much stiffer, those to the ground only if asked."""
+    material = {
+        name: m.model_copy(
+            update={"youngs_modulus": m.youngs_modulus * factor, "shear_modulus": m.shear_modulus * factor}
+        )
+        for name, m in structure.material.items()
+    }
+    springs = {
+        kind: tuple(
+            part.model_copy(update={"stiffness": {axis: k * factor for axis, k in part.stiffness.items()}})
+            for part in parts
+        )
+        for kind, parts in (("support", structure.support if ground else ()), ("joint", structure.joint))
+        if parts
+    }
+    own = tuple(o.model_copy(update={"frequency": o.frequency * factor**0.5}) for o in structure.oscillator)
+    external = structure.external
+    if external is not None:
+        external = external.model_copy(update={"factor": external.factor * factor})
+    return structure.model_copy(update={"external": external, "material": material, "oscillator": own, **springs})
+
+
+def standard_score() -> dict[str, Any]:
+    """Return the fields of one alternative with one parameter of standard normal prior, and no drift beside it."""
+    return {"prior_std": np.ones(1), "lower": np.full((1, 1), -np.inf), "drifting": False}

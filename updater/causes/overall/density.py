@@ -1,0 +1,63 @@
+"""One factor on the density of all members; what is clamped on keeps its mass."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.overall.common_factor import CommonFactor, standard_score, stiffened
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import Quantity
+from updater.reference.calibration import best_model
+from updater.reference.reference import Reference
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GlobalDensity(CommonFactor):
+    """All members grow heavier alike: frequencies by the root of it, but for bodies."""
+
+    own: FloatArray  #: (n_modes, n_modes) modal mass of the members, bodies left out
+    name: str = "global_density"
+    advice: str = "Weigh the structure, or clamp a known mass on: it lowers the frequencies of a heavier one less."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the members' modal mass times the factor on density, less one."""
+        mass = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.own
+        return replace(no_effect(len(rows), self.comparison), mass=mass)
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the gain of density, negative where it has fallen."""
+        value, std = self.found(fit)
+        factor = float(np.exp(-2 * value))
+        return {"gain": Quantity(value=factor - 1, std=2 * factor * std, unit="-")}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Scale all densities; matrices from elsewhere become softer instead, which gives the same frequencies."""
+        del row
+        factor = float(np.exp(-2 * self.log_factor(theta)))
+        if structure.external is not None:
+            return stiffened(structure, 1 / factor)
+        material = {
+            name: m.model_copy(update={"density": m.density * factor}) for name, m in structure.material.items()
+        }
+        return structure.model_copy(update={"material": material})
+
+
+def propose_global_density(reference: Reference, comparison: Comparison) -> GlobalDensity:
+    """Return the one alternative."""
+    structure = reference.calibration.structure
+    own = np.eye(len(comparison.frequency))
+    if (structure.body or structure.oscillator or structure.segment) and structure.external is None:
+        segments = tuple(s.model_copy(update={"mass": 0.0}) for s in structure.segment)
+        alone = structure.model_copy(update={"body": (), "oscillator": (), "segment": segments})
+        bare = best_model(alone).mass
+        shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
+        own = shape.T @ (bare @ shape)
+    return GlobalDensity(**standard_score(), comparison=comparison, own=own)

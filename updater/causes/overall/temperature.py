@@ -1,0 +1,79 @@
+"""Steel grows softer as it grows warmer: -dE/E = 3 to 4 parts in 10,000 a kelvin. Joints do with it, the ground not.
+
+Without a thermometer any change of temperature explains one factor on all frequencies. With one it says what the factor
+must be, to how well the law is known.
+
+References
+----------
+Ledbetter, H. M. (1981). Stainless-steel elastic constants at low temperatures. J. Appl. Phys. 52, 1587-1589.
+Xia, Y. et al. (2012). Temperature effect on vibration properties of civil structures: a literature review and case
+studies. J. Civil Struct. Health Monit. 2, 29-46.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes.overall.common_factor import (
+    COMMON_FACTOR_STD,
+    OwnFactor,
+    ground_compliance,
+    standard_score,
+    stiffened,
+)
+from updater.inference.comparison import Comparison
+from updater.quantities import Quantity
+from updater.reference.reference import Reference
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+SOFTENING = 3.5e-4  # 1/K, of Young's modulus
+SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel
+_LEAST_WARMER = 1.0  # K, under which no softening a kelvin is told
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Temperature(OwnFactor):
+    """The structure is warmer or colder."""
+
+    warmer: float  #: measured [K], NaN if nobody did
+    name: str = "temperature"
+    advice: str = "Record at another temperature, with a thermometer on the structure."
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return how much warmer it is; with a thermometer, also what a kelvin takes off stiffness over mass."""
+        value, std = self.found(fit)
+        warmer = -2 * value / SOFTENING
+        if abs(self.warmer) > _LEAST_WARMER:
+            softening = Quantity(value=-2 * value / self.warmer, std=2 * std / abs(self.warmer), unit="1/K")
+            measured = Quantity(value=self.warmer, std=self.comparison.circumstances.warmer_std, unit="K")
+            return {"warmer": measured, "softening": softening}
+        spread = float(np.hypot(2 * std / SOFTENING, warmer * SOFTENING_STD / SOFTENING))
+        return {"warmer": Quantity(value=warmer, std=spread, unit="K")}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Scale all materials and joints to what they are at this temperature."""
+        del row
+        return stiffened(structure, float(np.exp(2 * self.log_factor(theta))), ground=False)
+
+
+def propose_temperature(reference: Reference, comparison: Comparison) -> Temperature:
+    """Return the one alternative, told by the thermometers where there are some."""
+    known = comparison.circumstances
+    centre, spread = 0.0, COMMON_FACTOR_STD
+    if np.isfinite(known.warmer):
+        centre = -0.5 * SOFTENING * known.warmer
+        spread = 0.5 * float(np.hypot(SOFTENING_STD * known.warmer, SOFTENING * known.warmer_std))
+    return Temperature(
+        **standard_score(),
+        comparison=comparison,
+        ground=ground_compliance(reference),
+        centre=centre,
+        spread=spread,
+        warmer=known.warmer,
+    )

@@ -1,0 +1,34 @@
+"""Joint prediction of selected causes, and its agreement with the measured shapes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes.composite import Beside, Chosen
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, picked, predict, reanalyse
+from updater.inference.residuals import Prediction
+
+
+def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
+    """Return what one alternative, chosen causes together, predicts; of none, the baseline, or the file's own modes."""
+    if not chosen:
+        nothing = np.zeros((1, len(data.log_ratio)))
+        nobody = np.empty((1, 0, data.base.shape[1]))
+        ratio, shape = (data.filed.log_ratio[None], data.filed.shape) if data.filed else (nothing, data.base)
+        return Prediction(ratio, shape[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
+    effect = effect_of(chosen)
+    return predict(data, *picked(reanalyse(data, effect)), effect)
+
+
+def effect_of(chosen: Sequence[Chosen]) -> Effect:
+    """Return what chosen causes do together, as one alternative."""
+    together = Beside(chosen[0].cause, tuple(chosen[1:]))
+    return together.effect(np.concatenate([c.theta for c in chosen])[None], np.array([chosen[0].row]))
+
+
+def mac_of(data: Comparison, shape: FloatArray) -> FloatArray:
+    """Return the modal assurance criterion (n,) of measured shapes with others, one by one; NaN if not measured."""
+    mac = (data.shape * shape).sum(1) ** 2 / (shape**2).sum(1)
+    return np.where(data.shaped, mac, np.nan)

@@ -1,0 +1,88 @@
+"""Common part of faults of the measuring chain: channels as places, corrections in the structure file."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from updater.causes.base import Discrete
+from updater.inference.comparison import Comparison
+from updater.quantities import Quantity, Where
+from updater.reference.reference import Reference
+from updater.structure.sensors import Correction
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_SAME_PLACE = 1e-3  # m
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chain(Discrete):
+    """Alternatives that are channels, pairs of them, or all of a device."""
+
+    comparison: Comparison
+    channels: tuple[tuple[str, ...], ...]  #: of each alternative
+    place_free: bool = False
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return the channels."""
+        return Where(channels=self.channels[fit.best])
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """There are none."""
+        del fit
+        return {}
+
+
+def groups_of(reference: Reference, comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return the channels that a fault may befall together: every one alone, and those of a device.
+
+    Devices are known from the log; where they are not, channels at one place are taken for one. What befalls all
+    channels alike is none: nothing would show it.
+    """
+    devices, heard = comparison.circumstances.devices, reference.calibration.structure.heard
+    place = {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in heard}
+    owner = {c: devices.get(c, place[c]) for c in comparison.channels}
+    together = [tuple(c for c in comparison.channels if owner[c] == d) for d in dict.fromkeys(owner.values())]
+    alone = [(c,) for c in comparison.channels]
+    return alone + [group for group in together if 1 < len(group) < len(comparison.channels)]
+
+
+def corrected(
+    structure: Structure,
+    channels: Sequence[str],
+    *,
+    gain: float = 1.0,
+    sign: Literal[1, -1] = 1,
+    delay: float = 0.0,
+) -> Structure:
+    """Return a structure whose sensors, named as logs have them, are known for what more their channels do."""
+    found = dict(structure.sensors)
+    for sensor, heard in zip(structure.sensor, structure.heard, strict=True):
+        if heard.channel in channels:
+            old = found.get(sensor.channel, Correction())
+            more = {"gain": old.gain * gain, "sign": old.sign * sign, "delay": old.delay + delay}
+            found[sensor.channel] = old.model_copy(update=more)
+    return _with(structure, found)
+
+
+def exchanged(structure: Structure, first: str, second: str) -> Structure:
+    """Return a structure two of whose sensors come in on each other's channels; what these do stays with them."""
+    known = [structure.sensors.get(s.channel, Correction()) for s in structure.sensor]
+    at = {h.channel: i for i, h in enumerate(structure.heard)}
+    found = dict(structure.sensors)
+    for here, there in itertools.permutations((first, second)):
+        name = structure.sensor[at[here]].channel
+        found[name] = known[at[there]].model_copy(update={"channel": None if there == name else there})
+    return _with(structure, found)
+
+
+def _with(structure: Structure, corrections: dict[str, Correction]) -> Structure:
+    """Return the structure with corrections, those left out that say nothing."""
+    kept = {name: c for name, c in corrections.items() if c != Correction()}
+    return structure.model_copy(update={"sensors": kept})

@@ -1,0 +1,135 @@
+"""Gain, polarity and exchanged channels: faults of single channels, which shapes show and frequencies do not."""
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.sensors.channel_fault import Chain, corrected, exchanged
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import Quantity
+from updater.reference.reference import Reference
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_GAIN_STD = 0.3  # of a gain's logarithm
+_LATE_STD = 1e-4  # s, of one device beside another
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorGain(Chain):
+    """A channel whose gain has changed; the parameter is its logarithm."""
+
+    name: str = "sensor_gain"
+    advice: str = "Turn the sensor by 180 degrees about a horizontal axis: gravity calibrates it."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the channels' gains."""
+        none = no_effect(len(rows), self.comparison)
+        chain = np.repeat(none.chain, len(rows), axis=0)
+        chain[np.arange(len(rows)), rows, rows] = np.exp(theta[:, 0])
+        return replace(none, chain=chain)
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the gain over what it was."""
+        gain = float(np.exp(fit.theta[fit.best, 0]))
+        return {"gain": Quantity(value=gain, std=gain * float(fit.covariance[fit.best, 0, 0] ** 0.5), unit="-")}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Write the gain at the sensor."""
+        return corrected(structure, self.channels[row], gain=float(np.exp(theta[0])))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorPolarity(Chain):
+    """A channel with its sign turned; it has no parameter."""
+
+    name: str = "sensor_polarity"
+    advice: str = "Look which way the sensor's axis points."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the channels' signs."""
+        none = no_effect(len(rows), self.comparison)
+        chain = np.repeat(none.chain, len(rows), axis=0)
+        chain[np.arange(len(rows)), rows, rows] = -1.0
+        return replace(none, chain=chain)
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Turn the sensor's sign."""
+        del theta
+        return corrected(structure, self.channels[row], sign=-1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorSwap(Chain):
+    """Two channels that have taken each other's place.
+
+    The parameters are by how much either is later than its namesake was: devices have delays of their own.
+    """
+
+    order: IndexArray  #: (n, n_channels) which channel each one really is
+    name: str = "sensor_swap"
+    advice: str = "Follow the two cables; tap beside either sensor and see which channel answers."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return permutations, with their delays."""
+        n = self.order.shape[1]
+        lag = np.zeros((len(rows), n))
+        lag[self.order[rows] != np.arange(n)] = theta.ravel()
+        return replace(no_effect(len(rows), self.comparison), chain=np.eye(n, 3 * n)[self.order[rows]], lag=lag)
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Exchange the channels that carry the two sensors."""
+        first, second = self.channels[row]
+        late = exchanged(structure, first, second)
+        for channel, seconds in zip((first, second), theta, strict=True):
+            late = corrected(late, (channel,), delay=float(seconds))
+        return late
+
+
+def propose_sensor_gain(reference: Reference, comparison: Comparison) -> SensorGain:
+    """Return every channel."""
+    del reference
+    names = tuple((c,) for c in comparison.channels)
+    return SensorGain(
+        prior_std=np.array([_GAIN_STD]),
+        lower=np.full((len(names), 1), -np.inf),
+        drifting=False,
+        comparison=comparison,
+        channels=names,
+    )
+
+
+def propose_sensor_polarity(reference: Reference, comparison: Comparison) -> SensorPolarity:
+    """Return every channel."""
+    del reference
+    names = tuple((c,) for c in comparison.channels)
+    return SensorPolarity(
+        prior_std=np.zeros(0), lower=np.zeros((len(names), 0)), drifting=False, comparison=comparison, channels=names
+    )
+
+
+def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorSwap | None:
+    """Return every pair of channels."""
+    del reference
+    channels = comparison.channels
+    pairs = list(itertools.combinations(range(len(channels)), 2))
+    if not pairs:
+        return None
+    order = np.tile(np.arange(len(channels)), (len(pairs), 1))
+    for row, (a, b) in enumerate(pairs):
+        order[row, [a, b]] = b, a
+    return SensorSwap(
+        prior_std=np.full(2, _LATE_STD),
+        lower=np.full((len(pairs), 2), -np.inf),
+        drifting=False,
+        comparison=comparison,
+        channels=tuple((channels[a], channels[b]) for a, b in pairs),
+        order=order,
+    )

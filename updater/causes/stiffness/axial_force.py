@@ -1,0 +1,121 @@
+"""A member's axial force that is not what it was: a cable's tension, a column's load, heat between two abutments.
+
+A force N more adds N G to the modal stiffness, G = Phi^T K_g Phi of the member's geometric stiffness: in the basis W
+of Lambda^-1/2 G Lambda^-1/2 = V w V^T the flexibility Lambda^-1/2 V (1 + N w)^-1 V^T Lambda^-1/2. At N = -1 / max(w)
+the structure buckles: the measure of every force.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.causes.mass.added_mass import DENSITY_STD
+from updater.causes.stretches import may_be_cut
+from updater.fe.element import Element
+from updater.inference.comparison import Comparison
+from updater.inference.priors import log_uniform
+from updater.inference.reanalysis import Effect, in_modes, no_effect
+from updater.quantities import Quantity, Where, vector
+from updater.reference.reference import Reference
+from updater.structure.entries import Member
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_STD = 0.3  # of the force over that of buckling, while it is fitted
+_LEAST, _MOST = 0.003, 3.0  # of its magnitude
+_COMPRESSED = -0.9  # of buckling: no structure stands beyond
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AxialForce(Discrete):
+    """Members; the parameter is the force that is added over that at which the structure buckles."""
+
+    comparison: Comparison
+    members: tuple[Member, ...]
+    buckling: FloatArray  #: (n,) force at which each member buckles the structure [N]
+    share: FloatArray  #: (n, n_modes) w over its largest [-]
+    basis: FloatArray  #: (n, n_modes, n_modes) Lambda^-1/2 V [s]
+    name: str = "axial_force"
+    place_free: bool = False
+    advice: str = "Measure the force in the member: a jack, a strain gauge, or its own frequency between two clamps."
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return flexibility changes."""
+        more = theta * self.share[rows]
+        basis = self.basis[rows]
+        change = (basis * (-more / (1 + more))[:, None, :]) @ basis.transpose(0, 2, 1)
+        return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a force of any order makes of the evidence."""
+        std = np.sqrt(covariance[:, 0, 0])
+        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return the member, all of it."""
+        found = self.members[fit.best]
+        return Where(
+            member=found.name,
+            position=vector(found.point(found.length / 2)),
+            position_std=found.length / np.sqrt(12),
+            region=((found.start, found.end),),
+        )
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the force that was added, negative in compression."""
+        unit, best = float(self.buckling[fit.best]), fit.best
+        value, std = unit * float(fit.theta[best, 0]), unit * float(fit.covariance[best, 0, 0] ** 0.5)
+        return {"force": Quantity(value=value, std=float(np.hypot(std, DENSITY_STD * value)), unit="N")}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Write the member's preload."""
+        found = self.members[row]
+        more = float(theta[0] * self.buckling[row])
+        members = tuple(
+            m.model_copy(update={"preload": m.preload + more}) if m.name == found.name else m for m in structure.member
+        )
+        return structure.model_copy(update={"member": members})
+
+
+def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialForce | None:
+    """Return every member; none of very many or of matrices."""
+    structure = reference.calibration.structure
+    if not may_be_cut(structure):
+        return None
+    buckling, share, basis = _geometric(reference)
+    return AxialForce(
+        prior_std=np.array([_STD]),
+        lower=np.full((len(buckling), 1), _COMPRESSED),
+        drifting=True,
+        comparison=comparison,
+        members=structure.member,
+        buckling=buckling,
+        share=share,
+        basis=basis,
+    )
+
+
+@lru_cache(maxsize=4)
+def _geometric(reference: Reference) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the buckling force [N], the shares w and the basis of each member."""
+    model, root = reference.calibration.model, 1 / (2 * np.pi * reference.frequency)
+    stiffness = {member.name: np.zeros((len(root), len(root))) for member in model.structure.member}
+    known: dict[int, FloatArray] = {}  # elements of a kind are alike
+    for name, (first, last, element) in zip(model.member_names, model.elements, strict=True):
+        assert isinstance(element, Element)
+        if id(element) not in known:
+            turn = np.kron(np.eye(4), element.axes(model.nodes[last] - model.nodes[first]))
+            known[id(element)] = turn.T @ element.geometric_stiffness() @ turn
+        dofs = np.concatenate([model.dofs[first], model.dofs[last]])
+        moved = np.where(dofs[:, None] >= 0, reference.shape[dofs], 0.0) * root
+        stiffness[name] += moved.T @ known[id(element)] @ moved
+    value, vectors = np.linalg.eigh(np.array(list(stiffness.values())))
+    most = value[:, -1]
+    return 1 / most, np.maximum(value, 0.0) / most[:, None], root[:, None] * vectors

@@ -1,0 +1,248 @@
+"""A foot or a joint that gives more, or less, than it did: modal flexibility Lambda^-1 + sum_a c_a mu_a mu_a^T.
+
+mu_a = (moment of each mode in the spring about axis a) / omega^2 is the modal displacement under a unit couple at the
+spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact in all modes and nearly so in thirty.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Discrete
+from updater.causes.modal_loads import borne_by_spring
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
+from updater.reference.reference import Reference
+from updater.structure.entries import AXES, Axis, Joint, Support
+from updater.structure.parameters import all_knobs, flexibility_unit, is_of
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+BoolArray = npt.NDArray[np.bool_]
+TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
+SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a connection that has come loose
+_SOFTER = 10.0  # likewise of a bearing, of its own flexibility
+_GIVES = 1e-2  # and at least of c E I / L^3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Springs(Discrete):
+    """Connections with springs; parameters are flexibilities added about, or along, x y z, over what is usual for them.
+
+    Alternatives are each connection's axes that may have changed, singly and together: an axis that has not, or that
+    the data cannot show, must not count for or against a connection. Each is there twice, begun from no change and from
+    what the frequencies say to first order: where modes cross on the way, one of them may not arrive. What turned
+    freely begins no stiffer than the member is: only about there its stiffness moves a mode.
+    """
+
+    name: str
+    advice: str
+    comparison: Comparison
+    structure: Structure  #: that has the connections
+    connections: tuple[Support | Joint, ...]  #: (n,) of each alternative
+    axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
+    active: BoolArray  #: (n, 3) of which each alternative changes these
+    before_std: FloatArray  #: (n, 3) of the flexibility that each had [rad/(N m)] or [m/N]
+    unit: FloatArray  #: (n, 3) 1 / c of a parameter of one [N m/rad] or [N/m]
+    couple: FloatArray  #: (n, 3, n_modes + n_stress) mu, and moments of self-stress; 0 where there is nothing to change
+    begun: FloatArray  #: (n, 3) where the fit begins
+    place_free: bool = False
+
+    @property
+    def start(self) -> FloatArray:
+        """No change, or the first order."""
+        return self.begun
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return flexibility changes."""
+        couple = self.couple[rows]
+        compliance = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
+        return replace(no_effect(len(rows), self.comparison), compliance=compliance)
+
+    def where(self, fit: "Fit[Cause]") -> Where:
+        """Return the node."""
+        found = self.connections[fit.best]
+        member = found.member if isinstance(found, Joint) else None
+        return Where(member=member, position=found.at, position_std=0.0, region=((found.at, found.at),))
+
+    def deviations(self, fit: "Fit[Cause]") -> float:
+        """Return by how many standard deviations the spring that changed most differs from what it was."""
+        std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
+        return float(np.max(np.abs(fit.theta[fit.best]) / std, where=self.active[fit.best], initial=0.0))
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the stiffness about or along each axis in which it differs significantly from what it was."""
+        found = {}
+        for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
+            own = float(fit.covariance[fit.best, a, a] ** 0.5)
+            if abs(fit.theta[fit.best, a]) < SIGNIFICANT * own:
+                continue
+            more = own / self.unit[fit.best, a]
+            std = float(np.hypot(more, self.before_std[fit.best, a])) * now**2
+            found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
+        return found
+
+    def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
+        """Return the springs that changed."""
+        connection, after = self.connections[fit.best], self.parameters(fit)
+        return tuple(
+            ParameterChange(
+                name=knob.key,
+                quantity=knob.quantity,
+                of=knob.of,
+                position=connection.at,
+                unit=after[f"stiffness_{knob.axis}"].unit,
+                before=_stiffness(connection)[knob.axis],
+                after=after[f"stiffness_{knob.axis}"].value,
+                std=after[f"stiffness_{knob.axis}"].std,
+            )
+            for knob in all_knobs(self.structure)
+            if is_of(self.structure, connection, knob) and f"stiffness_{knob.axis}" in after
+        )
+
+    def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
+        """Return the standard deviations of the springs."""
+        return {change.name: change.std for change in self.changes(fit)}
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Write the new stiffnesses."""
+        found = self.connections[row]
+        kind = "joint" if isinstance(found, Joint) else "support"
+        parts = [self._changed(part, row, theta) if _same(part, found) else part for part in getattr(structure, kind)]
+        return structure.model_copy(update={kind: tuple(parts)})
+
+    def _changed(self, connection: Support | Joint, row: int, theta: FloatArray) -> Support | Joint:
+        new = {axis: now for _, axis, now in self._now(connection, row, theta)}
+        return connection.model_copy(update={"stiffness": {**connection.stiffness, **new}})
+
+    def _now(self, connection: Support | Joint, row: int, theta: FloatArray) -> list[tuple[int, Axis, float]]:
+        """Return an alternative's axes that change, with their number and what a connection's springs are then."""
+        old = _stiffness(connection)
+        return [
+            (a, axis, float(1 / (1 / old[axis] + theta[a] / self.unit[row, a])))
+            for a, axis in enumerate(self.axes[row])
+            if self.active[row, a]
+        ]
+
+
+def _stiffness(connection: Support | Joint) -> dict[Axis, float]:
+    return dict(connection.stiffness.items())
+
+
+def _same(one: Support | Joint, other: Support | Joint) -> bool:
+    return one.at == other.at and getattr(one, "member", None) == getattr(other, "member", None)
+
+
+def propose_support_stiffness(reference: Reference, comparison: Comparison) -> Springs | None:
+    """Return the supports that are held along or about some axis by a spring."""
+    model = reference.calibration.model
+    advice = "Tighten the foot's bolts, look at the bearing, and measure again."
+    supports = reference.calibration.structure.support
+    return _springs(
+        "support_stiffness",
+        advice,
+        reference,
+        comparison,
+        [(s, axes, [model.node_rows(s.at, AXES.index(a)) for a in axes]) for axes in (TURNS, SLIDES) for s in supports],
+    )
+
+
+def propose_joint_stiffness(reference: Reference, comparison: Comparison) -> Springs | None:
+    """Return the joints."""
+    model, joints = reference.calibration.model, reference.calibration.structure.joint
+    advice = "Look at the joint's weld or bolts; sensors that turn with either side of it would show the hinge."
+    rows: list[Connection] = [(j, TURNS, [model.joint_rows(j, a) for a in range(3)]) for j in joints]
+    return _springs("joint_stiffness", advice, reference, comparison, rows)
+
+
+Connection = tuple[Support | Joint, tuple[Axis, Axis, Axis], list[FloatArray]]
+
+
+def _springs(
+    name: str, advice: str, reference: Reference, comparison: Comparison, given: Sequence[Connection]
+) -> Springs | None:
+    """Return the springs among connections; each with three axes and the rows (n_dofs,) that read it there."""
+    structure = reference.calibration.structure
+    sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
+    if not sprung or structure.external is not None:
+        return None  # of matrices from elsewhere nobody knows E I / L
+    stiffness, bending, unit = _stiffness_and_unit(structure, sprung)
+    own, of_member = unit / stiffness, unit / bending
+    both = np.zeros((*stiffness.shape, len(comparison.frequency) + comparison.n_stress))
+    for i, (connection, axes, rows) in enumerate(sprung):
+        for a, axis in enumerate(axes):
+            if np.isfinite(stiffness[i, a]):
+                both[i, a] = borne_by_spring(reference, connection, axis, rows[a])
+    before_std = np.array([[reference.calibration.flexibility_std(c, a) for a in axes] for c, axes, _ in sprung])
+    which, active = _together(stiffness)
+    couple = np.where(active[:, :, None], both[which], 0.0)
+    lower = -0.999 * own[which]
+    least = np.where(own > of_member, of_member - own, -0.999 * own)[which]
+    first = np.maximum(_first_order(comparison, couple, unit[which]), least)
+    return Springs(
+        name=name,
+        advice=advice,
+        prior_std=np.full(3, LOOSE),
+        lower=np.tile(lower, (2, 1)),
+        drifting=True,
+        comparison=comparison,
+        structure=structure,
+        connections=2 * tuple(sprung[i][0] for i in which),
+        axes=2 * tuple(sprung[i][1] for i in which),
+        active=np.tile(active, (2, 1)),
+        before_std=np.tile(before_std[which], (2, 1)),
+        unit=np.tile(unit[which], (2, 1)),
+        couple=np.tile(couple, (2, 1, 1)),
+        begun=np.concatenate([np.zeros(first.shape), first]),
+    )
+
+
+def _stiffness_and_unit(
+    structure: Structure, sprung: Sequence[Connection]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n, 3) stiffness about or along three axes, infinite where held, E I / L, and 1 / c of a parameter of one.
+
+    One that is loose gives so much more (`LOOSE`): where it turns by E I / L, where it slides by its own spring.
+    What turns freely may lock.
+    """
+    stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
+    bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
+    turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
+    usual = np.where(turning, np.maximum(LOOSE, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
+    return stiffness, bending, bending * LOOSE / usual
+
+
+def _together(stiffness: FloatArray) -> tuple[IndexArray, BoolArray]:
+    """Return every set of springs that may change together: connection (n_sets,), and whether each axis (n_sets, 3).
+
+    Parameters
+    ----------
+    stiffness : (n_connections, 3), infinite where nothing can change
+    """
+    sets = [
+        (i, axes)
+        for i in range(len(stiffness))
+        for axes in itertools.product((False, True), repeat=3)
+        if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
+    ]
+    return np.array([i for i, _ in sets]), np.array([axes for _, axes in sets])
+
+
+def _first_order(comparison: Comparison, couple: FloatArray, unit: FloatArray) -> FloatArray:
+    """Return the parameters (n, 3) by d ln f_i = -omega_i^2 sum_a theta_a mu_ai^2 / 2 unit, fitted to frequencies."""
+    square = (2 * np.pi * comparison.frequency[comparison.paired]) ** 2
+    whitener = comparison.drifting.matrix
+    slope = (-0.5 / unit[:, :, None] * square * couple[:, :, comparison.paired] ** 2) @ whitener.T
+    normal = slope @ slope.transpose(0, 2, 1) + np.eye(3) / LOOSE**2
+    score = slope @ (whitener @ comparison.log_ratio)
+    return np.asarray(np.linalg.solve(normal, score[:, :, None])[:, :, 0])

@@ -1,0 +1,164 @@
+"""A stretch of a member that has lost stiffness, or gained some: a crack, a loosened splice, a patch.
+
+One factor 1 - loss on what it bears bending and twist with adds modal flexibility
+dF = loss / (1 - loss) int A^T A dx / (omega_r^2 omega_s^2), A the modes' weighed internal actions: the unit-load
+method, with self-stress exact in all modes and nearly so in thirty. How much of that it loses in shear is left open.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.member_grid import Cells, cut
+from updater.causes.modal_loads import borne
+from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
+from updater.inference.comparison import Comparison
+from updater.inference.priors import log_uniform
+from updater.inference.reanalysis import Effect, no_effect
+from updater.quantities import Quantity
+from updater.reference.reference import Reference
+from updater.structure.entries import Segment
+from updater.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from updater.causes.base import Cause
+    from updater.inference.fit import Fit
+
+_STD = 1.0  # of ln of the factor on stiffness, while it is fitted
+_LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two
+_STIFFEST = -1.0  # what a stretch may gain, as a logarithm
+SHEAR = 0.5  #: as much softer in shear and along the axis: a crack hardly is, a softer material all of it
+SOFTEST = 7.0  #: beyond which a hinge is a hinge
+#: from 1/75 of the longest member to half of it; near each other they act alike
+LENGTHS = Kinds(
+    size={8: 8, 30: 30, 90: 90},
+    step={8: 10, 30: 14, 90: 28},
+    about={8: (4, 6, 8, 10, 12, 14), 30: (18, 22, 26, 30, 36, 44, 52), 90: (62, 74, 88, 106, 126, 150)},
+)
+#: and on to all of it
+ALL_LENGTHS = Kinds(
+    size=LENGTHS.size | {220: 220},
+    step=LENGTHS.step | {220: 40},
+    about=LENGTHS.about | {220: (180, 216, 260, 300)},
+    whole=True,
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LocalStiffness(Spread):
+    """Stretches of all members; the parameter is -ln of the factor on stiffness."""
+
+    #: (n_compliances, n_edges, n_modes + n_stress, same) from each member's start: in bending and twist, last in shear
+    compliance: FloatArray
+    name: str = "local_stiffness"
+    advice: str = "Inspect this part of the member for a crack or a loose splice."
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Of the logarithm, the shift, the length, and of how much more than half as much it is softer in shear."""
+        return np.array([_STD, WITHIN, WITHIN, SHEAR])
+
+    @property
+    def lower(self) -> FloatArray:
+        """A stretch gains less than it may lose."""
+        return np.tile([_STIFFEST, -np.inf, -np.inf, -SHEAR], (len(self.member), 1))
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return flexibility changes."""
+        more = np.expm1(np.minimum(theta[:, :1], SOFTEST)) * self.shares(theta, rows)
+        return replace(
+            no_effect(len(rows), self.comparison), compliance=self.matrix(self.compliance, more, theta, rows)
+        )
+
+    def shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return how much of each compliance (len(rows), n_compliances) is added, over the most of them."""
+        del rows
+        return np.stack([np.ones(len(theta)), np.minimum(SHEAR + theta[:, 3], 1.0)], axis=1)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return what a loss of any order makes of the evidence."""
+        std = np.sqrt(covariance[:, 0, 0])
+        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+
+    def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
+        """Return the logarithm that adds as much flexibility in all."""
+        found = theta.copy()
+        found[:, 0] = np.maximum(np.log1p(np.maximum(np.expm1(theta[:, 0]) / ratio, -0.6)), _STIFFEST)
+        return found
+
+    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+        """Return the share of stiffness that is lost and the length over which: as much less as that is longer."""
+        left = np.exp(-fit.theta[:, 0])
+        loss = self.averaged(fit, 1 - left, left * np.sqrt(fit.covariance[:, 0, 0]))
+        extent = self.averaged(fit, *self.extents(fit))
+        return {
+            "loss": Quantity(value=loss[0], std=loss[1], unit="-"),
+            "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
+        }
+
+    def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
+        """Add a segment of the stretch's stiffness."""
+        member, at, extent = self.stretch(row, theta)
+        more = float(np.expm1(min(theta[0], SOFTEST)))
+        segment = Segment(
+            member=member,
+            at=at,
+            extent=extent,
+            stiffness=1 / (1 + more),
+            shear_stiffness=1 / (1 + min(SHEAR + float(theta[3]), 1.0) * more),
+        )
+        return structure.model_copy(update={"segment": (*structure.segment, segment)})
+
+
+def propose_local_stiffness(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
+    """Return stretches of a few lengths every few centimetres; none of very many members or of matrices.
+
+    Against a structure file alone they are no longer than half the longest member: the stiffness of a whole member is
+    one of the file's own parameters then (`model_parameters`).
+    """
+    structure = reference.calibration.structure
+    if not may_be_cut(structure):
+        return None
+    cells, compliance = _flexibility(reference)
+    kinds = ALL_LENGTHS if reference.calibration.fitted else LENGTHS
+    found = LocalStiffness(
+        reference=reference,
+        comparison=comparison,
+        cells=cells,
+        kinds=kinds,
+        compliance=compliance,
+        **everywhere(cells, kinds, 4),
+    )
+    return begun(found, first_order(found))
+
+
+def first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
+    """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
+    comparison = cause.comparison
+    paired = comparison.paired
+    rows = np.arange(len(cause.member))
+    bent = cause.shares(cause.start, rows)[:, :-1]
+    softer = cause.matrix(cause.compliance[:-1], bent, cause.start, rows)
+    gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
+    more, explained = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
+    return np.log1p(np.clip(more, -0.5, np.e**2)), explained
+
+
+@lru_cache(maxsize=4)
+def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
+    """Return the compliance of all stretches, summed from each member's start."""
+    return compliances(reference, (slice(3, 6), slice(0, 3)))
+
+
+def compliances(reference: Reference, actions: tuple[slice, ...]) -> tuple[Cells, FloatArray]:
+    """Return cells, and what stretches give by each of some actions, summed from each member's start.
+
+    The latter (n_compliances, n_edges, n_modes + n_stress, same).
+    """
+    cells = cut(reference.calibration.structure.member)
+    found = borne(reference, {m: cells.middles(m) for m in range(len(cells.members))})
+    own = [found[m] for m in range(len(cells.members))]
+    return cells, np.stack([cells.summed([each[:, which] for each in own]) for which in actions])

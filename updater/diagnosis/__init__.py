@@ -1,0 +1,1 @@
+"""Diagnosis: causes fitted and compared, combined, named, and checked on data not used."""

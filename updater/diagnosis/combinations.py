@@ -1,0 +1,331 @@
+"""Several causes together: found step by step, each step sought widely and followed until it rests.
+
+Every cause of the catalogue is tried beside the best so far to first order; the promising ones are fitted in turns,
+each over all its alternatives while the others give way in their parameters. Turns end where no single cause can move
+alone. So from the best, each of its causes is also put at its next place, and a rare one exchanged for a common one
+that acts much like it.
+"""
+
+import itertools
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
+from updater.causes.composite import Beside, Chosen
+from updater.causes.mass.attached_oscillator import hides
+from updater.causes.overall.common_factor import CommonFactor
+from updater.diagnosis.places import next_place
+from updater.diagnosis.weighing import OF_THE_FILE, Candidate, Weighing, ranked
+from updater.inference.fit import Fit, fit
+from updater.inference.linearization import foreseen, pulls
+
+_MOST = 300  # alternatives of a cause that are looked at; of more, evenly many
+_LEAST = 1.0  # of chi-square, by a step of one prior standard deviation: what does less explains nothing
+_ALIKE = 1e-6  # of the product of two squares, the determinant of what acts alike: one of them is enough
+_FARTHEST = 3.0  # prior standard deviations that a fit begins from
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Effect of a unit of each parameter of each alternative on the data, besides a drift common to all frequencies."""
+
+    names: list[str]  #: of the causes
+    effect: FloatArray  #: (n, n_data) whitened
+    precision: FloatArray  #: (n,) of the priors
+    log_prior: FloatArray  #: (n,) of the alternatives and their causes
+    cause: IndexArray  #: (n,)
+    row: IndexArray  #: (n,) alternative
+    parameter: IndexArray  #: (n,)
+    rest: FloatArray  #: (n_data,) whitened, that nothing but a drift leaves
+
+
+def likeliest_pair(weighing: Weighing) -> tuple[Chosen, Chosen] | None:
+    """Return the two alternatives that explain most together, as they do to first order; None if there are no two."""
+    columns = _columns(weighing)
+    if columns is None:
+        return None
+    gram, score = columns.effect @ columns.effect.T, columns.effect @ columns.rest
+    square = np.diagonal(gram) + columns.precision
+    product = np.outer(square, square)
+    determinant = product - gram**2
+    cross = np.outer(score**2, square)
+    gain = (cross + cross.T - 2 * np.outer(score, score) * gram) / np.maximum(determinant, _ALIKE * product)
+    evidence = gain / 2 + columns.log_prior[:, None] + columns.log_prior
+    same = (columns.cause[:, None] == columns.cause) & (columns.row[:, None] == columns.row)
+    evidence[same | (determinant < _ALIKE * product)] = -np.inf
+    one, other = (int(k) for k in np.unravel_index(np.argmax(evidence), evidence.shape))
+    if evidence[one, other] == -np.inf:
+        return None
+    both = [one, other]
+    normal = gram[np.ix_(both, both)] + np.diag(columns.precision[both])
+    first, second = np.linalg.solve(normal, score[both]).tolist()
+    return _begun(weighing, columns, one, first), _begun(weighing, columns, other, second)
+
+
+def _columns(weighing: Weighing) -> _Columns | None:
+    data = replace(weighing.data, plain=weighing.data.drifting)  # sensors, too, beside a drift
+    names: list[str] = []
+    parts = []
+    for name, cause in weighing.causes.items():
+        std, n = cause.prior_std, len(cause.log_prior)
+        if hides(cause) or isinstance(cause, CommonFactor) or not len(std):
+            continue
+        rows = np.arange(0, n, -(-n // _MOST))
+        rest, effect = pulls(data, cause, rows)
+        at, parameter = np.nonzero((effect**2).sum(1) * std**2 > _LEAST)
+        prior = cause.log_prior[rows[at]] + weighing.log_prior(name)
+        parts.append(
+            (effect[at, :, parameter], std[parameter] ** -2, prior, np.full(len(at), len(names)), rows[at], parameter)
+        )
+        names.append(name)
+    if not parts:
+        return None
+    effect, precision, prior, number, row, parameter = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return _Columns(names, effect, precision, prior, number, row, parameter, -rest)
+
+
+def _begun(weighing: Weighing, columns: _Columns, number: int, strength: float) -> Chosen:
+    cause, row = weighing.causes[columns.names[columns.cause[number]]], int(columns.row[number])
+    theta, at = cause.idle[row].copy(), int(columns.parameter[number])
+    theta[at] = strength
+    reach = _FARTHEST * cause.prior_std
+    return Chosen(cause, row, np.maximum(np.clip(theta, -reach, reach), cause.lower[row]))
+
+
+_CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
+_MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
+_DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
+_FURTHER = 3  # more pairs that are fitted where none of these fits
+_HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted ...
+_ERRS = 0.2  # ... and of what the best is foreseen to gain: by how much first order may err
+_TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
+_NEXT = 8.0  # of log density under a cause's best place: another one that is tried
+_LIKE = {"distributed_mass": "added_mass"}  # a rare cause, and a common one that may have been foreseen as the worse
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """Several causes together, of which the last has not been fitted yet."""
+
+    chosen: tuple[Chosen, ...]
+    log_evidence: float  #: foreseen to first order, what its parameters cost left out
+    fewer: float  #: log evidence without the one that has not been fitted
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the causes."""
+        return tuple(c.cause.name for c in self.chosen)
+
+
+def common(names: Sequence[str]) -> list[str]:
+    """Return names of causes in order, each rare one as the common one that acts much like it."""
+    return sorted(_LIKE.get(name, name) for name in names)
+
+
+@dataclass(frozen=True, eq=False)
+class Compositions:
+    """Several of the weighed causes at once."""
+
+    weighing: Weighing
+
+    def promising(self, seeds: Sequence[Candidate]) -> list[Promise]:
+        """Foresee to first order what each cause would gain beside each of the seeds, the best first.
+
+        What brings a mode that nobody sees is none of them: it explains too much of others' misfit.
+        """
+        seeds = [s for s in seeds if not any(hides(c.cause) for c in s.chosen)]
+        found = [
+            self.weighing.faults.attempt(" and ".join((*seed.names, name)), partial(self._promise, seed, name, cause))
+            for seed in itertools.chain(seeds, *(self._elsewhere(seed) for seed in seeds if len(seed.chosen) == 1))
+            for name, cause in self.weighing.causes.items()
+            if not hides(cause) and not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
+        ]
+        return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
+
+    def at_once(self, only: Collection[str] = ()) -> list[Candidate]:
+        """Fit the two causes that explain most together to first order, wherever the one that does alone may be.
+
+        A rare cause among them is exchanged for the common one that acts much like it, too.
+
+        Parameters
+        ----------
+        only : names of the causes to which the pair is limited; all that are considered if empty
+        """
+        allowed = [name for name in self.weighing.causes if not only or name in only]
+        weighing = replace(self.weighing, allowed=allowed) if only else self.weighing
+        pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
+        found = None if pair is None else self._at_rest(self.settled(pair))
+        if found is None:
+            return []
+        alike = [self._at_rest(self.settled(chosen)) for chosen in self._alike(found) if not only]
+        return ranked([found, *(other for other in alike if other is not None)])
+
+    @cached_property
+    def _same_factor(self) -> list[Cause]:
+        """Makers of a factor on all frequencies that nothing tells apart; the first one stands for all."""
+        return [c for c in self.weighing.causes.values() if isinstance(c, CommonFactor) and not c.informed]
+
+    def _said_already(self, seed: Candidate, cause: Cause) -> bool:
+        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one.
+
+        A file that is off may be so in all its stiffness: that is one, and it is off once.
+        """
+        if cause.name == OF_THE_FILE:
+            return OF_THE_FILE in seed.names
+        if not isinstance(cause, CommonFactor):
+            return False
+        has_one = any(isinstance(c.cause, CommonFactor) or c.cause.name == OF_THE_FILE for c in seed.chosen)
+        return has_one or cause in self._same_factor[1:]
+
+    def _with_other_makers(self, found: Sequence[Candidate]) -> list[Candidate]:
+        """Return candidates and the same with each other maker of a common factor in the place of the first."""
+        every = list(found)
+        for candidate, other in itertools.product(found, self._same_factor[1:]):
+            first = self._same_factor[0]
+            if first.name in candidate.names:
+                chosen = tuple(replace(c, cause=other) if c.cause is first else c for c in candidate.chosen)
+                parts = tuple(replace(p, hypotheses=other) if p.hypotheses is first else p for p in candidate.parts)
+                every.append(replace(candidate, chosen=chosen, parts=parts))
+        return every
+
+    def _full(self, seed: Candidate) -> bool:
+        """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
+        most = min(
+            max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
+            max(1, int(self.weighing.data.freedom // _DATA_EACH)),
+        )
+        return sum(c.cause.drifting for c in seed.chosen) >= most
+
+    def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
+        self.weighing.on_cause(" and ".join((*seed.names, name)))
+        n_own = len(cause.prior_std)
+        theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
+        beside: Beside[Cause] = Beside(cause, seed.chosen)
+        cost = -foreseen(self.weighing.data, beside, theta, n_own)
+        gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
+        row = int(np.argmax(gain))
+        evidence = seed.log_evidence + float(gain[row]) + self.weighing.log_prior(name)
+        return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence, seed.log_evidence)
+
+    def together(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Fit the best of what was foreseen; two causes of one kind are two, and those that fail are left out."""
+        return self._fitted(self._worth_fitting(promises))
+
+    def further(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Fit the best of what `together` leaves out, each of other causes: first order may err by more than it allows.
+
+        A body that has come to where a stretch beside it is best made up for foresees little of that stretch.
+        """
+        tried = [common(p.names) for p in self._worth_fitting(promises)]
+        others: dict[tuple[str, ...], Promise] = {}
+        for promise in promises:
+            names = common(promise.names)
+            if names == sorted(promise.names) and names not in tried and promise.log_evidence > promise.fewer:
+                others.setdefault(tuple(names), promise)
+        return self._fitted(list(others.values())[:_FURTHER]) if others else []
+
+    def _fitted(self, promises: Sequence[Promise]) -> list[Candidate]:
+        """Return what promises come to, the best also with its causes elsewhere and with others that act alike."""
+        found: dict[tuple[str, ...], Candidate] = {}
+
+        def keep(fitted: Candidate | None) -> None:
+            if fitted is None:
+                return
+            key = tuple(sorted(fitted.names))
+            if key not in found or found[key].log_evidence < fitted.log_evidence:
+                found[key] = fitted
+
+        for promise in promises:
+            keep(self.settled(promise.chosen))
+        if not found:
+            return []
+        best = max(found.values(), key=lambda c: c.log_evidence)
+        keep(self._at_rest(best))
+        for other in self._elsewhere(best):
+            keep(self._at_rest(self.settled(other.chosen)))
+        tried = None
+        while tried is not (best := max(found.values(), key=lambda c: c.log_evidence)):
+            tried = best
+            for chosen in self._alike(best):
+                keep(self._at_rest(self.settled(chosen)))
+        return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
+
+    def _worth_fitting(self, promises: Sequence[Promise]) -> list[Promise]:
+        """Return the promises that may come true better than the best: first order errs by a share of what it says.
+
+        And that of common causes alone, where the best has rare ones.
+        """
+        best = promises[0]
+        margin = _HOPELESS + _ERRS * max(best.log_evidence - best.fewer, 0.0)
+        few = [p for p in promises[: _CLOSER + 2 - len(best.chosen)] if p.log_evidence >= best.log_evidence - margin]
+        plain = common(best.names)
+        return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
+
+    def _at_rest(self, fitted: Candidate | None) -> Candidate | None:
+        """Fit again, each cause beside the others where these have come to, while that is better."""
+        if fitted is None:
+            return None
+        for _ in range(_TURNS):
+            again = self.settled(fitted.chosen)
+            if again is None:
+                return fitted
+            if again.log_evidence < fitted.log_evidence + _STILL:
+                return max(fitted, again, key=lambda c: c.log_evidence)
+            fitted = again
+        return fitted
+
+    def _elsewhere(self, fitted: Candidate) -> list[Candidate]:
+        """Return the same with each cause in turn at its next place, which fits in turns do not reach."""
+        found = []
+        room = _NEXT + _ERRS * max(fitted.chi_square - fitted.parts[0].freedom, 0.0) / 2
+        for number, part in enumerate(fitted.parts):
+            row = next_place(part, room)
+            if row is not None:
+                moved = Chosen(part.hypotheses, row, part.theta[row])
+                less = float(part.log_density[part.best] - part.log_density[row])
+                found.append(
+                    replace(
+                        fitted,
+                        chosen=(moved, *fitted.chosen[:number], *fitted.chosen[number + 1 :]),
+                        log_evidence=fitted.log_evidence - less,
+                        chi_square=float(part.chi_square[row]),
+                    )
+                )
+        return found
+
+    def _alike(self, fitted: Candidate) -> list[tuple[Chosen, ...]]:
+        """Return the causes with a common one in the place of a rare one that acts much like it."""
+        found = []
+        for number, one in enumerate(fitted.chosen):
+            other = self.weighing.causes.get(_LIKE.get(one.cause.name, ""))
+            if other is not None:
+                others = fitted.chosen[:number] + fitted.chosen[number + 1 :]
+                found.append((*others, Chosen(other, 0, np.zeros(len(other.prior_std)))))
+        return found
+
+    def settled(self, chosen: tuple[Chosen, ...]) -> Candidate | None:
+        """Return causes fitted in turn, all alternatives of each beside the best of the others, the last one first.
+
+        None where a fit fails.
+        """
+        names = " and ".join(self.weighing.label(c.cause.name) for c in chosen)
+        return self.weighing.faults.attempt(names, partial(self._settled, chosen))
+
+    def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
+        parts: list[Fit[Cause]] = []
+        for _ in chosen:
+            *others, last = chosen
+            free = self.weighing.causes[last.cause.name]
+            found = fit(self.weighing.data, Beside(free, tuple(others), fresh=bool(others)))
+            chosen = found.hypotheses.best(found)
+            parts.insert(0, found.hypotheses.of_free(found))
+        # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
+        open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
+        evidence = found.log_evidence - open_ones + sum(self.weighing.log_prior(c.cause.name) for c in chosen)
+        if np.isnan(evidence):
+            raise FloatingPointError("the log evidence is not a number")
+        return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))

@@ -1,0 +1,148 @@
+"""The gain of a diagnosis on data that did not choose it: of the written model, and of the changes predicted.
+
+The model's figures are those of the structure file with the causes written in, solved anew and compared with all modes
+measured; without the causes, those of the file as it was before them. The predicted changes are relative to the
+baseline, on held-out records or on each mode in its turn, so that what the model gets wrong about the structure as it
+was cancels. They decide whether the causes gain anything: a gain that may be chance is none, so the log likelihood must
+rise by more than two standard deviations of that rise, which by independent noise are the whitened distance between
+the two predictions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes.composite import Chosen
+from updater.causes.prediction import prediction
+from updater.diagnosis.model_extension import agreeing
+from updater.diagnosis.schema import Gain, Pair
+from updater.inference.comparison import Comparison, Whitener
+from updater.inference.phases_and_damping import without_mode
+from updater.inference.residuals import Prediction, residual
+from updater.reference.model_fit import ModelFit
+
+_SIGNIFICANT = 2.0  # standard deviations
+_BY_MODE = ("log_ratio", "shape", "lag", "log_damping")  # of a prediction
+_UNKNOWN = 1e4  # variance of a log frequency that was not measured
+
+
+@dataclass(frozen=True, eq=False)
+class Gained:
+    """A gain and how sure it is."""
+
+    gain: Gain
+    std: Gain  #: standard deviations of the same figures
+    significant: bool  #: whether the log likelihood of the changes has risen by more than chance may do
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeGain:
+    """The gain of predicted changes since the baseline."""
+
+    error: Pair  #: root mean square of frequency ratios without and with the causes [%]
+    std: Pair
+    significant: bool
+
+
+def change_gain_on(heldout: Comparison, chosen: Sequence[Chosen]) -> ChangeGain:
+    """Return the gain of predicted changes on a record that was not used."""
+    return _change_gain(heldout, prediction(heldout, chosen), chosen)
+
+
+def change_gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> ChangeGain:
+    """Return the gain of predicted changes of each mode when the parameters are fitted to the others.
+
+    Places, channels and the causes themselves stay as they were found with all modes.
+    """
+    whole = prediction(data, chosen)
+    predicted = replace(whole, **{name: getattr(whole, name).copy() for name in _BY_MODE})
+    for i in range(len(data.log_ratio)):
+        without = prediction(data, agreeing(_blind(data, i), chosen))
+        for name in _BY_MODE:
+            getattr(predicted, name)[:, i] = getattr(without, name)[:, i]
+    return _change_gain(data, predicted, chosen)
+
+
+def gain_of(before: ModelFit, after: ModelFit, change: ChangeGain, *, heldout: bool) -> Gained:
+    """Return the gain of a written model.
+
+    Parameters
+    ----------
+    before, after : (n_modes,) of the model without and with the causes, to the same measured modes
+    change : of the changes since the baseline
+    heldout : whether these modes were measured on a record that was not used
+    """
+    both = np.flatnonzero(np.isfinite(after.residual))
+    fits = [before.only(both), after.only(both)]
+    error, error_std = zip(*(fit.frequency_error() for fit in fits), strict=True)
+    apart, apart_std = zip(*(fit.mac_error() for fit in fits), strict=True)
+    common = np.flatnonzero(np.isfinite(fits[0].residual))
+    likelihood = [float(fit.log_likelihood[common].sum()) for fit in fits]
+    n_modes, noise = len(both), fits[1].noise_error()
+    return Gained(
+        gain=Gain(
+            heldout=heldout,
+            frequency_error_percent=_pair(error),
+            one_minus_mac=_pair(apart),
+            log_likelihood=_pair(likelihood),
+            change_error_percent=change.error,
+            n_modes=n_modes,
+            n_measured=len(after.residual),
+            noise_percent=noise,
+            exceeds_noise=fits[1].exceeds_noise(),
+        ),
+        std=Gain(
+            heldout=heldout,
+            frequency_error_percent=_pair(error_std),
+            one_minus_mac=_pair(apart_std),
+            log_likelihood=_pair([float(np.linalg.norm(fit.log_likelihood_std[common])) for fit in fits]),
+            change_error_percent=change.std,
+            n_modes=n_modes,
+        ),
+        significant=change.significant,
+    )
+
+
+def _blind(data: Comparison, mode: int) -> Comparison:
+    """Return the same data with one mode as if it had not been measured."""
+    seen = (np.arange(len(data.log_ratio)) != mode).astype(float)
+    return replace(
+        data,
+        plain=_without(data.plain, mode),
+        drifting=_without(data.drifting, mode),
+        shape_whitener=seen[:, None, None] * data.shape_whitener,
+        lag_whitener=without_mode(data.lag_whitener, mode, len(data.channels)),
+        damping_weight=seen * data.damping_weight,
+    )
+
+
+def _without(whitener: Whitener, mode: int) -> Whitener:
+    root = np.linalg.inv(whitener.matrix)
+    covariance = root @ root.T
+    covariance[mode, mode] += _UNKNOWN
+    matrix: FloatArray = np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.float64)
+    return Whitener(matrix, whitener.log_det)
+
+
+def _change_gain(data: Comparison, after: Prediction, chosen: Sequence[Chosen]) -> ChangeGain:
+    before = prediction(data, None)
+    whitener = data.drifting if any(c.cause.drifting for c in chosen) else data.plain
+    rests = [residual(data, before, data.plain)[0], residual(data, after, whitener)[0]]
+    likelihood = [-0.5 * float(r @ r) + w.log_det for r, w in zip(rests, (data.plain, whitener), strict=True)]
+    error, std = zip(*(_frequency_error(data, p) for p in (before, after)), strict=True)
+    distance = float(np.linalg.norm(residual(data, before, whitener)[0] - rests[1]))
+    return ChangeGain(_pair(error), _pair(std), likelihood[1] - likelihood[0] > _SIGNIFICANT * distance)
+
+
+def _pair(values: Sequence[float | None]) -> Pair:
+    return Pair(before=values[0], after=values[1])
+
+
+def _frequency_error(data: Comparison, predicted: Prediction) -> tuple[float, float]:
+    """Return root mean square and its standard deviation [%]."""
+    rest = data.log_ratio - predicted.log_ratio[0]
+    rms = float(np.sqrt(np.mean(rest**2)))
+    std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
+    return 100 * rms, 100 * float(np.linalg.norm(rest * std)) / (len(rest) * max(rms, 1e-12))

@@ -1,0 +1,57 @@
+"""The parameters with which a model is extended: those that agree with the frequencies as closely as noise allows.
+
+What decides between causes allows for what the reference gets wrong about a change. The next record has the very same
+error: parameters that take it up foresee that record better, though they are no nearer to what was done.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from updater.causes.base import Cause, Nothing
+from updater.causes.composite import Beside, Chosen
+from updater.causes.overall.common_factor import CommonFactor
+from updater.causes.prediction import prediction
+from updater.inference.comparison import Comparison
+from updater.inference.fit import fit
+from updater.modal_data.tracked import COMMON_STD
+
+_SHARE = 0.2  # of the model error of frequencies: five times as close
+_SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
+
+
+def agreeing(data: Comparison, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
+    """Return the same alternatives as they agree best with the frequencies."""
+    alone = fixed(data, chosen)
+    return alone.best(fit(data.trusting(_SHARE), alone))[1:]
+
+
+def fixed(data: Comparison, chosen: Sequence[Chosen]) -> Beside[Any]:
+    """Return chosen causes as the only alternative, their parameters free."""
+    return Beside(Nothing(comparison=data), tuple(chosen))
+
+
+def drift_beside(data: Comparison, chosen: Sequence[Chosen], factor: Cause | None) -> tuple[Chosen, ...]:
+    """Return the drift common to all frequencies that chosen causes leave, as a factor on stiffness.
+
+    It is a nuisance, which nobody names; a model that is to agree with the next record has it all the same. None where
+    it is not significant, or where the causes have a common factor already.
+
+    Parameters
+    ----------
+    data : what was measured
+    chosen : causes with their parameters
+    factor : the cause that stands for the drift
+    """
+    if not isinstance(factor, CommonFactor) or any(isinstance(c.cause, CommonFactor) for c in chosen):
+        return ()
+    if not any(c.cause.drifting for c in chosen):
+        return ()
+    matrix = data.trusting(_SHARE).plain.matrix
+    ones, off = matrix.sum(1), matrix @ (data.log_ratio - prediction(data, chosen).log_ratio[0])
+    precision = float(ones @ ones) + COMMON_STD**-2
+    drift = float(ones @ off) / precision
+    if abs(drift) < _SIGNIFICANT / np.sqrt(precision):
+        return ()
+    return (Chosen(factor, 0, np.array([(drift - factor.centre) / factor.spread])),)

@@ -1,0 +1,358 @@
+"""A diagnosis put into the plain values of its contract."""
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import logsumexp
+
+from daq import FloatArray
+from updater.causes.base import Parametric, Placed
+from updater.causes.composite import Chosen
+from updater.causes.mass.attached_oscillator import hides
+from updater.causes.overall.common_factor import CommonFactor
+from updater.causes.prediction import mac_of, prediction
+from updater.diagnosis.places import by_place
+from updater.diagnosis.schema import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
+from updater.inference.comparison import Comparison
+from updater.inference.residuals import residual
+from updater.inference.shape_covariance import beside
+from updater.modal_data.tracked import ModalMean
+from updater.quantities import ParameterChange, Quantity, Vector
+from updater.reference.model_fit import ModelFit
+from updater.reference.nominal_modes import answers_of_file
+from updater.reference.reference import Reference
+from updater.structure.entries import Joint, Support
+from updater.structure.structure import Structure, size
+
+if TYPE_CHECKING:
+    from updater.causes import base as causes
+    from updater.diagnosis.weighing import Candidate
+    from updater.inference.fit import Fit
+
+_SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
+LEAST_P = 1e-3  #: of chi-square, under which a fit is none
+_LEAST_TOLD = 1e-12  # of p and of odds: beyond it neither noise nor model is known well enough to say how much
+_WORTH_NAMING = 0.05  # of the best one's posterior
+_ODD = 2.0  # standard deviations from which a frequency is named as odd
+_SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
+_BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
+_WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
+
+
+def named_causes(
+    data: Comparison, found: "list[Candidate]", sure: float
+) -> tuple[tuple[Cause, ...], bool, "list[Candidate]"]:
+    """Return the causes that hold the posterior's share `sure`, whether it is one that stands alone, and all left open.
+
+    Candidates that the data cannot separate are one set: its best member stands for it with the probability of all.
+    One cause at two places is two candidates, unless one place holds that share by itself.
+    """
+    found = by_place(found, sure)
+    probability = shares(found)
+    left = [i for i in range(len(found)) if probability[i] >= _WORTH_AN_ALIAS * probability.max()]
+    sets: list[tuple[float, list[int]]] = []
+    while left:
+        alike = [i for i in left if i == left[0] or _alike(data, found[left[0]], found[i])]
+        if probability[left[0]] >= sure * probability[alike].sum() and any(_informed(found[i]) for i in alike):
+            alike = alike[:1]  # told apart by what is known beside the modes
+        sets.append((min(1.0, float(probability[alike].sum())), alike))
+        left = [i for i in left if i not in alike]
+    sets.sort(key=lambda one: -one[0])
+    named: list[Cause] = []
+    left_open: list[Candidate] = []
+    held = 0.0
+    for share, alike in sets:
+        if held >= sure or share < _WORTH_NAMING * sets[0][0]:
+            break
+        named += _causes([found[i] for i in alike], share)
+        left_open += [found[i] for i in alike]
+        held += share
+    alone = sets[0][0] >= sure and not any(c.cannot_be_told_from for c in named)
+    return tuple(named), alone, left_open
+
+
+def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
+    """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
+    if one.names == other.names:
+        return False  # at another place
+    if any(hides(part.cause) for c in (one, other) for part in c.chosen):
+        return False  # stiffly hung it is a body: how common each is says which it is
+    if _at_one_connection(one, other):
+        return True
+    predicted = [prediction(data, c.chosen) for c in (one, other)]
+    if data.new is not None and len({p.new_frequency.shape[1] for p in predicted}) > 1:
+        return False  # one of them knows where the new mode is from
+    both = all(any(part.cause.drifting for part in c.chosen) for c in (one, other))
+    whitener = data.drifting if both else data.plain
+    first, second = (residual(data, p, whitener) for p in predicted)
+    return bool(((first - second) ** 2).sum() < _SEPARATE)
+
+
+def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
+    """Tell whether two candidates are a foot or a joint and a stretch beside it, all else alike.
+
+    Nobody knows how a foot or a joint is made: what tells one from a stretch beside it is how the model joins them.
+    """
+    own, theirs = Counter(one.names) - Counter(other.names), Counter(other.names) - Counter(one.names)
+    if own.total() != 1 or theirs.total() != 1:
+        return False
+    kinds = {*own, *theirs}
+    if "local_stiffness" not in kinds or not kinds & {"support_stiffness", "joint_stiffness"}:
+        return False
+    (name,), (other_name,) = own, theirs
+    first, second = _position(one, name), _position(other, other_name)
+    placed = [c.cause for c in (*one.chosen, *other.chosen) if isinstance(c.cause, Placed)]
+    if first is None or second is None or not placed:
+        return False
+    near = _BESIDE * size(placed[0].reference.calibration.structure)
+    return float(np.linalg.norm(np.subtract(first, second))) < near
+
+
+def _position(candidate: "Candidate", name: str) -> Vector | None:
+    """Return the place [m] of a candidate's cause, the last of its name."""
+    where = [part.hypotheses.where(part) for part in candidate.parts if part.hypotheses.name == name][-1]
+    return where.position if where else None
+
+
+def _informed(candidate: "Candidate") -> bool:
+    """Tell whether a thermometer or a tone speaks for or against a cause."""
+    return any(isinstance(c.cause, CommonFactor) and c.cause.informed for c in candidate.chosen)
+
+
+def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
+    """Return the causes of the first candidate, each with those that stand in its place in the others."""
+    first, *others = alike
+    return [
+        Cause(
+            cause=chosen.cause.name,
+            probability=probability,
+            where=part.hypotheses.where(part),
+            parameters=part.hypotheses.parameters(part),
+            changes=part.hypotheses.changes(part) if isinstance(part.hypotheses, Parametric) else (),
+            cannot_be_told_from=tuple(
+                dict.fromkeys(
+                    (
+                        *chosen.cause.cannot_be_told_from,
+                        *_in_its_place(chosen.cause.name, first, others),
+                        *_of_a_connection(part),
+                    )
+                )
+            ),
+        )
+        for chosen, part in zip(first.chosen, first.parts, strict=True)
+    ]
+
+
+def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
+    """Return the foot's or the joint's stiffness where a stretch is beside one, which the model may not make so."""
+    cause = part.hypotheses
+    where = cause.where(part)
+    if cause.name != "local_stiffness" or not isinstance(cause, Placed) or not where or where.position is None:
+        return []
+    structure = cause.reference.calibration.structure
+    near = _BESIDE * size(structure)
+    ends = [("support_stiffness", s.at) for s in structure.support] + [
+        ("joint_stiffness", j.at) for j in structure.joint
+    ]
+    return [name for name, at in ends if np.linalg.norm(np.subtract(where.position, at)) < near]
+
+
+def _in_its_place(name: str, first: "Candidate", others: "list[Candidate]") -> list[str]:
+    return [n for other in others if name not in other.names for n in other.names if n not in first.names]
+
+
+def shares(found: "Sequence[Candidate]") -> FloatArray:
+    """Return the posterior probabilities (n,) of candidates among themselves."""
+    log = np.array([c.log_evidence for c in found])
+    return np.asarray(np.exp(log - logsumexp(log)))
+
+
+def rejected_causes(
+    singles: "list[Candidate]", accepted: Collection[str], best: float, *, unchanged: bool = False
+) -> tuple[Rejected, ...]:
+    """Return the single causes that were not accepted, with the reason.
+
+    Parameters
+    ----------
+    best : log evidence of the best of the search
+    unchanged : whether that is no change at all
+    """
+    return tuple(
+        Rejected(cause=c.names[0], log_evidence=c.log_evidence - best, why=_why(c, c.log_evidence - best, unchanged))
+        for c in singles
+        if c.names[0] not in accepted
+    )
+
+
+def _why(candidate: "Candidate", evidence: float, unchanged: bool) -> str:
+    p = candidate.p_value
+    if p < LEAST_P:
+        return f"rejected: poor fit, p {p:.0e}" if p > _LEAST_TOLD else f"rejected: poor fit, p under {_LEAST_TOLD:.0e}"
+    if not candidate.effective:
+        return "not distinguishable from a uniform frequency shift"
+    if evidence >= 0:
+        return "fits, but no change fits as well" if unchanged else "fits only if the model is assumed to be worse"
+    return f"fits, {_odds(-evidence)} times less probable"
+
+
+def _odds(log_odds: float) -> str:
+    if log_odds > -np.log(_LEAST_TOLD):
+        return f"more than {1 / _LEAST_TOLD:.0e}".replace("+", "")
+    return f"{np.exp(log_odds):.2g}" if log_odds < np.log(1e4) else f"1e{log_odds / np.log(10):.0f}"
+
+
+def modes_of(
+    reference: Reference, event: ModalMean, data: Comparison, written: ModelFit | None = None
+) -> tuple[ModeFit, ...]:
+    """Return each mode without and with the causes, lowest first; those without a partner have a null.
+
+    Parameters
+    ----------
+    reference, event, data : what was compared
+    written : (n + n_extra,) fit of the written model to the modes compared, then to those that the baseline has not
+    """
+    measured = [*_paired(data), *_extra(data.circumstances.extra)]
+    if written is not None:
+        measured = [_with_causes(mode, written, i) for i, mode in enumerate(measured)]
+    return tuple(sorted((*measured, *_missing(reference, event)), key=_place_of))
+
+
+def _with_causes(mode: ModeFit, written: ModelFit, row: int) -> ModeFit:
+    frequency, mac = (_said(values[row : row + 1])[0] for values in (written.frequency, written.mac))
+    shaped = mode.mac.before is not None or mode.frequency.before is None
+    return ModeFit(
+        frequency=mode.frequency.model_copy(update={"after": frequency}),
+        mac=mode.mac.model_copy(update={"after": mac if shaped else None}),
+    )
+
+
+def _place_of(mode: ModeFit) -> float:
+    return mode.frequency.measured or mode.frequency.before or 0.0
+
+
+def _paired(data: Comparison) -> list[ModeFit]:
+    base = np.log(data.frequency[data.paired])
+    measured, before = np.exp(base + data.log_ratio), prediction(data, None)
+    mac = _said(mac_of(data, before.shape[0]))
+    return [
+        ModeFit(
+            frequency=FrequencyFit(
+                measured=float(measured[i]),
+                std=float(measured[i] * data.log_frequency_std[i]),
+                before=float(np.exp(base[i] + before.log_ratio[0, i])),
+                after=None,
+            ),
+            mac=Pair(before=mac[i], after=None),
+        )
+        for i in range(len(base))
+    ]
+
+
+def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
+    """Return the modes that were there before and were not measured since."""
+    gone = np.flatnonzero(~np.isfinite(event.log_frequency))
+    frequency = reference.frequency
+    if reference.filed is not None:
+        answer = answers_of_file(reference, reference.filed, reference.baseline.channels)
+        frequency = reference.file.frequency[answer]
+    return [
+        ModeFit(
+            frequency=FrequencyFit(measured=None, std=None, before=float(frequency[m]), after=None),
+            mac=Pair(before=None, after=None),
+        )
+        for m in reference.paired[gone]
+    ]
+
+
+def _extra(modes: ModalMean | None) -> list[ModeFit]:
+    """Return the modes that were not there before."""
+    if modes is None:
+        return []
+    frequency = np.exp(modes.log_frequency)
+    return [
+        ModeFit(
+            frequency=FrequencyFit(measured=float(f), std=float(f * std), before=None, after=None),
+            mac=Pair(before=None, after=None),
+        )
+        for f, std in zip(frequency, modes.log_frequency_std, strict=True)
+    ]
+
+
+def _said(values: FloatArray) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def calibration_summary(reference: Reference) -> CalibrationSummary | None:
+    """Return the modes paired and the frequency error before and after calibration; None without one."""
+    calibration, filed = reference.calibration, reference.filed
+    if filed is not None:
+        measured = reference.scatter.mean(reference.windows)
+        n_measured, n_nominal = len(measured.n), filed.reference.calibration.n_nominal
+        log_measured = measured.log_frequency[calibration.tracks]
+        of_file = answers_of_file(reference, filed, reference.baseline.channels)[calibration.paired]
+        nominal = filed.reference.frequency[of_file]
+    elif calibration.fitted:
+        n_measured, n_nominal = len(reference.known.n), calibration.n_nominal
+        log_measured, nominal = reference.baseline.log_frequency, calibration.nominal_frequency
+    else:
+        return None
+    off = (np.log(f) - log_measured for f in (nominal, calibration.modes.frequency[calibration.paired]))
+    before, after = (100 * float(np.sqrt(np.mean(one**2))) for one in off)
+    return CalibrationSummary(
+        modes_measured=n_measured,
+        modes_paired=PairedModes(before=n_nominal, after=len(calibration.paired)),
+        frequency_error_percent=Pair(before=before, after=after),
+    )
+
+
+def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
+    """Return a sentence on what the best explanation leaves unexplained, for the next measurement."""
+    predicted = prediction(data, chosen)
+    std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
+    score = (data.log_ratio - predicted.log_ratio[0]) / std
+    names = " and ".join(c.cause.name.replace("_", " ") for c in chosen)
+    worst = int(np.argmax(np.abs(score)))
+    hertz = data.frequency[data.paired]
+    far = bool(abs(score[worst]) >= _ODD)
+    odd = [f"the frequency of the mode at {hertz[worst]:.4g} Hz {abs(score[worst]):.0f} standard deviations off"] * far
+    if data.shaped.any():
+        mac = mac_of(data, predicted.shape[0])
+        least = int(np.nanargmin(mac))
+        off = np.abs(beside(data.shape[least], predicted.shape[0, least]))
+        channel = data.channels[int(np.argmax(off))]
+        if mac[least] < _SAME_SHAPE:
+            odd.append(f"the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}")
+    if not odd:
+        left = f"no frequency {_ODD:.0f} standard deviations off by itself, but all modes together more than noise"
+        return f"Repeat the measurement. The best hypothesis ({names}) leaves {left}."
+    return f"Repeat the measurement. The best hypothesis ({names}) leaves {', '.join(odd)}."
+
+
+def as_written(cause: Cause, structure: Structure) -> Cause:
+    """Return a foot's or a joint's stiffness as it stands in a structure in which another cause moved it too.
+
+    Flexibilities add, so that the deviation of a stiffness goes with its square; other causes are returned as they are.
+    """
+    springs: dict[str, Sequence[Support | Joint]] = {
+        "support_stiffness": structure.support,
+        "joint_stiffness": structure.joint,
+    }
+    where, found = cause.where, cause.parameters
+    for connection in springs.get(cause.cause, ()):
+        if where and connection.at == where.position and getattr(connection, "member", None) == where.member:
+            now = {f"stiffness_{axis}": stiffness for axis, stiffness in connection.stiffness.items()}
+            found = {
+                name: q.model_copy(update={"value": now[name], "std": q.std * (now[name] / q.value) ** 2})
+                for name, q in found.items()
+            }
+    changes = [c.model_copy(update={"after": q.value, "std": q.std}) for c, q in _with_quantities(cause.changes, found)]
+    return cause.model_copy(update={"parameters": found, "changes": tuple(changes)})
+
+
+def _with_quantities(
+    changes: Sequence[ParameterChange], found: Mapping[str, Quantity]
+) -> list[tuple[ParameterChange, Quantity]]:
+    """Return each change of a spring with the parameter that it is, or of the model's own by its name."""
+    return [(c, found[c.name] if c.name in found else found[f"stiffness_{c.name.rpartition('.')[2]}"]) for c in changes]

@@ -1,0 +1,224 @@
+"""Choice of the next measurement: each one is tried on the predictions of the remaining hypotheses.
+
+A sensor more, four times the record, a known mass clamped on, a thermometer, a tone of known frequency: for each the
+hypotheses say what would be read, and the distance of what they say in standard deviations is how well it would decide.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes.composite import Chosen
+from updater.causes.mass.added_mass import AddedMass
+from updater.causes.overall.common_factor import CommonFactor
+from updater.causes.overall.temperature import SOFTENING, SOFTENING_STD
+from updater.causes.prediction import effect_of, prediction
+from updater.inference.compare import MODEL_ERROR, compare
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Changed, Effect, picked, reanalyse
+from updater.inference.residuals import residual
+from updater.modal_data.tracked import ModalMean
+from updater.reference.reference import Reference
+from updater.structure.structure import size
+
+_DECIDES = 3.0  # standard deviations
+_NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good as another
+_SPACING = 0.1  # of a member's length, between places that are tried
+_SHARE = 0.02  # of the structure's mass: what is clamped on
+_LONGER = 4  # times the record
+_THERMOMETER_STD = 0.7  # K, of a difference
+_TONE_STD = 5e-4  # of ln f, as `sampling_clock` takes it
+_MOST = 3  # measurements that are named
+_WORTHLESS = 1.0  # standard deviations under which a measurement is not named
+
+Hypothesis = tuple[Chosen, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A measurement, and by how many standard deviations it separates each two hypotheses."""
+
+    text: str
+    distance: FloatArray  #: (n, n)
+
+
+def next_measurement(
+    reference: Reference, event: ModalMean, data: Comparison, bodies: AddedMass | None, open_ones: Sequence[Hypothesis]
+) -> str:
+    """Return what to measure, in sentences.
+
+    Parameters
+    ----------
+    bodies : positions where a known mass may be clamped on
+    open_ones : two or more hypotheses that the data do not separate
+    """
+    trials = [
+        *_sensors(reference, event, data, open_ones),
+        *([_known_mass(data, bodies, open_ones)] if bodies is not None else []),
+        _longer(reference, event, data, open_ones),
+        *_known_beside(data, open_ones),
+    ]
+    said: list[str] = []
+    left = set(itertools.combinations(range(len(open_ones)), 2))
+    while left and trials and len(said) < _MOST:
+        best = max(trials, key=lambda trial: sum(min(trial.distance[p], 2 * _DECIDES) for p in left))
+        widest = max(best.distance[p] for p in left)
+        if widest < _WORTHLESS:
+            break
+        pairs = [p for p in left if best.distance[p] >= min(_DECIDES, 0.99 * widest)]
+        said.append(f"{best.text}: expected to separate {_names(open_ones, pairs)} by {_sigma(best, pairs)}.")
+        left -= set(pairs)
+        trials.remove(best)
+    if left:
+        said.append(f"None of the measurements considered separates {_names(open_ones, sorted(left))}.")
+    return " ".join(said)
+
+
+def _sigma(trial: _Trial, pairs: Sequence[tuple[int, int]]) -> str:
+    return f"{min(trial.distance[p] for p in pairs):.1f} standard deviations"
+
+
+def _names(open_ones: Sequence[Hypothesis], pairs: Sequence[tuple[int, int]]) -> str:
+    """Return the names of pairs of hypotheses, each once; names with the same partners are grouped."""
+    words = _words(open_ones)
+    order = list(dict.fromkeys(words))
+    left, said = {frozenset((words[i], words[j])) for i, j in pairs}, []
+    places = [name for name in order if frozenset((name,)) in left]  # pairs of hypotheses with one name
+    left -= {frozenset((name,)) for name in places}
+    while left:
+        partners = {a: [b for b in order if a != b and frozenset((a, b)) in left] for a in order}
+        others = max(filter(None, partners.values()), key=lambda them: sum(p == them for p in partners.values()))
+        own = [name for name in order if partners[name] == others]
+        said.append(f"{' or '.join(own)} from {' or '.join(others)}")
+        left -= {frozenset((a, b)) for a in own for b in others}
+    return "; ".join(said + [f"the alternative places of the {name}" for name in places])
+
+
+def _words(open_ones: Sequence[Hypothesis]) -> list[str]:
+    """Return the names of the causes by which each hypothesis differs from the others."""
+    names = [[c.cause.name for c in chosen] for chosen in open_ones]
+    common = set.intersection(*map(set, names))
+    own = [[n for n in each if n not in common] for each in names]
+    chosen = own if all(own) else names
+    return [" and ".join(dict.fromkeys(each)).replace("_", " ") for each in chosen]
+
+
+def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
+    """Return the distances (n, n) of readings (n, n_readings) with standard deviations (n_readings,)."""
+    scaled = values / std
+    return np.asarray(np.linalg.norm(scaled[:, None] - scaled[None], axis=2))
+
+
+def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) -> Changed:
+    """Return the modes that a hypothesis expects, alone or with one more effect."""
+    effect = effect_of(chosen)
+    for part in chosen:  # what is denser moves less by a known mass, what is softer does not
+        if part.cause.name == "global_density" and isinstance(part.cause, CommonFactor):
+            own = part.cause.effect(part.theta[None], np.array([part.row]))
+            heavier = np.expm1(-2 * part.cause.log_factor(part.theta)) * np.eye(len(data.frequency))
+            effect = replace(effect, compliance=effect.compliance - own.compliance, mass=effect.mass + heavier)
+    if more is None:
+        return reanalyse(data, effect)
+    added = {name: getattr(more, name) + getattr(effect, name) for name in ("mass", "compliance")}
+    hung = {name: np.repeat(getattr(effect, name), len(more.mass), axis=0) for name in ("coupling", "own")}
+    return reanalyse(data, replace(more, **added, **hung))
+
+
+def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
+    """Try a sensor along each axis at places of every member; return the best one."""
+    structure, model = reference.calibration.structure, reference.calibration.model
+    if not structure.member or not data.shaped.any():
+        return []
+    points = np.concatenate([m.point(np.arange(0, 1 + _SPACING / 2, _SPACING) * m.length) for m in structure.member])
+    rows = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)[:, :3]
+    readings = np.array([_readings(data, _solved(data, chosen), rows) for chosen in open_ones])
+    typical = np.sqrt(np.mean(readings**2, axis=(0, 1, 2)))  # of each mode
+    noise = np.nanmean(np.where(data.shaped[:, None], event.shape_std[data.tracks], np.nan), axis=1)
+    std = np.hypot(np.where(np.isfinite(noise), noise, np.inf), MODEL_ERROR * typical)
+    scaled = readings / std
+    distance = np.linalg.norm(scaled[:, None] - scaled[None], axis=4)  # (n, n, n_points, 3)
+    for i, axis in itertools.product(range(len(points)), range(3)):
+        if _taken(reference, points[i], axis):
+            distance[:, :, i, axis] = 0
+    total = np.minimum(distance, 2 * _DECIDES).sum((0, 1))
+    i, axis = divmod(int(np.argmax(total)), 3)
+    x, y, z = points[i]
+    return [_Trial(f"A sensor at ({x:.2f}, {y:.2f}, {z:.2f}) m along {'xyz'[axis]}", distance[:, :, i, axis])]
+
+
+def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArray:
+    """Return what new sensors (n_points, 3, n_modes) read of the compared modes (n_points, 3, n); unit at others."""
+    n, n_modes = len(data.paired), len(data.frequency)  # what hangs on the structure has modes and motions of its own
+    vector = picked(changed)[1][0, :n_modes, :n]
+    at = data.at_channels @ vector
+    scale = np.linalg.norm(at, axis=0) * np.where((at * data.shape.T).sum(0) < 0, -1, 1)
+    return np.asarray(rows @ vector / scale)
+
+
+def _taken(reference: Reference, point: FloatArray, axis: int) -> bool:
+    """Tell whether a sensor along an axis is there already, or so near that it sees the same."""
+    near = _NEAR * size(reference.calibration.structure)
+    return any(
+        np.linalg.norm(np.subtract(s.at, point)) < near and abs(s.direction[axis]) > 0.99 * np.linalg.norm(s.direction)
+        for s in reference.calibration.structure.sensor
+    )
+
+
+def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothesis]) -> _Trial:
+    """Try a known mass at places of every member; return the best one."""
+    step = max(1, len(bodies.position) // 40)
+    rows = np.arange(0, len(bodies.position), step)
+    members = bodies.reference.calibration.structure.member
+    mass = _SHARE * bodies.reference.calibration.model.total_mass()
+    theta = np.zeros((len(rows), len(bodies.prior_std)))
+    theta[:, 0] = mass
+    on = bodies.effect(theta, rows)
+    n, shift = len(data.paired), []
+    for chosen in open_ones:
+        bare = picked(_solved(data, chosen))[0][:, :n]
+        shift.append(-0.5 * np.log(picked(_solved(data, chosen, on))[0][:, :n] / bare))
+    shifts = np.array(shift)  # (n, n_rows, n_modes)
+    std = np.sqrt(2) * data.log_frequency_std
+    distance = np.stack(
+        [_apart(here, np.hypot(std, MODEL_ERROR * _typical(here))) for here in shifts.transpose(1, 0, 2)]
+    )
+    best = int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))
+    x, y, z = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])
+    return _Trial(f"A known mass of {mass:.3g} kg at ({x:.2f}, {y:.2f}, {z:.2f}) m", distance[best])
+
+
+def _typical(shift: FloatArray) -> FloatArray:
+    """Return the size that a mode's shift is known to (n_modes,), a mode that hardly moves by the others' mean."""
+    size = np.abs(shift).mean(0)
+    return np.asarray(2 * np.sqrt(size * size.mean()))
+
+
+def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones: Sequence[Hypothesis]) -> _Trial:
+    """Try a longer record: less noise, the same errors of the baseline and of the model."""
+    less = {name: getattr(event, name) / np.sqrt(_LONGER) for name in ("log_frequency_std", "shape_std", "damping_std")}
+    longer = compare(reference, replace(event, **less), circumstances=data.circumstances)
+    whitener = longer.drifting if all(any(c.cause.drifting for c in h) for h in open_ones) else longer.plain
+    rest = np.array([residual(longer, prediction(longer, chosen), whitener)[0] for chosen in open_ones])
+    return _Trial(f"{_LONGER} times the record", _apart(rest, np.ones(rest.shape[1])))
+
+
+def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
+    """Try a thermometer and a tone, where the factor on all frequencies may be a temperature's or a clock's."""
+    found = []
+    for name, text in (
+        ("temperature", "A thermometer beside both records"),
+        ("sampling_clock", "A tone of known frequency in both records"),
+    ):
+        reading = np.zeros((len(open_ones), 1))
+        for i, chosen in enumerate(open_ones):
+            for part in chosen:
+                if part.cause.name == name and isinstance(part.cause, CommonFactor) and not part.cause.informed:
+                    factor = float(part.cause.log_factor(part.theta))
+                    std = np.hypot(0.5 * SOFTENING * _THERMOMETER_STD, factor * SOFTENING_STD / SOFTENING)
+                    reading[i] = factor / (std if name == "temperature" else _TONE_STD)
+        if reading.any():
+            found.append(_Trial(text, _apart(reading, np.ones(1))))
+    return found

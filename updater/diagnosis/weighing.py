@@ -1,0 +1,211 @@
+"""Causes of the catalogue fitted to the same data, each alone, with the evidence for each."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import TypeVar
+
+import numpy as np
+
+from updater.causes.base import Cause, Nothing, Propose
+from updater.causes.catalogue import CATALOGUE, RARITY
+from updater.causes.composite import Chosen
+from updater.causes.prediction import prediction
+from updater.errors import SelectionError
+from updater.inference.comparison import Comparison
+from updater.inference.fit import Fit, fit
+from updater.reference.reference import Reference
+from updater.structure.base import meant
+
+T = TypeVar("T")
+_log = logging.getLogger(__name__)
+
+
+class Faults:
+    """Faults found so far in one diagnosis, by the cause or the causes in which they occurred."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, str] = {}
+
+    @property
+    def found(self) -> Mapping[str, str]:
+        """Type and message of the first fault of each."""
+        return self._found
+
+    def attempt(self, what: str, function: Callable[[], T]) -> T | None:
+        """Return what a function returns; note a fault in it and return None.
+
+        Parameters
+        ----------
+        what : name of the cause, or names of the causes, that the function deals with
+        function : computation; a cause may be any distribution's, which may raise anything
+        """
+        try:
+            return function()
+        except Exception as error:  # noqa: BLE001 - a fault of any kind costs this cause alone
+            text = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            if what not in self._found:
+                _log.warning("internal error, %s is not considered: %s", what, text)
+                _log.debug("", exc_info=True)
+            self._found.setdefault(what, text)
+            return None
+
+
+PRIOR_NOTHING = 0.5
+OF_THE_FILE = "model_parameters"  #: what may stand beside any other cause
+_TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
+_TWINS_MAC = 0.8
+_EQUAL = 0.02  # of log evidence, between causes that nothing tells apart
+_LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
+
+
+def allowed_causes(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[str, ...]:
+    """Return the names of the catalogue's causes that are considered, in its order.
+
+    Parameters
+    ----------
+    only : names to which the search is limited; all causes if empty
+    without : names that are left out
+
+    Raises
+    ------
+    SelectionError
+        If the catalogue has no cause of a name, or none is left.
+    """
+    for name in (*only, *without):
+        if name not in CATALOGUE:
+            raise SelectionError(
+                f"no cause is named {name!r}{meant(name, CATALOGUE)}; the causes are {', '.join(CATALOGUE)}"
+            )
+    allowed = tuple(name for name in CATALOGUE if (not only or name in only) and name not in without)
+    if not allowed:
+        raise SelectionError("no cause is left to consider")
+    return allowed
+
+
+def say_nothing(name: str) -> None:
+    """Ignore which cause is being weighed."""
+    del name
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One cause, or several together, fitted."""
+
+    chosen: tuple[Chosen, ...]  #: the best alternative of each
+    parts: tuple[Fit[Cause], ...]  #: the fit of each, the others' uncertainty included
+    log_evidence: float  #: with the prior of the causes
+    p_value: float
+    chi_square: float  #: of the best alternatives, priors included
+    effective: bool = True  #: whether it does more than a drift common to all frequencies would
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the causes."""
+        return tuple(c.cause.name for c in self.chosen)
+
+    def earned(self, fewer: "Sequence[Candidate]") -> bool:
+        """Tell whether all of its causes do something: a composition fits better than any of its parts does."""
+        parts = [c for c in fewer if len(c.chosen) < len(self.chosen) and Counter(c.names) <= Counter(self.names)]
+        return all(self.chi_square < part.chi_square - _LEAST_GAIN for part in parts)
+
+
+def ranked(found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the likeliest first; those that nothing tells apart as they stand, whatever rounding makes of them."""
+    order = sorted(range(len(found)), key=lambda k: -found[k].log_evidence)
+    steps = np.diff([-found[k].log_evidence for k in order], prepend=-np.inf) > _EQUAL
+    group = dict(zip(order, np.cumsum(steps).tolist(), strict=True))
+    return [found[k] for k in sorted(order, key=lambda k: (group[k], k))]
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """The catalogue's causes for one reference and one set of data.
+
+    Parameters
+    ----------
+    on_cause : called with the name of each cause before it is weighed
+    instead : makers of causes that stand in the place of the catalogue's of that name
+    allowed : names of the causes that are considered
+    faults : collects what fails; a cause that has failed alone is considered no more
+    """
+
+    reference: Reference
+    data: Comparison
+    on_cause: Callable[[str], None] = field(default=say_nothing)
+    instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
+    allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
+    faults: Faults = field(default_factory=Faults)
+
+    @property
+    def causes(self) -> Mapping[str, Cause]:
+        """Those that have alternatives here, by name."""
+        return {name: cause for name, cause in self._proposed.items() if self.label(name) not in self.faults.found}
+
+    @cached_property
+    def _proposed(self) -> Mapping[str, Cause]:
+        makers = {name: self.instead.get(name, propose) for name, propose in CATALOGUE.items() if name in self.allowed}
+        found = {}
+        for name, propose in makers.items():
+            found[name] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
+        return {name: cause for name, cause in found.items() if cause is not None}
+
+    def label(self, name: str) -> str:
+        """Return the name of a cause, marked where another maker stands in the place of the catalogue's."""
+        return f"{name} (another form)" if name in self.instead else name
+
+    @cached_property
+    def nothing(self) -> Fit[Nothing]:
+        """Fit of no change."""
+        return fit(self.data, Nothing(comparison=self.data))
+
+    @cached_property
+    def log_nothing(self) -> float:
+        """Log evidence for that, with its prior."""
+        return self.nothing.log_evidence + float(np.log(PRIOR_NOTHING))
+
+    @cached_property
+    def _drift(self) -> float:
+        """Chi-square if all frequencies have drifted alike and nothing else has changed."""
+        return float(fit(self.data, Nothing(comparison=self.data, drifting=True)).chi_square[0])
+
+    @cached_property
+    def _new_for_certain(self) -> bool:
+        """Tell whether a new mode is no old one that identification took for two: near it, and of its shape."""
+        data = self.data
+        if data.new is None:
+            return False
+        now = np.log(data.frequency[data.paired]) + data.log_ratio
+        near = np.abs(data.new.log_frequency[:, None] - now) < _TWINS
+        alike = (data.new.shape @ data.shape.T) ** 2 > _TWINS_MAC
+        return bool((~(near & alike).any(1)).all())
+
+    def log_prior(self, name: str) -> float:
+        """Return the log probability of a cause."""
+        if name == OF_THE_FILE:
+            return float(np.log(PRIOR_NOTHING))  # that the file is right is no likelier
+        whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE if each != OF_THE_FILE)
+        return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
+
+    def singles(self, only: Sequence[str] = ()) -> list[Candidate]:
+        """Fit every cause alone, or only some, the best first; one that fails is left out."""
+        found = []
+        for name, cause in self.causes.items():
+            if not only or name in only:
+                self.on_cause(name)
+                found.append(self.faults.attempt(self.label(name), partial(self._single, name, cause)))
+        return ranked([candidate for candidate in found if candidate is not None])
+
+    def _single(self, name: str, cause: Cause) -> Candidate:
+        """Fit one cause alone."""
+        whole = fit(self.data, cause)
+        best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
+        effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
+        if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
+            effective = True  # its mode is measured: that is more than any drift does
+        evidence = whole.log_evidence + self.log_prior(name)
+        if np.isnan(evidence):
+            raise FloatingPointError("the log evidence is not a number")
+        return Candidate((best,), (whole,), evidence, whole.p_value, float(whole.chi_square.min()), effective)

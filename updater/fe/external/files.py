@@ -1,0 +1,247 @@
+"""Stiffness and mass that another program made, read from Matrix Market or npz files and checked.
+
+What the rows mean stands in a DOF table: node, its place and the axis (x y z rx ry rz) of every row.
+"""
+
+import csv
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from scipy import sparse
+from scipy.io import mminfo, mmread, mmwrite
+from scipy.sparse.linalg import eigsh
+
+from daq import DataError, FloatArray, IndexArray, IntArray, check_archive
+from updater.errors import StructureError
+from updater.structure.entries import AXES
+
+_MAX_ROWS = 10_000_000
+_BLANK, _NEWLINE = ord(" "), ord("\n")
+_DAMAGED = (
+    *(OSError, ValueError, KeyError, TypeError, IndexError, EOFError, ArithmeticError, MemoryError),
+    *(BadZipFile, zlib.error, NotImplementedError, DataError),
+)
+_SYMMETRIC = 1e-8  # of the largest entry: what digits cut off in a text file may leave
+_ROUNDING = 1e-8  # of a DOF's own mass: what digits cut off leave of an eigenvalue that is zero
+_DENSE = 300  # DOFs up to which all eigenvalues are solved for
+_COLUMNS = ("node", "x", "y", "z", "axis")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Matrices:
+    """Symmetric matrices and what their rows are."""
+
+    stiffness: sparse.csc_array  #: (n_dofs, n_dofs) [N/m, N, N m]
+    mass: sparse.csc_array  #: (n_dofs, n_dofs) [kg, kg m, kg m2]
+    nodes: FloatArray  #: (n_nodes, 3) [m]
+    dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where there is none
+
+
+def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
+    """Read Matrix Market files and a DOF table (CSV with the columns node, x, y, z, axis, a line a row).
+
+    One npz file may stand for all three: `save_matrices` says what is in it.
+
+    Raises
+    ------
+    StructureError
+        Naming the file and the row if one cannot be read, if they do not fit together, or if a matrix is not
+        symmetric, not finite, singular by an empty row, or indefinite.
+    """
+    files = [(path, _changed(path)) for path in (stiffness, mass, table)]
+    return _read(*files)
+
+
+def _changed(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError as error:
+        raise StructureError(path, f"cannot be read: {error.strerror}") from error
+
+
+@lru_cache(maxsize=4)
+def _read(stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int]) -> Matrices:
+    """Read what the files hold, once for every time they were changed."""
+    k, m = _matrix(stiffness[0], "stiffness"), _matrix(mass[0], "mass")
+    nodes, dofs = _table(table[0])
+    n = int(dofs.max(initial=-1)) + 1
+    for path, matrix in ((stiffness[0], k), (mass[0], m)):
+        if matrix.shape != (n, n):
+            raise StructureError(path, f"expected {n} x {n} entries as {table[0].name} has rows, found {matrix.shape}")
+    found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs)
+    _check(stiffness[0], k, found, "stiffness")
+    _check(mass[0], m, found, "mass")
+    return replace(found, stiffness=whole_blocks(k, dofs))
+
+
+def whole_blocks(stiffness: sparse.csc_array, dofs: IntArray) -> sparse.csc_array:
+    """Return the same matrix with zeros stored wherever two nodes have an entry in common.
+
+    Rows of a node that have one pattern are ordered as one by the solver, which fills less.
+
+    Parameters
+    ----------
+    stiffness : (n_dofs, n_dofs)
+    dofs : (n_nodes, 6) row of each node's DOF, -1 where there is none
+    """
+    node, axis = np.nonzero(dofs >= 0)
+    of_node = sparse.csr_array((np.ones(len(node)), (dofs[node, axis], node)), shape=(stiffness.shape[0], len(dofs)))
+    pattern = (of_node @ (of_node.T @ abs(stiffness) @ of_node) @ of_node.T).tocoo()
+    own = stiffness.tocoo()
+    row, column = (np.concatenate([own.coords[i], pattern.coords[i]]) for i in (0, 1))
+    return sparse.csc_array((np.concatenate([own.data, np.zeros(pattern.nnz)]), (row, column)), shape=own.shape)
+
+
+def save_matrices(path: Path, matrices: Matrices) -> None:
+    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx and dofs.csv in a folder.
+
+    Parameters
+    ----------
+    path : ends in .npz, or an existing folder
+    matrices : to write; the npz holds `nodes`, `dofs` and, of each matrix by columns, `NAME_data`, `NAME_indices` and
+        `NAME_indptr`, as scipy.sparse has them
+    """
+    both = {"stiffness": matrices.stiffness, "mass": matrices.mass}
+    if path.suffix == ".npz":
+        parts = {f"{name}_{part}": getattr(a, part) for name, a in both.items() for part in _PARTS}
+        np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, **parts)
+        return
+    for name, a in both.items():
+        mmwrite(path / f"{name}.mtx", sparse.coo_array(a), symmetry="symmetric", precision=17)
+    node, axis = np.nonzero(matrices.dofs >= 0)
+    order = np.argsort(matrices.dofs[node, axis])
+    with (path / "dofs.csv").open("w", newline="", encoding="utf-8") as file:
+        lines = ((node[i], *matrices.nodes[node[i]].tolist(), AXES[axis[i]]) for i in order)
+        csv.writer(file).writerows([_COLUMNS, *lines])
+
+
+_PARTS = ("data", "indices", "indptr")
+
+
+def _matrix(path: Path, name: str) -> sparse.csc_array:
+    try:
+        if path.suffix == ".npz":
+            check_archive(path)
+            with np.load(path) as file:
+                data, indices, indptr = (file[f"{name}_{part}"] for part in _PARTS)
+            _check_indices(data, indices, indptr)
+            matrix = sparse.csc_array((data.astype(float), indices, indptr), shape=(len(indptr) - 1,) * 2)
+        else:
+            _check_stated(path)
+            matrix = sparse.csc_array(mmread(path, spmatrix=False), dtype=float)
+    except _DAMAGED as error:
+        raise StructureError(path, f"{name}: no matrix can be read: {error}".splitlines()[0]) from error
+    return matrix
+
+
+def _check_indices(data: FloatArray, indices: IndexArray, indptr: IndexArray) -> None:
+    """Refuse columns and rows outside a matrix: scipy would follow them in memory."""
+    n = len(indptr) - 1
+    if not data.ndim == indices.ndim == indptr.ndim == 1 or not 0 < n <= _MAX_ROWS:
+        raise ValueError(f"expected one-dimensional arrays of up to {_MAX_ROWS} rows, found {indptr.shape}")
+    if indptr[0] != 0 or (np.diff(indptr) < 0).any() or not indptr[-1] == len(indices) == len(data):
+        raise ValueError(f"indptr: expected ascending places up to {len(data)}, found {indptr.min()} to {indptr.max()}")
+    if len(indices) and not 0 <= indices.min() <= indices.max() < n:
+        raise ValueError(f"indices: expected rows 0 to {n - 1}, found {indices.min()} to {indices.max()}")
+
+
+def _check_stated(path: Path) -> None:
+    """Refuse a Matrix Market file whose lines are not as its head states: scipy's reader crashes on some of them."""
+    rows, columns, entries, form, field, _ = mminfo(path)
+    size = path.stat().st_size
+    if max(rows, columns) > _MAX_ROWS or entries > size:
+        raise ValueError(f"{rows} x {columns} with {entries} entries in {size} bytes, expected up to {_MAX_ROWS} rows")
+    n_values = {"pattern": 0, "complex": 2}.get(field, 1) + 2 * (form == "coordinate")
+    with path.open("rb") as file:
+        while (line := file.readline()).startswith(b"%") or not line.strip():
+            if not line:
+                raise ValueError("expected numbers of rows, columns and entries")
+        body = np.frombuffer(b"\n" + file.read() + b"\n", np.uint8)
+    blank, ends = body <= _BLANK, np.flatnonzero(body == _NEWLINE)
+    begins = np.flatnonzero(blank[:-1] & ~blank[1:])
+    per_line = np.diff(np.searchsorted(begins, ends))
+    wrong = np.flatnonzero((per_line > 0) & (per_line != n_values))
+    if len(wrong):
+        raise ValueError(f"expected {n_values} numbers per line, found {per_line[wrong[0]]}")
+
+
+def _table(path: Path) -> tuple[FloatArray, IntArray]:
+    """Return nodes (n_nodes, 3) and the rows of their DOFs (n_nodes, 6)."""
+    if path.suffix == ".npz":
+        try:
+            check_archive(path)
+            with np.load(path) as file:
+                return _checked_table(np.asarray(file["nodes"], float), np.asarray(file["dofs"], np.int32))
+        except _DAMAGED as error:
+            raise StructureError(path, f"no DOF table can be read: {error}") from error
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return _numbered(path, csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise StructureError(path, f"no DOF table can be read: {error}") from error
+
+
+def _checked_table(nodes: FloatArray, dofs: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return nodes (n_nodes, 3) and rows (n_nodes, 6), once each row from 0 on is there once."""
+    if nodes.shape != (len(nodes), 3) or not np.isfinite(nodes).all():
+        raise ValueError(f"nodes: expected finite numbers (n_nodes, 3), found {nodes.shape}")
+    if dofs.shape != (len(nodes), 6) or not np.array_equal(np.sort(dofs[dofs >= 0]), np.arange((dofs >= 0).sum())):
+        raise ValueError(f"dofs: expected ({len(nodes)}, 6) with each row once, found {dofs.shape}")
+    return nodes, dofs
+
+
+def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, IntArray]:
+    places: dict[str, tuple[float, ...]] = {}
+    numbers: dict[str, list[int]] = {}
+    for row, line in enumerate(lines):
+        what = f"line {row + 2}"
+        try:
+            node, axis = line["node"].strip(), AXES.index(line["axis"].strip())
+            place = tuple(float(line[c]) for c in _COLUMNS[1:4])
+        except (KeyError, ValueError, AttributeError, TypeError) as error:
+            raise StructureError(path, f"{what}: expected {', '.join(_COLUMNS)} ({', '.join(AXES)})") from error
+        own = numbers.setdefault(node, [-1] * 6)
+        if own[axis] >= 0 or places.setdefault(node, place) != place:
+            raise StructureError(path, f"{what}: node {node} has {AXES[axis]} already, or stands somewhere else")
+        own[axis] = row
+    return np.array([*places.values()], float).reshape(-1, 3), np.array([*numbers.values()], np.int32).reshape(-1, 6)
+
+
+def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+    if not np.isfinite(matrix.data).all():
+        raise StructureError(path, f"{what}: an entry is not finite")
+    skew = abs(matrix - matrix.T).tocoo()
+    if skew.nnz and skew.data.max() > _SYMMETRIC * abs(matrix).max():
+        worst = int(np.argmax(skew.data))
+        first, second = _named(found, int(skew.row[worst])), _named(found, int(skew.col[worst]))
+        raise StructureError(path, f"{what}: not symmetric between {first} and {second}")
+    diagonal, filled = matrix.diagonal(), np.diff(matrix.indptr) > 0
+    wrong = np.flatnonzero((diagonal < 0) | ((diagonal == 0) & (filled if what == "mass" else True)))
+    if len(wrong):
+        raise StructureError(path, f"{what}: {diagonal[wrong[0]]:g} on the diagonal of {_named(found, int(wrong[0]))}")
+    if what == "mass":
+        heavy = np.flatnonzero(diagonal > 0)
+        if not len(heavy):
+            raise StructureError(path, "mass: there is none")
+        root = sparse.diags_array(diagonal[heavy] ** -0.5)
+        if _least(sparse.csc_array(root @ matrix[heavy][:, heavy] @ root)) < -_ROUNDING:
+            raise StructureError(path, "mass: indefinite: some motion has a negative kinetic energy")
+
+
+def _least(matrix: sparse.csc_array) -> float:
+    """Return the least eigenvalue of a matrix with a diagonal of ones: a mass's are of order one or zero."""
+    n = matrix.shape[0]
+    if n <= _DENSE:
+        return float(np.linalg.eigvalsh(matrix.toarray())[0])
+    start = np.random.default_rng(0).standard_normal(n)
+    return float(eigsh(matrix, 1, which="SA", v0=start, tol=1e-2, return_eigenvectors=False)[0])
+
+
+def _named(found: Matrices, row: int) -> str:
+    node, axis = np.argwhere(found.dofs == row)[0]
+    return f"{AXES[axis]} at {found.nodes[node].round(4).tolist()} (row {row})"

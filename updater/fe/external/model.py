@@ -1,0 +1,177 @@
+"""A model of matrices that another program made, read and loaded along straight lines of their nodes.
+
+The element behind a line is not known. Between two nodes with rotations displacements are Hermite's cubics, the exact
+ones of a slender beam; between nodes without, they are linear, and so exact to second order in the nodes' distance.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.spatial import KDTree
+
+from daq import FloatArray, IndexArray, IntArray
+from updater.errors import ModelError
+from updater.fe.element import local_axes
+from updater.fe.external.files import Matrices, read_matrices
+from updater.fe.model import Model
+from updater.structure.base import ON_MEMBER
+from updater.structure.entries import AXES, External, Member, Support
+from updater.structure.structure import Structure
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Line:
+    """Line between two nodes."""
+
+    length: float  #: [m]
+    turns: bool  #: whether its nodes have rotations
+
+    def axes(self, direction: FloatArray) -> FloatArray:
+        """Return (3, 3), rows = local x, y, z; about the line no axis is singled out."""
+        return local_axes(direction)
+
+    def displacement(self, xi: FloatArray) -> FloatArray:
+        """Return N (n, 6, 12): displacements and rotations at x = xi L from the DOFs of the ends."""
+        n = np.zeros((len(xi), 6, 12))
+        n[:, 0, 0] = n[:, 3, 3] = 1 - xi
+        n[:, 0, 6] = n[:, 3, 9] = xi
+        for v, turn, sign in ((1, 5, 1.0), (2, 4, -1.0)):  # w falls as ry grows
+            columns = [v, turn, 6 + v, 6 + turn]
+            n[:, v, columns] = self._value(xi).T * np.array([1, sign, 1, sign])
+            n[:, turn, columns] = self._slope(xi).T * np.array([sign, 1, sign, 1])
+        return n
+
+    def _value(self, x: FloatArray) -> FloatArray:
+        nothing = np.zeros(len(x))
+        if not self.turns:
+            return np.array([1 - x, nothing, x, nothing])
+        first, last = (x - 2 * x**2 + x**3) * self.length, (x**3 - x**2) * self.length
+        return np.array([1 - 3 * x**2 + 2 * x**3, first, 3 * x**2 - 2 * x**3, last])
+
+    def _slope(self, x: FloatArray) -> FloatArray:
+        if not self.turns:
+            return np.tile(np.array([[-1.0], [0.0], [1.0], [0.0]]) / self.length, len(x))
+        rise = 6 * (x - x**2) / self.length
+        return np.array([-rise, 1 - 4 * x + 3 * x**2, rise, 3 * x**2 - 2 * x])
+
+
+def external_model(structure: Structure, external: External, *, lumped: bool) -> Model:
+    """Return the model of a structure's matrices, with the supports that its file adds.
+
+    Parameters
+    ----------
+    structure : with members that are lines of the matrices' nodes
+    external : where the matrices are
+    lumped : whether the mass is put in particles
+
+    Raises
+    ------
+    StructureError
+        If the matrices cannot be read or are none of a structure; names file and row.
+    ModelError
+        If a member or support is not where the matrices have nodes.
+    """
+    found = read_matrices(external.stiffness, external.mass, external.dofs)
+    nodes = _with_feet(structure.support, found.nodes)
+    dofs = np.vstack([found.dofs, np.full((len(nodes) - len(found.nodes), 6), -1, np.int32)])
+    tree = KDTree(nodes)
+    lines = [_line(member, nodes, tree) for member in structure.member]
+    pairs = [pair for line in lines for pair in itertools.pairwise(line.tolist())]
+    mass = _particles(found) if lumped else found.mass
+    stiffness = found.stiffness * external.factor + _springs(structure.support, tree, dofs, found.stiffness.shape[0])
+    held = _held(structure.support, tree, dofs)
+    kept = np.setdiff1d(np.arange(stiffness.shape[0]), held)
+    return Model(
+        structure=structure,
+        nodes=nodes,
+        dofs=_renumbered(dofs, kept),
+        elements=_elements(np.array(pairs, np.intp), nodes, np.any(dofs[:, 3:] >= 0, axis=1)),
+        member_names=tuple(m.name for m, line in zip(structure.member, lines, strict=True) for _ in line[1:]),
+        stiffness=sparse.csc_array(stiffness[kept][:, kept]),
+        mass=sparse.csc_array(mass[kept][:, kept]),
+        loose=tuple(np.setdiff1d(np.arange(len(nodes)), np.concatenate(lines)).tolist()),
+    )
+
+
+def _elements(pairs: IndexArray, nodes: FloatArray, turning: BoolArray) -> tuple[tuple[int, int, Line], ...]:
+    """Return what lies between pairs (n, 2) of nodes; what is alike and points the same way is one thing."""
+    along = nodes[pairs[:, 1]] - nodes[pairs[:, 0]]
+    turns = turning[pairs].any(1)
+    kinds, which = np.unique(np.column_stack([np.round(along, 9), turns]), axis=0, return_inverse=True)
+    lines = [Line(float(np.linalg.norm(kind[:3])), bool(kind[3])) for kind in kinds]
+    return tuple((a, b, lines[kind]) for (a, b), kind in zip(pairs.tolist(), which.tolist(), strict=True))
+
+
+def _with_feet(supports: tuple[Support, ...], nodes: FloatArray) -> FloatArray:
+    """Add nodes where something is held that the matrices have no rows for: another program left them out."""
+    tree = KDTree(nodes)
+    feet = [s.at for s in supports if s.fixed and tree.query(s.at)[0] > ON_MEMBER]
+    return np.vstack([nodes, np.array(feet, float).reshape(-1, 3)])
+
+
+def _line(member: Member, nodes: FloatArray, tree: KDTree) -> IndexArray:
+    """Return the nodes along a member."""
+    near = np.array(tree.query_ball_point(member.point(member.length / 2), member.length / 2 + ON_MEMBER), np.intp)
+    away = np.asarray(nodes[near] - member.start)
+    along = away @ (np.subtract(member.end, member.start) / member.length)
+    on = np.linalg.norm(nodes[near] - member.point(along), axis=1) < ON_MEMBER
+    order = np.argsort(along[on])
+    line: IndexArray = near[on][order]
+    along = along[on][order]
+    double = np.flatnonzero(np.diff(along) < ON_MEMBER)
+    if len(double):
+        raise ModelError(f"member {member.name}: two of the matrices' nodes lie at {nodes[line[double[0]]].tolist()}")
+    if len(line) < 2 or along[0] > ON_MEMBER or along[-1] < member.length - ON_MEMBER:
+        raise ModelError(f"member {member.name}: the matrices need a node at each end of it, found {len(line)} on it")
+    return line
+
+
+def _node(support: Support, tree: KDTree) -> int:
+    distance, node = tree.query(support.at)
+    if distance > ON_MEMBER:
+        raise ModelError(f"support at {list(support.at)}: the matrices have no node there")
+    return int(node)
+
+
+def _held(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray) -> IntArray:
+    """Return the rows (n,) of what the file holds."""
+    rows = [dofs[_node(s, tree), AXES.index(axis)] for s in supports for axis in s.fixed]
+    return np.array([row for row in rows if row >= 0], np.int32)
+
+
+def _springs(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray, n: int) -> sparse.csc_array:
+    """Return the stiffness (n, n) of the file's springs."""
+    diagonal = np.zeros(n)
+    for support in supports:
+        for axis, value in support.stiffness.items():
+            row = dofs[_node(support, tree), AXES.index(axis)]
+            if row < 0:
+                raise ModelError(f"support at {list(support.at)}: the matrices have no {axis} there")
+            diagonal[row] += value
+    return sparse.csc_array(sparse.diags_array(diagonal))
+
+
+def _renumbered(dofs: IntArray, kept: IndexArray) -> IntArray:
+    """Return the DOF table of some rows only."""
+    number = np.full(dofs.max() + 2, -1, np.int32)  # the last one is -1's own
+    number[kept] = np.arange(len(kept))
+    renumbered: IntArray = number[dofs]
+    return renumbered
+
+
+def _particles(found: Matrices) -> sparse.csc_array:
+    """Return the mass in particles: the diagonal, scaled to each direction's total (Hinton, Rock & Zienkiewicz 1976).
+
+    Every particle's mass is positive, and a rigid translation moves the mass it did; rotations lose their inertia.
+    """
+    diagonal, lumped = found.mass.diagonal(), np.zeros(found.mass.shape[0])
+    for axis in range(3):
+        rows = found.dofs[:, axis][found.dofs[:, axis] >= 0]
+        if len(rows):
+            lumped[rows] = diagonal[rows] * found.mass[rows][:, rows].sum() / diagonal[rows].sum()
+    return sparse.csc_array(sparse.diags_array(lumped))

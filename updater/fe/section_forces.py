@@ -1,0 +1,91 @@
+"""Section forces of modes along the members of a frame: forces, torque and bending moments.
+
+The flexibility that a softer stretch adds is the integral of its actions squared, the unit-load method: dF_rs =
+sum_k int (1/s - 1) A_kr A_ks / D_k dx, with D = (E A, kappa G A_y, kappa G A_z, G J, E I_y, E I_z).
+"""
+
+from collections import defaultdict
+
+import numpy as np
+
+from daq import FloatArray
+from updater.fe.eigen import Modes
+from updater.fe.element import Element
+from updater.fe.model import Model
+from updater.structure.entries import Member
+
+N_ACTIONS = 6  # axial force, shear along y and z, twist, bending about y and z
+_TOTAL = (3, 4, 5)  # that follow from dynamic equilibrium at an element's ends
+
+
+def weighted_actions(model: Model, modes: Modes, stations: dict[int, FloatArray]) -> dict[int, FloatArray]:
+    """Return the actions at stations along members, each over the root of the stiffness that bears it.
+
+    At an element's ends moments and twist are those of dynamic equilibrium, (K - omega^2 M) b, continuous from one
+    element to the next; in between a parabola has the mean that turns the ends against each other as they are turned.
+
+    Parameters
+    ----------
+    model : whose elements are beams
+    modes : (n_modes,) of the model
+    stations : number of a member -> distances from its start (n,) [m]
+
+    Returns
+    -------
+    dict
+        Number of the member -> (n, 6, n_modes), unit elastic energy a metre [sqrt(J/m)].
+    """
+    spans = defaultdict(list)
+    for i, name in enumerate(model.member_names):
+        spans[name].append(i)
+    found = {}
+    for m, at in stations.items():
+        member = model.structure.member[m]
+        own = sorted((_distance(model, member, i), i) for i in spans[member.name])
+        starts = np.array([start for start, _ in own])
+        which = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(own) - 1)
+        found[m] = np.empty((len(at), N_ACTIONS, modes.shape.shape[1]))
+        for k in np.unique(which):
+            start, span = own[k]
+            here = which == k
+            found[m][here] = _within(model, modes, span, at[here] - start)
+    return found
+
+
+def parts_between(
+    model: Model, shape: FloatArray, member: Member, start: float, end: float
+) -> list[tuple[Element, FloatArray]]:
+    """Return the elements between two distances along a member [m], each with shapes (12, n_modes) in its own axes."""
+    own = [i for i, name in enumerate(model.member_names) if name == member.name]
+    parts = [(_local(model, shape, i), _distance(model, member, i)) for i in own]
+    return [part for part, distance in parts if start < distance + part[0].length / 2 < end]
+
+
+def _local(model: Model, shape: FloatArray, span: int) -> tuple[Element, FloatArray]:
+    """Return an element, and shapes (12, n_modes) at its ends in its own axes."""
+    first, last, element = model.elements[span]
+    assert isinstance(element, Element)
+    axes = element.axes(model.nodes[last] - model.nodes[first])
+    dofs = np.concatenate([model.dofs[first], model.dofs[last]])
+    moved = np.where(dofs[:, None] >= 0, shape[dofs], 0.0)
+    return element, np.asarray(np.kron(np.eye(4), axes) @ moved, float)
+
+
+def _distance(model: Model, member: Member, span: int) -> float:
+    return float(np.linalg.norm(model.nodes[model.elements[span][0]] - member.start))
+
+
+def _within(model: Model, modes: Modes, span: int, x: FloatArray) -> FloatArray:
+    """Return the actions (n, 6, n_modes) of one element at distances x (n,) from its start."""
+    element, local = _local(model, modes.shape, span)
+    elastic = element.elastic_stiffness() @ local
+    total = element.stiffness() @ local - element.consistent_mass() @ local * modes.omega**2
+    inner = np.array([-elastic[:6], elastic[6:]])  # what the left part bears at either end
+    mean = inner.mean(0)
+    inner[:, _TOTAL] = np.array([-total[:6], total[6:]])[:, _TOTAL]
+    xi = (x / element.length)[:, None, None]
+    bulge = 6 * xi * (1 - xi) * (mean - inner.mean(0))
+    rigidity = element.rigidity.copy()
+    if not element.shear_flexible:
+        rigidity[[1, 2]] = np.inf
+    return np.asarray((inner[0] * (1 - xi) + inner[1] * xi + bulge) / np.sqrt(rigidity)[:, None])

@@ -1,0 +1,118 @@
+"""States of self-stress of a structure without load: the redundants of the force method.
+
+Where a member or a spring gives, a statically determinate structure bears its loads as before. Any other shifts them to
+where it is stiff. With orthogonal states z of unit elastic energy beside the modes' actions, and the compliance C that
+is added, in modes (m) and states (s), the modal flexibility grows by C_mm - C_ms (I + C_ss)^-1 C_sm.
+
+References
+----------
+Przemieniecki, J. S. (1968). Theory of Matrix Structural Analysis, ch. 8 (matrix force method).
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from daq import FloatArray
+from updater.fe.assembly import build_model
+from updater.fe.element import Element
+from updater.fe.model import Model
+from updater.fe.section_forces import N_ACTIONS
+from updater.structure.entries import AXES, Axis, Joint, Member, Support
+
+_MOST = 30  # states: of more than that none are kept, and what gives is taken to bear its loads as before
+_LEAST = 1e-10  # of the largest singular value: what is less is none
+_AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
+Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
+
+
+@dataclass(frozen=True, eq=False)
+class SelfStress:
+    """States of self-stress, orthogonal in energy and of unit energy [sqrt(2 J)]."""
+
+    n: int  #: states
+    ends: dict[
+        str, list[tuple[float, Element, FloatArray]]
+    ]  #: member -> start [m], element, forces (12, n) at its ends
+    springs: dict[Spring, FloatArray]  #: forces or moments (n,) in springs
+
+    def actions(self, member: Member, at: FloatArray) -> FloatArray:
+        """Return (len(at), 6, n) at distances from a member's start [m], each over the root of what bears it."""
+        found = np.zeros((len(at), N_ACTIONS, self.n))
+        for start, element, force in self.ends.get(member.name, ()):
+            xi = (at - start) / element.length
+            here = (xi >= 0) & (xi <= 1)
+            x = xi[here, None, None]
+            found[here] = (-force[:6] * (1 - x) + force[6:] * x) / np.sqrt(element.rigidity)[:, None]
+        return found
+
+    def in_spring(self, connection: Support | Joint, axis: Axis) -> FloatArray:
+        """Return the force or moment (n,) in a connection's spring."""
+        return self.springs.get(_spring(connection, axis), np.zeros(self.n))
+
+
+def _spring(connection: Support | Joint, axis: Axis) -> Spring:
+    return getattr(connection, "member", ""), connection.at, axis
+
+
+@lru_cache(maxsize=8)
+def self_stress(model: Model) -> SelfStress:
+    """Return a model's states of self-stress; none of matrices from elsewhere.
+
+    They are those strains of elements and springs, each over the root of its compliance, that no displacement makes:
+    what is left of all strains beside the range of the strain-displacement matrix.
+    """
+    if model.structure.external is not None:
+        return SelfStress(0, {}, {})
+    coarse = build_model(model.structure.with_mesh(_AT_ONCE), shear_flexible=True, mass="consistent")
+    rows, forces = [], []
+    for first, last, element in coarse.elements:
+        assert isinstance(element, Element)
+        turn = np.kron(np.eye(4), element.axes(coarse.nodes[last] - coarse.nodes[first]))
+        stiffness = element.elastic_stiffness()
+        strain = np.linalg.solve(np.linalg.cholesky(stiffness[6:, 6:]), stiffness[6:])  # K = strain^T strain
+        dofs = np.concatenate([coarse.dofs[first], coarse.dofs[last]])
+        of_element = np.zeros((6, coarse.n_dofs))
+        np.add.at(of_element.T, dofs[dofs >= 0], (strain @ turn).T[dofs >= 0])
+        rows.append(of_element)
+        forces.append(strain.T)
+    springs = _springs(coarse)
+    rows += [np.sqrt(stiffness) * row[None] for row, stiffness in springs.values()]
+    states = _beside_range(np.concatenate(rows))
+    ends: defaultdict[str, list[tuple[float, Element, FloatArray]]] = defaultdict(list)
+    for k, (force, (first, _, element)) in enumerate(zip(forces, coarse.elements, strict=True)):
+        assert isinstance(element, Element)
+        member = next(m for m in model.structure.member if m.name == coarse.member_names[k])
+        start = float(np.linalg.norm(coarse.nodes[first] - member.start))
+        ends[member.name].append((start, element, force @ states[6 * k : 6 * k + 6]))
+    first_spring = 6 * len(forces)
+    return SelfStress(
+        n=states.shape[1],
+        ends=dict(ends),
+        springs={
+            key: np.sqrt(stiffness) * states[first_spring + k]
+            for k, (key, (_, stiffness)) in enumerate(springs.items())
+        },
+    )
+
+
+def _springs(model: Model) -> dict[Spring, tuple[FloatArray, float]]:
+    """Return the row (n_dofs,) that reads each spring's strain, and its stiffness [N/m or N m/rad]."""
+    structure, found = model.structure, {}
+    for support in structure.support:
+        for axis, stiffness in support.stiffness.items():
+            found[_spring(support, axis)] = model.node_rows(support.at, AXES.index(axis)), stiffness
+    for joint in structure.joint:
+        for turn, stiffness in joint.stiffness.items():
+            found[_spring(joint, turn)] = model.joint_rows(joint, AXES.index(turn) - 3), stiffness
+    return found
+
+
+def _beside_range(strain: FloatArray) -> FloatArray:
+    """Return orthonormal columns (n_strains, n) that are no strain of any displacement; none of very many."""
+    left, value, _ = np.linalg.svd(strain, full_matrices=True)
+    rank = int((value > _LEAST * value[0]).sum())
+    states = left[:, rank:]
+    return states if states.shape[1] <= _MOST else states[:, :0]

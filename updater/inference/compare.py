@@ -1,0 +1,171 @@
+"""An event set beside the baseline, block by block of data."""
+
+from typing import Any
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.errors import ModalDataError
+from updater.fe.self_stress import self_stress
+from updater.inference.comparison import Comparison, FiledModes, whiteners_of
+from updater.inference.new_shapes import new_shapes
+from updater.inference.phases_and_damping import dampings_of, lags_of, unsure_of
+from updater.inference.shape_covariance import (
+    SHAPE_BIAS,
+    foreign_modes,
+    mixed_by_change,
+    nearer_modes,
+    own_phases,
+    shape_whiteners,
+    turned_by_noise,
+)
+from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances
+from updater.modal_data.plausibility import check_event
+from updater.modal_data.tracked import ModalMean
+from updater.reference.nominal_modes import answers_of_file
+from updater.reference.reference import Reference
+
+MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
+_BIAS_OF_BANDWIDTH = 0.1  # of what a mode's half bandwidth has changed by: how far identification errs otherwise then
+
+
+def compare(
+    reference: Reference,
+    event: ModalMean,
+    *,
+    circumstances: Circumstances = NOTHING_KNOWN,
+    model_error: float = MODEL_ERROR,
+) -> Comparison:
+    """Set an event beside the baseline.
+
+    Parameters
+    ----------
+    reference : learnt before
+    event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
+    circumstances : what else is known of the event
+    model_error : of a mode's typical displacement, what the reference gets wrong about it at any point; a larger one
+        makes a rougher search that misses less
+
+    Raises
+    ------
+    ModalDataError
+        If fewer than three modes or two channels can be compared, or the event's modes cannot be right.
+    """
+    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
+    if len(channels) < 2:
+        raise ModalDataError(f"channels to compare: expected at least 2 in both, found {len(channels)}")
+    base, event = reference.baseline.at(channels), event.at(channels)
+    tracks = np.flatnonzero(np.isfinite(event.log_frequency))
+    if len(tracks) < 3:
+        raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")
+    base, event = base.only(tracks), event.only(tracks)
+    check_event(base, event)
+    model_error = model_error * reference.doubt
+    overdispersion = reference.scatter.shape_overdispersion
+    ratio = event.log_frequency - base.log_frequency
+    at_channels = reference.at_channels(channels)
+    expected = at_channels[:, reference.paired[tracks]].T
+    by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
+    foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error)
+    foreign = np.concatenate([foreign, by_noise], axis=1)
+    nearer = nearer_modes(reference, tracks, ratio, at_channels, base.damping)
+    nearer = np.concatenate([nearer, by_noise], axis=1)
+    sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
+    return Comparison(
+        channels=channels,
+        tracks=tracks,
+        paired=reference.paired[tracks],
+        **_frequencies_of(base, event, model_error),
+        **_shapes_of(base, event, sign, reference, circumstances, foreign),
+        **lags_of(base, event, sign, reference.scatter, nearer, unsure_of(reference, base, event, circumstances)),
+        **dampings_of(base, event, mixed_by_change(reference, tracks, ratio)),
+        filed=_filed_modes(reference, tracks, channels, base),
+        model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
+        at_channels=at_channels,
+        across=reference.across_channels(channels),
+        frequency=reference.frequency,
+        n_stress=self_stress(reference.calibration.model).n,
+        circumstances=circumstances,
+        new=new_shapes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
+    )
+
+
+def _filed_modes(
+    reference: Reference, tracks: IndexArray, channels: tuple[str, ...], base: ModalMean
+) -> FiledModes | None:
+    """Return what a structure file that is far off has in the place of the modes compared; None where it is not."""
+    if reference.filed is None:
+        return None
+    there = reference.filed.reference
+    answer = answers_of_file(reference, reference.filed, channels)[reference.paired[tracks]]
+    shape = there.at_channels(channels).T[answer]
+    shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
+    sign = np.where((shape * base.shape).sum(1) < 0, -1, 1)[:, None]
+    return FiledModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
+
+
+def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float) -> dict[str, Any]:
+    """Return what a comparison says of log frequencies.
+
+    Parameters
+    ----------
+    base, event : (n,) of the modes compared
+    model_error : of a mode's typical displacement
+    """
+    ratio = event.log_frequency - base.log_frequency
+    shift = np.abs(ratio)
+    by_model = (2 * model_error) ** 2 * shift * shift.mean()
+    wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
+    variance = event.log_frequency_std**2 + base.log_frequency_std**2 + by_model + wider**2
+    plain, drifting = whiteners_of(variance)
+    return {
+        "log_ratio": ratio,
+        "log_frequency_std": event.log_frequency_std,
+        "plain": plain,
+        "drifting": drifting,
+        "model_variance": by_model,
+    }
+
+
+def _shapes_of(
+    base: ModalMean,
+    event: ModalMean,
+    sign: FloatArray,
+    reference: Reference,
+    circumstances: Circumstances,
+    foreign: FloatArray,
+) -> dict[str, Any]:
+    """Return what a comparison says of the shapes' real parts.
+
+    Components that err together are so much less data: each is believed less, all together as much as they are worth.
+
+    Parameters
+    ----------
+    base, event : (n,) of the modes compared
+    sign : (n, 1) that turns the event's shapes to the baseline's
+    foreign : (n, n_modes, n_channels) shares of other modes, by what the reference gets wrong
+    """
+    shaped = np.asarray(np.isfinite(event.shape).all(1))
+    known = shaped[:, None]
+    overdispersion = reference.scatter.shape_overdispersion
+    spread = overdispersion * (np.where(known, event.shape_std, 0.0) ** 2 + base.shape_std**2)
+    blurred = _blurred(event, max(reference.delays.wander, circumstances.wander))[:, None] * base.shape
+    shape = np.where(known, event.shape * sign, base.shape)
+    imaginary = np.where(known & np.isfinite(event.imaginary), event.imaginary, 0.0)
+    turned = np.concatenate([foreign, own_phases(shape, imaginary, spread, base.shape)], axis=1)
+    return {
+        "shaped": shaped,
+        "shape": shape,
+        "base": base.shape,
+        "shape_whitener": shaped[:, None, None]
+        * shape_whiteners(spread + SHAPE_BIAS**2 + blurred**2, base.shape, turned),
+        "overdispersion": overdispersion,
+    }
+
+
+def _blurred(event: ModalMean, wander: float) -> FloatArray:
+    """Return the share of a shape's component (n,) that a clock's wander [s] takes, here and there: 1 - cos(omega tau).
+
+    What a window's delay strays by is also what it strays by within the window, which no constant delay mends.
+    """
+    return np.asarray(1 - np.cos(2 * np.pi * np.exp(event.log_frequency) * wander))

@@ -1,0 +1,185 @@
+"""Measurement against baseline: the data by which every hypothesis is judged.
+
+Ratios to the baseline, log frequencies and shapes, so that what the model gets wrong about the structure as it was
+cancels to first order.
+
+Four blocks of data: log frequencies; shapes; the shapes' imaginary parts, each mode turned so that its own is least
+(`lag`: complex modes of the structure itself cancel against the baseline, a late channel does not); log damping. A
+block of which nothing was measured is empty or zero and adds nothing to the degrees of freedom.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import FloatArray, IndexArray
+from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances
+from updater.modal_data.tracked import COMMON_STD
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """Inverse Cholesky factor of the log frequencies' covariance."""
+
+    matrix: FloatArray  #: (n, n)
+    log_det: float  #: of the matrix
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NewModes:
+    """Modes now that the baseline has not."""
+
+    log_frequency: FloatArray  #: (n_extra,) [ln Hz]
+    log_frequency_std: FloatArray  #: (n_extra,)
+    damping: FloatArray  #: (n_extra,) [-], NaN where it is not known
+    damping_std: FloatArray  #: (n_extra,)
+    shape: FloatArray  #: (n_extra, n_channels) unit norm
+    whitener: FloatArray  #: (n_extra, n_channels, n_channels) inverse Cholesky factors of its covariance
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FiledModes:
+    """Modes of the structure file in the place of those compared, where a nearer model is used."""
+
+    log_ratio: FloatArray  #: (n,) of its frequencies to the baseline's
+    shape: FloatArray  #: (n, n_channels) unit norm
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison:
+    """Modes now and before, at the channels, with the reference's modes to predict from."""
+
+    channels: tuple[str, ...]  #: that both have
+    tracks: IndexArray  #: (n,) indices of the tracks that entered
+    paired: IndexArray  #: (n,) their model modes
+    log_ratio: FloatArray  #: (n,) of frequency to the baseline's
+    log_frequency_std: FloatArray  #: (n,) of what is measured now, without the model's error
+    plain: Whitener  #: of the log ratios, if nothing but noise adds to what a hypothesis says
+    drifting: Whitener  #: the same with a change common to all, which temperature brings
+    model_variance: FloatArray  #: (n,) of the log ratios', that is allowed for what the reference gets wrong
+    shaped: BoolArray  #: (n,) whether the shape was measured now; else only the frequency counts
+    shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
+    base: FloatArray  #: (n, n_channels) measured before, unit norm
+    shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
+    overdispersion: float  #: components of a shape that err as one [-]
+    phased: BoolArray  #: (n,) whether phases are known now and before
+    lag: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
+    base_lag: FloatArray  #: (n, n_channels) before
+    lag_whitener: FloatArray  #: (n n_channels, n n_channels) inverse Cholesky factor, 0 where phases are not known
+    lag_overdispersion: float  #: components of the imaginary part that err as one [-]
+    log_damping: FloatArray  #: (n,) of damping to the baseline's; 0 where it is not known
+    log_damping_std: FloatArray  #: (n,) of what is measured, then and now; NaN where it is not known
+    damping_weight: FloatArray  #: (n,) one over the standard deviation with what is not the cause's; 0: not known
+    model_base: FloatArray  #: (n, n_channels) of the reference, unit norm
+    at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
+    across: FloatArray  #: (2 n_channels, n_modes) of them along the two axes across each channel, first axes first
+    frequency: FloatArray  #: (n_modes,) of the reference [Hz]
+    n_stress: int = 0  #: states of self-stress of the reference's model
+    circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
+    new: NewModes | None = None  #: of the circumstances, at the channels
+    filed: FiledModes | None = None  #: of a file that is far off: what is there before any cause
+
+    def trusting(self, share: float) -> "Comparison":
+        """Return the same with only a share of what log frequencies are allowed for what the reference gets wrong."""
+        variance = np.diag(self.plain.matrix) ** -2 - (1 - share**2) * self.model_variance
+        plain, drifting = whiteners_of(variance)
+        return replace(self, plain=plain, drifting=drifting)
+
+    def with_frequencies(self, modes: IndexArray, log_ratio: FloatArray, std: FloatArray) -> "Comparison":
+        """Return the same with frequencies of further modes, of which shapes, phases and damping are not compared.
+
+        Parameters
+        ----------
+        modes : (k,) of the reference
+        log_ratio, std : (k,) of their frequencies to the reference's own, and its standard deviation
+        """
+        k, n = len(modes), len(self.paired)
+        variance = np.concatenate([np.diag(self.plain.matrix) ** -2, std**2])
+        plain, drifting = whiteners_of(variance)
+        shape = self.at_channels[:, modes].T
+        shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
+        whitener = np.zeros((n + k, *self.shape_whitener.shape[1:]))
+        whitener[:n] = self.shape_whitener
+        lag_whitener = np.zeros((n + k) * len(self.channels) * np.ones(2, int))
+        lag_whitener[: len(self.lag_whitener), : len(self.lag_whitener)] = self.lag_whitener
+        more: dict[str, FloatArray | IndexArray | BoolArray] = {
+            "tracks": np.full(k, -1),
+            "paired": modes,
+            "log_ratio": log_ratio,
+            "log_frequency_std": std,
+            "model_variance": np.zeros(k),
+            "shaped": np.zeros(k, bool),
+            "shape": shape,
+            "base": shape,
+            "phased": np.zeros(k, bool),
+            "lag": np.zeros(shape.shape),
+            "base_lag": np.zeros(shape.shape),
+            "log_damping": np.zeros(k),
+            "log_damping_std": np.full(k, np.nan),
+            "damping_weight": np.zeros(k),
+            "model_base": shape,
+        }
+        joined: dict[str, Any] = {name: np.concatenate([getattr(self, name), added]) for name, added in more.items()}
+        return replace(
+            self, plain=plain, drifting=drifting, shape_whitener=whitener, lag_whitener=lag_whitener, **joined
+        )
+
+    @property
+    def log_det_of_shapes(self) -> float:
+        """Log determinant of the shapes' whiteners, as far as their components are data of their own.
+
+        The same for all hypotheses; not for another model error.
+        """
+        diagonal = np.diagonal(self.shape_whitener[self.shaped], axis1=1, axis2=2)
+        return float(np.log(diagonal).sum() / self.overdispersion)
+
+    @property
+    def heard_at_channels(self) -> FloatArray:
+        """The reference's modes (n_channels, n_modes) as the channels say them, whose faults the baseline has seen."""
+        heard = self.at_channels.copy()
+        length = np.linalg.norm(heard[:, self.paired], axis=0)
+        sign = np.where((self.base * self.model_base).sum(1) < 0, -1.0, 1.0)
+        heard[:, self.paired] = (sign * length) * self.base.T
+        return heard
+
+    def freedom_of_new(self, n_new: int) -> float:
+        """Return how many data new modes are, to a hypothesis that says there are `n_new`."""
+        if self.new is None:
+            return 0.0
+        n_extra, n_channels = (int(n) for n in self.new.shape.shape)
+        return min(n_new, n_extra) * (1 + (n_channels - 1) / self.overdispersion)
+
+    @property
+    def freedom(self) -> float:
+        """Number of data: unit norm leaves a shape one component fewer than it has channels."""
+        n_modes, n_channels = (int(n) for n in self.shape.shape)
+        of_shapes = int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
+        of_phases = int(self.phased.sum()) * (n_channels - 1) / self.lag_overdispersion
+        of_damping = float(np.nansum((self.log_damping_std * self.damping_weight) ** 2))  # the rest is no noise
+        return n_modes + of_shapes + of_phases + of_damping
+
+    @property
+    def extra_frequency(self) -> FloatArray:
+        """Frequencies (n_extra,) of modes that the baseline has not [Hz]."""
+        extra = self.circumstances.extra
+        return np.exp(extra.log_frequency) if extra else np.empty(0)
+
+    @property
+    def extra_frequency_std(self) -> FloatArray:
+        """Their standard deviations (n_extra,) [Hz]."""
+        extra = self.circumstances.extra
+        return self.extra_frequency * extra.log_frequency_std if extra else np.empty(0)
+
+
+def whiteners_of(variance: FloatArray) -> tuple[Whitener, Whitener]:
+    """Return the whiteners of log frequencies of variances (n,), and of those with a change common to all."""
+    return _whitener(np.diag(variance)), _whitener(np.diag(variance) + COMMON_STD**2)
+
+
+def _whitener(covariance: FloatArray) -> Whitener:
+    lower = np.linalg.cholesky(covariance)
+    return Whitener(np.linalg.inv(lower), -float(np.log(np.diag(lower)).sum()))

@@ -1,0 +1,344 @@
+"""Fit of all alternatives of a cause at once, and the evidence for each (Laplace)."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+from daq import FloatArray, IndexArray
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Changed, Effect, Tangent, picked, predict, reanalyse
+from updater.inference.residuals import residual
+
+_SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
+_ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
+_REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
+_FEW = 150  # alternatives that go on after the first step, of more: those that are promised most
+_HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
+_SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
+_STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
+_AT_ONCE = 256  # rows times parameters whose residuals are computed together: their arrays stay in the cache
+BoolArray = npt.NDArray[np.bool_]
+
+
+class Hypotheses(Protocol):
+    """Alternatives of one cause, each with parameters that have a Gaussian prior about zero."""
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Standard deviations (n_parameters,)."""
+        ...
+
+    @property
+    def lower(self) -> FloatArray:
+        """Least values (n_alternatives, n_parameters)."""
+        ...
+
+    @property
+    def start(self) -> FloatArray:
+        """Start of the fit (n_alternatives, n_parameters)."""
+        ...
+
+    @property
+    def log_prior(self) -> FloatArray:
+        """Log probability of each alternative (n_alternatives,), summing to one."""
+        ...
+
+    @property
+    def drifting(self) -> bool:
+        """True if a drift common to all frequencies is allowed: not if the structure itself is unchanged."""
+        ...
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return what the alternatives `rows` do with parameters theta (len(rows), n_parameters)."""
+        ...
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return by how much a prior that is not Gaussian raises the log evidence of each alternative.
+
+        Parameters
+        ----------
+        theta : (n_alternatives, n_parameters) fitted with the Gaussian prior
+        covariance : (n_alternatives, n_parameters, n_parameters)
+        """
+        ...
+
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
+        """Return alternatives closer together where the posterior is, which start from what those about them came to.
+
+        None if there is nothing between them.
+
+        Parameters
+        ----------
+        log_density : (n_alternatives,) log evidence of each
+        theta : (n_alternatives, n_parameters) the best of each
+        """
+        ...
+
+
+@runtime_checkable
+class Giving(Protocol):
+    """Alternatives some of whose parameters only add compliance, the same one to each: exact derivatives are cheap."""
+
+    def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
+        """Return of such parameters a compliance (n_modes + n_stress, same), and how much of it a unit adds (n,).
+
+        Parameters
+        ----------
+        theta : (n, n_parameters)
+        """
+        ...
+
+
+H = TypeVar("H", bound=Hypotheses)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Generic[H]):
+    """The best parameters of every alternative."""
+
+    hypotheses: H
+    theta: FloatArray  #: (n_alternatives, n_parameters)
+    covariance: FloatArray  #: (n_alternatives, n_parameters, n_parameters)
+    chi_square: FloatArray  #: (n_alternatives,) of data and priors
+    log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
+    freedom: float  #: data less what is fitted
+    off_frequencies: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
+
+    @property
+    def log_evidence(self) -> float:
+        """Log evidence of the cause, all alternatives together."""
+        return float(logsumexp(self.log_density + self.hypotheses.log_prior))
+
+    @property
+    def probability(self) -> FloatArray:
+        """Probability of each alternative (n_alternatives,), if this is the cause."""
+        log = self.log_density + self.hypotheses.log_prior
+        return np.asarray(np.exp(log - logsumexp(log)))
+
+    @property
+    def best(self) -> int:
+        """The most probable alternative."""
+        return int(np.argmax(self.probability))
+
+    def only(self, chosen: BoolArray) -> "Fit[H]":
+        """Return the same as if it were one of the chosen alternatives (n_alternatives,) alone."""
+        return replace(self, log_density=np.where(chosen, self.log_density, -np.inf))
+
+    @property
+    def p_value(self) -> float:
+        """Chance of a worse fit if this is the cause: of all data, or of the frequencies (Bonferroni, at most)."""
+        best = int(np.argmin(self.chi_square))
+        off = self.off_frequencies[best]
+        of_frequencies = float(chi2.sf(off @ off, len(off)))
+        return min(float(chi2.sf(self.chi_square[best], self.freedom)), of_frequencies / _SHARE)
+
+
+def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:
+    """Return the sum of squares that the whitened residuals of frequencies of the best alternative have on average.
+
+    It is their number less the trace of the part of the hat matrix that is theirs: parameters that shapes and priors
+    determine take nothing from it.
+
+    Parameters
+    ----------
+    comparison : that was fitted
+    found : the fit
+    """
+    rows = np.array([found.best])
+    point = evaluate(comparison, found.hypotheses, found.theta[rows], rows)
+    slope = slopes(comparison, found.hypotheses, point, rows)[0, : len(comparison.log_ratio)]
+    return len(slope) - float(np.einsum("ij,jk,ik->", slope, found.covariance[found.best], slope))
+
+
+def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
+    """Fit every alternative by Gauss-Newton, all at once; if asked, those between the best ones afterwards."""
+    found = _fit(comparison, hypotheses)
+    closer = hypotheses.finer(found.log_density, found.theta) if refine else None
+    return found if closer is None else _fit(comparison, closer, _HOPELESS)
+
+
+@dataclass(eq=False)
+class Point:
+    """State of the fit of some alternatives."""
+
+    theta: FloatArray
+    effect: Effect
+    changed: Changed
+    residual: FloatArray
+
+    @property
+    def cost(self) -> FloatArray:
+        """Chi-square (n_alternatives,), the priors' included."""
+        return np.asarray((self.residual**2).sum(1))
+
+
+def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) -> Fit[H]:
+    everything = np.arange(len(hypotheses.start))
+    point = evaluate(comparison, hypotheses, hypotheses.start, everything)
+    moving = point.cost < point.cost.min() + reach_at_start
+    moving &= bool(len(hypotheses.prior_std))
+    begun = np.flatnonzero(moving)
+    slope = _of_priors(hypotheses, point)
+    slope[begun] = slopes(comparison, hypotheses, point, begun)
+    for number, reach in enumerate(_REACH):
+        step, promised = _newton(slope, point.residual, np.zeros(point.theta.shape, bool))
+        least = point.cost - promised
+        alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
+        if number:
+            alive = np.sort(alive[np.argsort(least[alive], kind="stable")[:_FEW]])
+        if not len(alive):
+            break
+        before = point.cost[alive]
+        _descend(comparison, hypotheses, point, step[alive], alive)
+        beyond = point.theta - step <= hypotheses.lower
+        held = alive[(point.cost[alive] >= before) & beyond[alive].any(1)]
+        if len(held):  # what would leave its bounds has led astray what would not
+            bounded, _ = _newton(slope[held], point.residual[held], beyond[held])
+            _descend(comparison, hypotheses, point, bounded, held)
+        gained = before - point.cost[alive]
+        moving[alive] = gained > _ENOUGH
+        slope[alive] = slopes(comparison, hypotheses, point, alive)
+    covariance: FloatArray = np.linalg.inv(normal(slope)).astype(np.float64)
+    whitener = comparison.drifting if hypotheses.drifting else comparison.plain
+    of_new = comparison.freedom_of_new(point.effect.own.shape[1])
+    volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
+    return Fit(
+        hypotheses=hypotheses,
+        theta=point.theta,
+        covariance=covariance,
+        chi_square=point.cost,
+        log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
+        freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
+        off_frequencies=point.residual[:, : len(comparison.log_ratio)],
+    )
+
+
+def _of_priors(hypotheses: Hypotheses, point: Point) -> FloatArray:
+    """Return the derivatives (n_alternatives, n_data + n_parameters, n_parameters) of the priors' residuals alone."""
+    n = len(hypotheses.prior_std)
+    slope = np.zeros((*point.residual.shape, n))
+    slope[:, point.residual.shape[1] - n :] = np.diag(1 / hypotheses.prior_std)
+    return slope
+
+
+def _newton(slope: FloatArray, residual: FloatArray, least: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the step of each alternative (n_alternatives, n_parameters), and what of chi-square it promises.
+
+    Parameters
+    ----------
+    least : which parameters cannot become less: those that would stay, and the others are stepped without them
+    """
+    whole, gradient = normal(slope), np.einsum("pij,pi->pj", slope, residual)
+    held = np.zeros(least.shape, bool)
+    while True:
+        free = ~held
+        alone = np.where(free[:, :, None] & free[:, None, :], whole, np.eye(least.shape[1]))
+        step = np.linalg.solve(alone, (free * gradient)[..., None])[..., 0]
+        blocked = least & (step > 0)
+        if not blocked.any():
+            return step, np.asarray((gradient * step).sum(1))
+        held |= blocked
+
+
+def normal(slope: FloatArray) -> FloatArray:
+    """Return the normal matrices (n_alternatives, n_parameters, n_parameters) of derivatives."""
+    return slope.transpose(0, 2, 1) @ slope
+
+
+def _descend(comparison: Comparison, hypotheses: Hypotheses, point: Point, step: FloatArray, rows: IndexArray) -> None:
+    """Take of each row's step the largest share that fits better."""
+    for share in _SHARES:
+        theta = np.maximum(point.theta[rows] - share * step, hypotheses.lower[rows])
+        tried = evaluate(comparison, hypotheses, theta, rows)
+        better = tried.cost < point.cost[rows]
+        _adopt(point, tried, rows[better], better)
+        rows, step = rows[~better], step[~better]
+        if not len(rows):
+            break
+
+
+def _adopt(point: Point, tried: Point, rows: IndexArray, chosen: BoolArray) -> None:
+    pairs = [(point, tried), (point.effect, tried.effect), (point.changed, tried.changed)]
+    for into, source in pairs:
+        for name, values in vars(into).items():
+            if isinstance(values, np.ndarray) and len(values) == len(point.theta):  # else no alternative changes it
+                values[rows] = getattr(source, name)[chosen]
+
+
+def evaluate(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, rows: IndexArray) -> Point:
+    """Return where alternatives `rows` leave the data with parameters theta (len(rows), n_parameters)."""
+    effect = hypotheses.effect(theta, rows)
+    changed = reanalyse(comparison, effect)
+    value, vector = picked(changed)
+    return Point(theta.copy(), effect, changed, _residual(comparison, hypotheses, theta, value, vector, effect))
+
+
+def _residual(
+    comparison: Comparison,
+    hypotheses: Hypotheses,
+    theta: FloatArray,
+    value: FloatArray,
+    vector: FloatArray,
+    effect: Effect,
+) -> FloatArray:
+    """Return whitened residuals (n_alternatives, n_data + n_parameters), the priors' included."""
+    whitener = comparison.drifting if hypotheses.drifting else comparison.plain
+    of_data = residual(comparison, predict(comparison, value, vector, effect), whitener)
+    return np.concatenate([of_data, theta / hypotheses.prior_std], axis=1)
+
+
+def slopes(
+    comparison: Comparison, hypotheses: Hypotheses, point: Point, rows: IndexArray, parameters: range | None = None
+) -> FloatArray:
+    """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
+    changed, old = point.changed.rows(rows), point.effect.rows(rows)
+    theta, before = point.theta[rows], point.residual[rows]
+    value, vector = picked(changed)
+    mass, flexibility, tangent = old.whole_mass, old.whole_flexibility, Tangent(changed, old)
+    steps = _STEP * hypotheses.prior_std
+    gives = hypotheses.gives(theta) if isinstance(hypotheses, Giving) else {}
+    columns = list(range(len(steps)) if parameters is None else parameters)
+    slope = np.zeros((len(columns), *before.shape))
+    for group in _groups(columns, gives, len(rows)):
+        k = np.array([columns[g] for g in group])
+        moved = np.tile(theta, (len(k), 1, 1))
+        moved[np.arange(len(k)), :, k] += steps[k, None]
+        stacked, every = moved.reshape(-1, len(steps)), np.tile(np.arange(len(rows)), len(k))
+        if k[0] in gives:
+            effect, amount = old.rows(every), steps[k, None] * [gives[each][1] for each in k]
+            d_value, d_vector = map(np.array, zip(*(tangent.by_compliance(gives[each][0]) for each in k), strict=True))
+            d_value, d_vector = amount[..., None] * d_value, amount[..., None, None] * d_vector
+        else:
+            effect = hypotheses.effect(stacked, rows[every])
+            d_value, d_vector = tangent.by(
+                _by_parameter(effect.whole_mass, len(k), len(rows)) - mass,
+                _by_parameter(effect.whole_flexibility, len(k), len(rows)) - flexibility,
+            )
+        found = _residual(
+            comparison,
+            hypotheses,
+            stacked,
+            np.broadcast_to(value + d_value, (len(k), *value.shape)).reshape(-1, *value.shape[1:]),
+            np.broadcast_to(vector + d_vector, (len(k), *vector.shape)).reshape(-1, *vector.shape[1:]),
+            effect,
+        )
+        slope[group] = (found.reshape(len(k), *before.shape) - before) / steps[k, None, None]
+    return np.ascontiguousarray(np.moveaxis(slope, 0, 2))
+
+
+def _by_parameter(matrix: FloatArray, n_parameters: int, n_rows: int) -> FloatArray:
+    """Return matrices (n_parameters n_rows, n, n) by parameter and row, a single one (1, n, n) as that of all."""
+    shape = (n_parameters, n_rows) if len(matrix) > 1 else (1, 1)
+    return matrix.reshape(*shape, *matrix.shape[1:])
+
+
+def _groups(columns: list[int], gives: Collection[int], n_rows: int) -> list[list[int]]:
+    """Return positions in `columns` whose derivatives are computed together, those of `gives` apart."""
+    size = max(_AT_ONCE // max(n_rows, 1), 1)
+    kinds = [[i for i, k in enumerate(columns) if (k in gives) is given] for given in (False, True)]
+    return [kind[start : start + size] for kind in kinds for start in range(0, len(kind), size)]

@@ -1,0 +1,139 @@
+"""First-order screening of very many positions of a mass, so that the exact fit examines hundreds of them only.
+
+A small mass m at a point where mode i moves by u_i changes ln omega_i by -m |u_i|^2 / 2 and turns the mode by
+m (u_i . u_k) omega_i^2 / (omega_k^2 - omega_i^2) towards mode k (Brincker et al., MSSP 45 (2014) 91-104). Whitened as
+the data are, residuals are linear in m; the best m and what it gains in chi-square have a closed form. A gain is
+compared with others only: what first order gets wrong about a large mass it gets wrong alike nearby.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.inference.comparison import Comparison
+from updater.inference.fit import Hypotheses, Point, evaluate, normal, slopes
+from updater.inference.shape_covariance import beside
+
+_CHUNK = 4096  # positions at a time
+_LEAST_SEEN = 1e-6  # of a mode at the channels [1/sqrt(kg)]
+_MOST_TURNED = 50.0  # omega_i^2 / |omega_k^2 - omega_i^2|: closer modes are no longer first order
+
+
+def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float, most: int) -> IndexArray:
+    """Return the `most` positions, ascending, where a mass lowers chi-square the most.
+
+    Parameters
+    ----------
+    comparison : what is measured now and before
+    translation : (n, 3, n_modes) of the reference's modes at the positions
+    mass_std : prior of the mass [kg]
+    most : positions to keep
+    """
+    linear = linear_in_mass(comparison)
+    chunks = [slice(i, i + _CHUNK) for i in range(0, len(translation), _CHUNK)]
+    gain = np.concatenate([_gain(translation[c], comparison.paired, linear, mass_std) for c in chunks])
+    if len(gain) <= most:
+        return np.arange(len(gain))
+    return np.sort(np.argpartition(-gain, most)[:most])
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Whitened residuals without a mass, and what is predicted for m = 1 kg."""
+
+    log_ratio: FloatArray  #: (n,)
+    by_shift: FloatArray  #: (n, n) by |u_i|^2
+    shape: FloatArray  #: (n, n_channels)
+    by_coupling: FloatArray  #: (n, n_modes, n_channels) of shape i by u_i . u_k
+
+
+def linear_in_mass(comparison: Comparison) -> Linear:
+    """Return what a comparison leaves, and what a small mass would change of it."""
+    square, paired = comparison.frequency**2, comparison.paired
+    gap = square / square[paired, None] - 1
+    gap[np.arange(len(paired)), paired] = np.inf
+    turned = np.clip(1 / np.where(gap == 0, np.inf, gap), -_MOST_TURNED, _MOST_TURNED)
+    along = (comparison.at_channels[:, paired].T * comparison.model_base).sum(1)
+    along = np.where(np.abs(along) < _LEAST_SEEN, _LEAST_SEEN, along)
+    moved = beside((turned / along[:, None])[:, :, None] * comparison.at_channels.T, comparison.base[:, None])
+    off = beside(comparison.shape, comparison.base)
+    white = comparison.drifting.matrix
+    return Linear(
+        log_ratio=white @ comparison.log_ratio,
+        by_shift=-0.5 * white,
+        shape=np.einsum("icd,id->ic", comparison.shape_whitener, off),
+        by_coupling=np.einsum("icd,ikd->ikc", comparison.shape_whitener, moved),
+    )
+
+
+def _gain(translation: FloatArray, paired: IndexArray, linear: Linear, mass_std: float) -> FloatArray:
+    """Return what the best mass at each position (n,) gains in chi-square."""
+    shift = (translation[:, :, paired] ** 2).sum(1) @ linear.by_shift.T
+    slope_rest, slope_slope = shift @ linear.log_ratio, (shift**2).sum(1)
+    for mode, rest, by_coupling in zip(paired, linear.shape, linear.by_coupling, strict=True):
+        slope = np.einsum("pa,pak->pk", translation[:, :, mode], translation) @ by_coupling
+        slope_rest += slope @ rest
+        slope_slope += (slope**2).sum(1)
+    return np.asarray(slope_rest**2 / (slope_slope + mass_std**-2))
+
+
+def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
+    """Return where alternatives leave the data at their start, and what a step in their parameters does to that.
+
+    Returns
+    -------
+    rest : (n_alternatives, n_data)
+        Whitened residuals, without the priors'.
+    slope : (n_alternatives, n_data, n_parameters)
+        Their derivatives.
+    """
+    everything = np.arange(len(hypotheses.start))
+    point = evaluate(comparison, hypotheses, hypotheses.start, everything)
+    n_data = point.residual.shape[1] - len(hypotheses.prior_std)
+    return point.residual[:, :n_data], slopes(comparison, hypotheses, point, everything)[:, :n_data]
+
+
+def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> FloatArray:
+    """Return minus the chi-square that each alternative would come to, to first order (n_alternatives,).
+
+    Parameters
+    ----------
+    theta : (n_parameters,) where the first `n_own` do nothing yet; the others give way with them
+    """
+    n = len(hypotheses.log_prior)
+    if not n_own:  # all or nothing: no slope tells
+        whole = evaluate(comparison, hypotheses, np.tile(theta, (n, 1)), np.arange(n))
+        return -whole.cost
+    one = evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
+    n_all = len(theta)
+    own = slopes(comparison, hypotheses, _repeated(one, n), np.arange(n), range(n_own))
+    others = slopes(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
+    if n_all > n_own:
+        basis = np.linalg.qr(others)[0]
+        own = own - np.einsum("dk,pkj->pdj", basis, np.einsum("dk,pdj->pkj", basis, own))
+    score = own.transpose(0, 2, 1) @ one.residual[0]
+    gain = np.einsum("pj,pj->p", score, np.linalg.solve(normal(own), score[..., None])[..., 0])
+    return np.asarray(gain - one.cost[0])
+
+
+def pulls(comparison: Comparison, hypotheses: Hypotheses, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the data are if no alternative does anything, and what a step of each does to that.
+
+    Returns
+    -------
+    rest : (n_data,)
+        Whitened residual, without the priors'.
+    slope : (len(rows), n_data, n_parameters)
+        Its derivatives.
+    """
+    n, n_all = len(hypotheses.prior_std), len(hypotheses.log_prior)
+    one = evaluate(comparison, hypotheses, np.zeros((1, n)), np.zeros(1, np.intp))
+    n_data = one.residual.shape[1] - n
+    return one.residual[0, :n_data], slopes(comparison, hypotheses, _repeated(one, n_all), rows)[:, :n_data]
+
+
+def _repeated(one: Point, n: int) -> Point:
+    """Return what one alternative does as that of n: at nothing all are alike."""
+    rows = np.zeros(n, np.intp)
+    return Point(one.theta[rows], one.effect.rows(rows), one.changed.rows(rows), one.residual[rows])

@@ -1,0 +1,382 @@
+"""Exact re-analysis of many hypotheses at once, in the modes of the reference.
+
+In mass-normalised modes B of frequencies omega a structural change is one of modal mass, M' = I + dM, and of modal
+flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. Its derivatives follow from the same
+eigenvectors (`tangent`), so that a step of Gauss-Newton costs one decomposition an alternative. What gives is told as
+compliance in modes and in states of self-stress (`self_stress`), by which a redundant structure shifts its load to
+where it is stiff.
+
+What hangs on the structure by a spring of its own appends a degree of freedom: its motion beside the structure's, with
+unit mass, a flexibility 1 / omega_o^2 and a coupling in the mass matrix.
+"""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.inference.comparison import Comparison
+from updater.inference.residuals import Prediction
+
+_SPLIT = 0.05  # of a compared mode, that is what hangs on the structure: then either of two modes may be meant
+_NEAR = 0.5  # of ln f: how far what hangs on a structure may yet answer from where it is begun
+_OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
+_LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Effect:
+    """Effect of each of some alternatives.
+
+    A part that no alternative changes has a length of 1 along the first axis in the place of n_alternatives.
+    """
+
+    mass: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal mass
+    #: (n_alternatives, n_modes + n_stress, same) compliance added in modes [s2], states of self-stress [-], and across
+    compliance: FloatArray
+    #: (n_alternatives, n_channels, 3 n_channels) what the channels say over what is true along their own directions,
+    #: along the first axis across each of them, and along the second (`updater.structure.structure.sensor_axes`)
+    chain: FloatArray
+    lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
+    log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's
+    coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
+    own: FloatArray  #: (n_alternatives, n_own) their flexibility 1/omega_o^2 [s2]
+    own_log_damping: FloatArray  #: (n_alternatives, n_own) of their damping to that of the structure's modes
+
+    @property
+    def whole_mass(self) -> FloatArray:
+        """Change of mass (n_alternatives, n_modes + n_own, same), over unit mass."""
+        return _bordered(self.mass, self.coupling, np.zeros(self.own.shape))
+
+    @property
+    def whole_flexibility(self) -> FloatArray:
+        """Change of flexibility (n_alternatives, n_modes + n_own, same), over that of the modes [s2]."""
+        return _bordered(self.flexibility, np.zeros(self.coupling.shape), self.own)
+
+    @property
+    def flexibility(self) -> FloatArray:
+        """Change of modal flexibility (n_alternatives, n_modes, n_modes), self-stress having shifted the load [s2]."""
+        n = self.mass.shape[1]
+        own, across = self.compliance[:, :n, :n], self.compliance[:, n:, :n]
+        return np.asarray(own + across.transpose(0, 2, 1) @ self.shifted) if across.any() else own
+
+    @property
+    def shifted(self) -> FloatArray:
+        """Self-stress (n_alternatives, n_stress, n_modes) that shifts the load of modes to where less gives."""
+        n = self.mass.shape[1]
+        across, within = self.compliance[:, n:, :n], self.compliance[:, n:, n:]
+        return np.asarray(-np.linalg.solve(np.eye(within.shape[1]) + within, across))
+
+    def rows(self, rows: IndexArray) -> "Effect":
+        """Return some alternatives."""
+        chosen = {}
+        for f in fields(self):
+            values = getattr(self, f.name)
+            chosen[f.name] = values if len(values) == 1 and f.name not in _OWN else values[rows]
+        return Effect(**chosen)
+
+    def then(self, other: "Effect") -> "Effect":
+        """Return both together; what the other says of the channels acts on what this one makes of them."""
+        n = other.lag.shape[1]
+        own = other.chain[:, :, :n]
+        chain = own @ self.chain
+        for k in (1, 2):
+            across = other.chain[:, :, k * n : (k + 1) * n]
+            if across.any():  # of the place that this one's channels are read at
+                chain[:, :, k * n : (k + 1) * n] += across @ self.chain[:, :, :n]
+        share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _LEAST)  # whose lag a channel has: a swap moves it
+        return Effect(
+            mass=self.mass + other.mass,
+            compliance=self.compliance + other.compliance,
+            chain=chain,
+            lag=(share @ self.lag[:, :, None])[:, :, 0] + other.lag,
+            log_damping=self.log_damping + other.log_damping,
+            coupling=np.concatenate([self.coupling, other.coupling], axis=2),
+            own=np.concatenate([self.own, other.own], axis=1),
+            own_log_damping=np.concatenate([self.own_log_damping, other.own_log_damping], axis=1),
+        )
+
+
+def in_modes(flexibility: FloatArray, comparison: Comparison) -> FloatArray:
+    """Return a change of modal flexibility (p, n_modes, n_modes) as compliance that shifts no load."""
+    n = comparison.n_stress
+    return np.pad(flexibility, ((0, 0), (0, n), (0, n))) if n else flexibility
+
+
+def _bordered(matrix: FloatArray, border: FloatArray, corner: FloatArray) -> FloatArray:
+    """Return matrices (p, n, n) bordered by (p, n, k) on both sides, with a diagonal (p, k) in the corner."""
+    if not corner.shape[1]:
+        return matrix
+    matrix = np.broadcast_to(matrix, (len(corner), *matrix.shape[1:]))
+    lower = np.concatenate([border.transpose(0, 2, 1), corner[:, :, None] * np.eye(corner.shape[1])], axis=2)
+    return np.concatenate([np.concatenate([matrix, border], axis=2), lower], axis=1)
+
+
+def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
+    """Return the effect of nothing, whose parts are to be replaced."""
+    n_channels, n_modes = comparison.at_channels.shape
+    return Effect(
+        mass=np.zeros((1, n_modes, n_modes)),
+        compliance=np.zeros((1, *2 * (n_modes + comparison.n_stress,))),
+        chain=np.eye(n_channels, 3 * n_channels)[None],
+        lag=np.zeros((1, n_channels)),
+        log_damping=np.zeros((1, n_modes)),
+        coupling=np.zeros((n_alternatives, n_modes, 0)),
+        own=np.zeros((n_alternatives, 0)),
+        own_log_damping=np.zeros((n_alternatives, 0)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """The changed structure's modes, those that answer to the compared ones first among equals."""
+
+    value: FloatArray  #: (n_alternatives, n_all) 1/omega'^2, n_all = n_modes + n_own [s2]
+    vector: FloatArray  #: (n_alternatives, n_all, n_all) in the reference's modes, columns mass-normalised
+    weighed: FloatArray  #: (n_alternatives, n_all, n_all) M' times the vectors
+    pick: IndexArray  #: (n_alternatives, n + n_own) column of each compared mode, then of those that came with `own`
+
+    def rows(self, rows: IndexArray) -> "Changed":
+        """Return some alternatives."""
+        return Changed(self.value[rows], self.vector[rows], self.weighed[rows], self.pick[rows])
+
+
+def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
+    """Solve the eigenproblem of each alternative.
+
+    A mode's successor is the one with most of it: the changed mode that holds the largest component of the old one.
+    """
+    value, vector, weighed = _solve(comparison, effect)
+    value = np.maximum(value, _LEAST * value[:, -1:])
+    share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
+    pick = np.argmax(share[:, comparison.paired, :], axis=2)
+    if effect.own.shape[1]:
+        pick = _with_own(comparison, pick, share, value)
+    scale = np.sqrt(value)[:, None, :]
+    found = Changed(value, vector / scale, weighed * scale, pick)
+    n = len(effect.own)
+    return found if len(value) == n else found.rows(np.zeros(n, np.intp))  # none changes the structure: all are alike
+
+
+def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:
+    """Append the modes that came with what hangs on the structure: most of it, and no successor of a compared one.
+
+    Where it splits a mode in two that are half its own each, the order of what is measured says which is which; where
+    only one of the two was, that is the compared mode's.
+    """
+    every = np.arange(len(pick))
+    for own in range(len(comparison.frequency), share.shape[1]):
+        left = share[:, own, :].copy()
+        np.put_along_axis(left, pick, -1.0, axis=1)
+        column = np.argmax(left, axis=1)
+        split = np.argmax(np.take_along_axis(share[:, own, :], pick[:, : len(comparison.paired)], axis=1), axis=1)
+        other = pick[every, split]
+        mixed = share[every, own, other] > _SPLIT
+        now = (comparison.frequency[comparison.paired] * np.exp(comparison.log_ratio))[split]
+        first, second = (value[every, each] ** -0.5 / (2 * np.pi) for each in (column, other))
+        new = _nearest_extra(comparison, first)
+        nearer = np.abs(np.log(first / now)) < np.abs(np.log(second / now))
+        wrong = mixed & np.where(np.isnan(new), nearer, (new < now) != (first < second))
+        pick = np.column_stack([pick, np.where(wrong, other, column)])
+        pick[wrong, split[wrong]] = column[wrong]
+    return pick
+
+
+def _nearest_extra(comparison: Comparison, frequency: FloatArray) -> FloatArray:
+    """Return the frequency of the nearest mode that the baseline has not (n,) [Hz]; NaN where none is near."""
+    extra = comparison.extra_frequency
+    if not len(extra):
+        return np.full(len(frequency), np.nan)
+    away = np.abs(np.log(extra / frequency[:, None]))
+    return np.where(away.min(1) < _NEAR, extra[np.argmin(away, axis=1)], np.nan)
+
+
+def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return 1/omega'^2 (n_alternatives, n_modes), vectors and M' times them, neither scaled yet.
+
+    By the root of F', not of M': more mass may be taken off than the modes can hold.
+    """
+    plain = (2 * np.pi * comparison.frequency) ** -2.0
+    plain = np.append(plain, np.zeros(effect.own.shape[1]))
+    mass = np.eye(len(plain)) + effect.whole_mass
+    flexibility = effect.flexibility
+    if not flexibility.any() and not effect.own.shape[1]:  # its root is diagonal
+        factor = np.sqrt(plain)
+        value, unit = np.linalg.eigh(factor[:, None] * mass * factor)
+        return value, factor[:, None] * unit, unit / factor[:, None]
+    if not effect.mass.any() and not effect.own.shape[1]:  # F' x = x / omega'^2
+        value, unit = np.linalg.eigh(np.diag(plain) + flexibility)
+        scale = np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None]
+        return value, unit * scale, unit / scale
+    root = _root(np.diag(plain) + effect.whole_flexibility)
+    value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
+    return value, root @ unit, np.linalg.solve(root.transpose(0, 2, 1), unit)
+
+
+def _root(flexibility: FloatArray) -> FloatArray:
+    """Return A with A A^T the flexibility (p, n, n); what is no flexibility, a step too far, is cut to the least."""
+    try:
+        return np.asarray(np.linalg.cholesky(flexibility), float)
+    except np.linalg.LinAlgError:
+        value, vector = np.linalg.eigh(flexibility)
+        return np.asarray(vector * np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None, :])
+
+
+def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effect: Effect) -> Prediction:
+    """Return what would be measured.
+
+    The measured baseline shape is changed by what the reference says about the change, then read by the channels; a
+    channel that is late by tau turns its part of a mode by -2 pi f tau.
+
+    Parameters
+    ----------
+    value : (n_alternatives, n + n_own) 1/omega'^2 of the compared modes and of those that came with the effect [s2]
+    vector : (n_alternatives, n_modes + n_own, n + n_own) theirs
+    effect : (n_alternatives,) of which chain, lag and damping enter here
+    """
+    n_compared, n_modes = len(comparison.paired), len(comparison.frequency)
+    new = np.zeros((len(value), 0, len(comparison.channels)))
+    log_damping = effect.log_damping[:, comparison.paired]
+    if effect.own.shape[1]:
+        new = (comparison.heard_at_channels @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
+        log_damping = log_damping + _damped_by_own(effect, value[:, :n_compared], vector[:, n_modes:, :n_compared])
+    new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
+    value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
+    old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
+    shape = (comparison.at_channels @ vector).transpose(0, 2, 1)
+    along = (shape * comparison.model_base).sum(-1, keepdims=True)
+    along = np.where(np.abs(along) < 1e-6, 1e-6, along)
+    true = comparison.base + shape / along - comparison.model_base
+    n = true.shape[2]
+    read = true @ effect.chain[:, :, :n].transpose(0, 2, 1)
+    if effect.chain[:, :, n:].any():
+        across = (comparison.across @ vector).transpose(0, 2, 1) / along
+        read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
+    log_ratio = -0.5 * np.log(np.maximum(value / old, _LEAST))
+    frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
+    shape, lag = _heard(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
+    return Prediction(
+        log_ratio=log_ratio,
+        shape=shape,
+        lag=lag,
+        log_damping=np.broadcast_to(log_damping, log_ratio.shape),
+        new_frequency=new_frequency,
+        new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
+        undone=_undone(effect.chain[:, :, :n]),
+    )
+
+
+def _damped_by_own(effect: Effect, value: FloatArray, moved: FloatArray) -> FloatArray:
+    """Return log damping (n_alternatives, n) of modes that share their energy with what hangs on the structure.
+
+    Each part damps by its share of the elastic energy, z^2 omega_o^2 / omega^2 of unit modal mass.
+
+    Parameters
+    ----------
+    value : (n_alternatives, n) 1/omega^2 of the modes [s2]
+    moved : (n_alternatives, n_own, n) z, how they move what hangs there beside the structure
+    """
+    share = np.clip(moved**2 * value[:, None] / effect.own[:, :, None], 0.0, 1.0)
+    more = np.expm1(effect.own_log_damping)[:, :, None]
+    return np.asarray(np.log(np.maximum(1 + (share * more).sum(1), _LEAST)))
+
+
+def _undone(chain: FloatArray) -> FloatArray | None:
+    """Return what undoes the exchanges and turns of channels (n_alternatives, n_channels, n_channels), None of none.
+
+    Each channel is taken for the one it says most of, where that is a channel of its own for each.
+    """
+    n = chain.shape[1]
+    plain = (chain.reshape(-1, n * n)[:, :: n + 1] > 0).all(1, keepdims=True)
+    if plain.all():
+        return None
+    said = np.argmax(np.abs(chain), axis=2)
+    other = np.sort(said, axis=1) == np.arange(n)
+    said = np.where(other.all(1, keepdims=True) & ~plain, said, np.arange(n))
+    sign = np.where(np.take_along_axis(chain, said[:, :, None], 2)[:, :, 0] < 0, -1.0, 1.0)
+    return np.asarray(np.eye(n)[said].transpose(0, 2, 1) * sign[:, None, :])
+
+
+def _heard(
+    real: FloatArray, imaginary: FloatArray, frequency: FloatArray, late: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the real part of shapes (p, n, n_channels) heard late, and the imaginary one where that has unit norm.
+
+    Parameters
+    ----------
+    real, imaginary : (p, n, n_channels) in time
+    frequency : (p, n) [Hz]
+    late : (p, n_channels) [s]
+    """
+    late, imaginary = np.broadcast_to(late, real[:, 0].shape), np.broadcast_to(imaginary, real.shape)
+    rows = late.any(1)
+    if rows.any():
+        real, imaginary = real.copy(), imaginary.copy()
+        delay = np.exp(-2j * np.pi * frequency[rows, :, None] * late[rows, None, :])
+        turned = (real[rows] + 1j * imaginary[rows]) * delay
+        turned = turned * np.exp(-0.5j * np.angle((turned**2).sum(-1, keepdims=True)))
+        sign = np.where((turned.real * real[rows]).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+        real[rows], imaginary[rows] = sign * turned.real, sign * turned.imag
+    return real, imaginary / np.maximum(np.linalg.norm(real, axis=-1, keepdims=True), _LEAST)
+
+
+def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
+    """Return value (n_alternatives, n + n_own) and vector (n_alternatives, n_all, n + n_own) of the modes picked."""
+    value = np.take_along_axis(changed.value, changed.pick, axis=1)
+    return value, np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
+
+
+_Slope = tuple[FloatArray, FloatArray]
+
+
+class Tangent:
+    """Derivatives of the modes picked, d value (..., n_alternatives, n + n_own), d vector (..., n_all, n + n_own)."""
+
+    def __init__(self, changed: Changed, effect: Effect) -> None:
+        """Derive at alternatives that an effect changed so."""
+        self._changed, self._effect = changed, effect
+        n_alternatives, n = changed.pick.shape
+        self._at = np.arange(n_alternatives)[:, None], changed.pick, np.arange(n)  # row and column of each mode picked
+        pick = changed.pick[:, None, :]
+        self._vector, self._weighed = (
+            np.take_along_axis(each, pick, axis=2) for each in (changed.vector, changed.weighed)
+        )
+        gap = np.take_along_axis(changed.value, changed.pick, axis=1)[:, None, :] - changed.value[:, :, None]
+        gap[self._at] = np.inf
+        self._gap = np.where(gap == 0, np.inf, gap)
+
+    def by(self, mass: FloatArray, flexibility: FloatArray) -> _Slope:
+        """Return the derivatives by something of which dM and dF (..., n_alternatives or 1, n_all, n_all) are."""
+        changed = self._changed
+        numerator = by_mass = np.zeros(self._vector.shape)  # (..., p, k, i)
+        if mass.any():
+            by_mass = changed.vector.transpose(0, 2, 1) @ (mass @ self._vector)
+            numerator = changed.value[:, :, None] * by_mass
+        if flexibility.any():
+            numerator = numerator + changed.weighed.transpose(0, 2, 1) @ (flexibility @ self._weighed)
+        return self._of(numerator, np.broadcast_to(by_mass, numerator.shape))
+
+    def by_compliance(self, compliance: FloatArray) -> _Slope:
+        """Return the derivatives by so much of a compliance (n_modes + n_stress, same) everywhere [s2, -]."""
+        every, picked = self._with_stress
+        return self._of(every.transpose(0, 2, 1) @ (compliance @ picked), np.zeros(self._vector.shape))
+
+    @cached_property
+    def _with_stress(self) -> _Slope:
+        """Left vectors (n_alternatives, n_modes + n_stress, n_all) with the self-stress they shift, and those picked.
+
+        F = C_mm + C_ms S with S = -(I + C_ss)^-1 C_sm has the derivative [I; S]^T dC [I; S].
+        """
+        n, shifted = self._effect.mass.shape[1], self._effect.shifted
+        both = [
+            np.concatenate([each[:, :n], shifted @ each[:, :n]], axis=1)
+            for each in (self._changed.weighed, self._weighed)
+        ]
+        return both[0], both[1]
+
+    def _of(self, numerator: FloatArray, by_mass: FloatArray) -> _Slope:
+        picked = (..., *self._at)
+        component = numerator / self._gap
+        component[picked] = -0.5 * by_mass[picked]
+        return numerator[picked], self._changed.vector @ component

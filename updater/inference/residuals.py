@@ -1,0 +1,68 @@
+"""Residuals between the prediction of a hypothesis and the measurement."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from updater.inference.comparison import Comparison, NewModes, Whitener
+from updater.inference.shape_covariance import beside, turned_back
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Measurement predicted by alternatives."""
+
+    log_ratio: FloatArray  #: (n_alternatives, n) of frequency to the baseline's
+    shape: FloatArray  #: (n_alternatives, n, n_channels) of any norm and sign
+    lag: FloatArray  #: (n_alternatives, n, n_channels) the shape's imaginary part where the real one has unit norm
+    log_damping: FloatArray  #: (n_alternatives, n) of damping to the baseline's
+    new_frequency: FloatArray  #: (n_alternatives, n_new) of modes that came with something [Hz]
+    new_shape: FloatArray  #: (n_alternatives, n_new, n_channels) of any norm and sign
+    undone: FloatArray | None = None  #: (n_alternatives, n_channels, n_channels) exchanges and turns of channels undone
+
+
+def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) -> FloatArray:
+    """Return whitened residuals (n_alternatives, n_data): log frequencies, shapes, their lags, log damping."""
+    shape, n = predicted.shape, len(predicted.shape)
+    frequency = (comparison.log_ratio - predicted.log_ratio) @ whitener.matrix.T
+    rest = turned_back(_undone(predicted, beside(comparison.shape, shape)), _undone(predicted, shape), comparison.base)
+    off = (rest.transpose(1, 0, 2) @ comparison.shape_whitener.transpose(0, 2, 1)).transpose(1, 0, 2)
+    blocks = [frequency, off.reshape(n, -1)]
+    if comparison.phased.any():
+        sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+        late = beside(comparison.lag - sign * predicted.lag, shape)  # a mode's own phase is no one's
+        blocks.append(_undone(predicted, late).reshape(n, -1) @ comparison.lag_whitener.T)
+    if comparison.damping_weight.any():
+        blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
+    if comparison.new is not None:
+        blocks.append(_off_new(comparison.new, predicted))
+    return np.concatenate(blocks, axis=1)
+
+
+def _undone(predicted: Prediction, off: FloatArray) -> FloatArray:
+    """Return what is left of shapes (p, n, n_channels) at the channels as they were: errors in common are known there.
+
+    Where modes are close they turn into each other by what a model gets wrong. Of two channels that were exchanged that
+    says the one what is the other's.
+    """
+    return off if predicted.undone is None else np.asarray(off @ predicted.undone.transpose(0, 2, 1))
+
+
+def _off_new(new: NewModes, predicted: Prediction) -> FloatArray:
+    """Return whitened residuals (p, n_extra (1 + n_channels)) of new modes, each from the nearest that is predicted.
+
+    A mode that nothing predicts is nobody's: zeros. What predicts it says in its evidence what that is worth.
+    """
+    n_alternatives, n_new = predicted.new_frequency.shape
+    off = np.zeros((n_alternatives, len(new.shape), 1 + new.shape.shape[1]))
+    every = np.arange(n_alternatives)
+    for k in range(n_new):
+        away = new.log_frequency - np.log(predicted.new_frequency[:, k, None])
+        nearest = np.argmin(np.abs(away), axis=1)
+        off[every, nearest, 0] = away[every, nearest] / new.log_frequency_std[nearest]
+        shape = predicted.new_shape[:, k]
+        moves = np.linalg.norm(shape, axis=1, keepdims=True) > 0  # not what hangs on a foot
+        beside_it = beside(new.shape[nearest], np.where(moves, shape, 1.0))
+        off[every, nearest, 1:] = np.einsum("pij,pj->pi", new.whitener[nearest], beside_it)
+    return off.reshape(n_alternatives, -1)

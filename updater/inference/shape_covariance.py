@@ -1,0 +1,186 @@
+"""Covariance of mode shape errors: shares of other modes that a change, or a wrong model, brings in."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.modal_data.tracked import ModalMean
+from updater.reference.reference import Reference
+
+SHAPE_BIAS = 6e-4  #: of a unit shape: what identification errs beyond its noise, otherwise once something has changed
+_MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
+_MIXED = 0.05  # rad: from about where on noise turns modes into each other most of all
+_LEAST_GAP = 1e-6  # of squared frequencies
+_MOST_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
+_USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
+
+
+def foreign_modes(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, error: float
+) -> FloatArray:
+    """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
+
+    A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
+    and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If each u is
+    wrong by e times its typical size, d_i is wrong by 2 e (d_i d)^1/2 and the coupling by 2 e (d (d_i + d_k))^1/2, d
+    the mean of all: most where modes are close, and not nothing where a mode has its node.
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's share in unit shapes, times the mode.
+    """
+    paired, shift = reference.paired[tracks], np.abs(ratio)
+    shifts = np.full(len(reference.frequency), shift.mean())
+    shifts[paired] = shift
+    coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
+    closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
+    return _towards(np.minimum(coupling * closeness, _MOST_TURNED), paired, at_channels)
+
+
+def mixed_by_change(reference: Reference, tracks: IndexArray, ratio: FloatArray) -> FloatArray:
+    """Return the share (n,) of other modes that a change of this size may have mixed into each compared one.
+
+    To first order, a body that lowers modes i and k by d_i and d_k turns one towards the other by 2 (d_i d_k)^1/2
+    omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. The share is the square of that, at most one: modes
+    that are farther apart than they have moved keep their own.
+    """
+    paired, shift = reference.paired[tracks], np.abs(ratio)
+    shifts = np.full(len(reference.frequency), shift.mean())
+    shifts[paired] = shift
+    closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
+    turned = 2 * np.sqrt(shifts[paired, None] * shifts) * closeness
+    return np.asarray(np.minimum((turned**2).sum(1), 1.0))
+
+
+def nearer_modes(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, damping: FloatArray
+) -> FloatArray:
+    """Return how complex modes may have become that came closer or parted.
+
+    Two modes that are damped together are complex by their closeness omega_i^2 / |omega_k^2 - omega_i^2| times twice
+    the damping at most; half of that is expected of a change of closeness.
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's imaginary share in unit shapes, times the mode.
+    """
+    paired = reference.paired[tracks]
+    before, after = _closeness(reference.frequency, paired, ratio)
+    share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
+    return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
+
+
+def turned_by_noise(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, means: Sequence[ModalMean]
+) -> FloatArray:
+    """Return how far noise turns modes into each other, with the baseline's windows and with the event's.
+
+    What stirs the frequency of a mode by s turns it towards another by about s over their distance, its real and its
+    imaginary part alike: perturbed eigenvectors (Wilkinson, 1965, ch. 2). Between modes 1 % apart, as of a tower whose
+    sides are nearly equal, that is some tenths in a window. Then it is all that is stated of the shape's components,
+    more where the other mode is the stronger one, and they err as one.
+
+    Parameters
+    ----------
+    means : (n,) before and after
+
+    Returns
+    -------
+    (n, n_modes, n_channels)
+        Standard deviation of each mode's share in unit shapes, times the mode.
+    """
+    paired = reference.paired[tracks]
+    square = np.zeros((len(paired), len(reference.frequency)))
+    for mean, closeness in zip(means, _closeness(reference.frequency, paired, ratio), strict=True):
+        turn = (2 * mean.log_frequency_std[:, None] * closeness) ** 2
+        stated = np.nan_to_num((mean.shape_std**2).sum(1))[:, None]
+        square += turn + stated * turn / (turn + _MIXED**2)
+    return _towards(np.minimum(np.sqrt(square), _MOST_TURNED), paired, at_channels)
+
+
+def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, base: FloatArray) -> FloatArray:
+    """Return how far the phases that make imaginary parts least are off: real parts take up as much of those.
+
+    Along an imaginary part of norm q^1/2 a real part of norm one has the variance s^2 (1 + q) / (1 - q)^2, to first
+    order in s: much where a mode is as imaginary as real, as with a channel that is a quarter period late.
+
+    Parameters
+    ----------
+    shape, imaginary : (n, n_channels) parts of measured modes, the real one of unit norm; zeros where not known
+    variance : (n, n_channels) s^2 of a component of either
+    base : (n, n_channels) unit norm
+
+    Returns
+    -------
+    (n, 1, n_channels)
+        Standard deviation of the turn times the imaginary part, as it lies beside the baseline's shape.
+    """
+    share = np.minimum((imaginary**2).sum(1), _MOST_IMAGINARY)
+    turn = np.sqrt(variance.mean(1) * (3 - share)) / (1 - share)
+    return np.asarray(turn[:, None] * turned_back(beside(imaginary, shape), shape, base))[:, None]
+
+
+def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:
+    length = np.linalg.norm(at_channels[:, paired], axis=0)
+    return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
+
+
+def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes) before the change and after.
+
+    What is not seen after the change is taken as close as twice the mean of what the others moved allows.
+    """
+    reach = 2 * np.abs(ratio).mean()
+    own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
+    after = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
+    after[:, paired] = now.T
+    itself = np.arange(len(frequency)) == paired[:, None]
+    gaps = (np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
+    was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP)) for gap in gaps)
+    return was, became
+
+
+def shape_whiteners(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
+    """Return inverse Cholesky factors (n, n_channels, n_channels) of `shape_covariances`."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(shape_covariances(variance, base, foreign))))
+
+
+def shape_covariances(variance: FloatArray, base: FloatArray, foreign: FloatArray) -> FloatArray:
+    """Return the shapes' covariances (n, n_channels, n_channels).
+
+    Parameters
+    ----------
+    variance : (n, n_channels) of what is measured
+    base : (n, n_channels) unit shapes
+    foreign : (n, n_modes, n_channels) of other modes, by what the reference gets wrong
+    """
+    error = beside(foreign, base[:, None])
+    return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error)
+
+
+def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
+
+
+def turned_back(rest: FloatArray, shape: FloatArray, base: FloatArray) -> FloatArray:
+    """Return what lies beside predicted shapes as it lies beside the baseline's, by the turn from one to the other.
+
+    There the errors are known. A mode that has turned far towards its neighbour has as much less of itself: that is no
+    error of its own.
+
+    Parameters
+    ----------
+    rest : (..., n, n_channels) orthogonal to `shape`
+    shape : (..., n, n_channels) predicted, of any norm and sign
+    base : (n, n_channels) unit norm
+    """
+    along = (shape * base).sum(-1, keepdims=True)
+    length = np.linalg.norm(shape, axis=-1, keepdims=True)
+    unit = shape * (np.where(along < 0, -1.0, 1.0) / np.maximum(length, 1e-300))
+    share = (rest * base).sum(-1, keepdims=True) / (1 + np.abs(along) / np.maximum(length, 1e-300))
+    return np.asarray(rest - share * (unit + base))

@@ -1,0 +1,195 @@
+"""Place and size of one added mass: the posterior over all positions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.mass.added_mass import AddedMass, propose_added_mass
+from updater.fe.element import local_axes
+from updater.inference.compare import compare
+from updater.inference.fit import Fit, fit
+from updater.inference.posterior import Place, credible
+from updater.modal_data.tracked import ModalMean
+from updater.reference.reference import Reference
+from updater.structure.structure import Structure
+
+MODEL_ERRORS = (0.01, 0.03)  # of a mode's typical displacement: what the reference gets wrong at best, and at worst
+FITS = 0.05  # of chi-square, under which the larger one is tried
+_WORTH_SAYING = 0.05  # probability of a second place that must not be kept back
+_MIRRORED = 0.05  # m: how nearly two places of a member must be mirror images to be called left and right
+_LEARNT = 0.7  # of the prior's deviation: what lies above was not learnt from the data
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A part of a member."""
+
+    member: str
+    start: float  #: distance from the member's start [m]
+    stop: float  #: [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """One of the places where the mass may be, and what it weighs if it is there."""
+
+    member: str
+    distance: float  #: from the member's start [m]
+    distance_std: float  #: [m]
+    mass: float  #: [kg]
+    mass_std: float  #: [kg]
+    probability: float  #: of the place [-]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyShape:
+    """Properties of the located body besides its mass; those that the data do not determine stay at their prior."""
+
+    offset: FloatArray  #: (3,) of its centre from the member's axis, global axes [m]
+    offset_std: FloatArray  #: (3,) [m], 0 along the member
+    offset_known: bool  #: whether the data say more than the prior about it
+    inertia: float  #: about its own centre, alike about all axes [kg m2]
+    inertia_known: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MassChange:
+    """A located mass; negative if it was removed.
+
+    `member`, `distance` and `mass` are those of the most probable place; `alternatives` holds all places that the data
+    leave open, that one first.
+    """
+
+    member: str
+    distance: float  #: posterior mean, from the member's start [m]
+    distance_std: float  #: [m]
+    mass: float  #: [kg]
+    mass_std: float  #: [kg]
+    body: BodyShape
+    alternatives: tuple[Alternative, ...]
+    region: tuple[Stretch, ...]  #: 95 % credible
+    member_probability: float  #: that it is on this member [-]
+    p_value: float  #: chance of a worse fit if one added mass is the cause [-]
+    model_error: float  #: of a mode's typical displacement, that was allowed for [-]
+    tracks: IndexArray  #: (n,) modes of the baseline that entered
+    members: tuple[str, ...]  #: (n_positions,) of the profile
+    position: FloatArray  #: (n_positions,) distance from the member's start [m]
+    density: FloatArray  #: (n_positions,) posterior [1/m]
+    profile_mass: FloatArray  #: (n_positions,) best mass at each position [kg]
+
+    @property
+    def told(self) -> bool:
+        """True if the data leave one place only."""
+        return len(self.alternatives) == 1
+
+
+def locate_mass(reference: Reference, event: ModalMean) -> MassChange:
+    """Locate one added or removed mass.
+
+    Modes whose shape is not known (NaN) count by their frequencies; with none at all (`ModalMean.without_shapes`)
+    a symmetric structure leaves two places open, and `alternatives` holds both.
+
+    Parameters
+    ----------
+    reference : learnt before the change
+    event : (n_tracks,) mean of the windows since the change
+
+    Raises
+    ------
+    ModalDataError
+        If fewer than three modes can be compared, or what is compared cannot be right.
+    """
+    return mass_change(*fit_mass(reference, event))
+
+
+def fit_mass(reference: Reference, event: ModalMean) -> tuple[Fit[AddedMass], float]:
+    """Return one mass fitted at all positions, and the least of `MODEL_ERRORS` with which it fits."""
+    for error in MODEL_ERRORS:
+        data = compare(reference, event, model_error=error)
+        found = fit(data, propose_added_mass(reference, data))
+        if found.p_value >= FITS:
+            break
+    return found, error
+
+
+def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
+    """Return a fitted mass with its profile."""
+    cause, probability = found.hypotheses, found.probability
+    names = [member.name for member in cause.reference.calibration.structure.member]
+    density = probability / cause.weight
+    open_places = cause.places(found)
+    alternatives = tuple(
+        _alternative(found, place, names[place.member])
+        for place in open_places
+        if place is open_places[0] or place.probability >= _WORTH_SAYING
+    )
+    first = alternatives[0]
+    return MassChange(
+        member=first.member,
+        distance=first.distance,
+        distance_std=first.distance_std,
+        mass=first.mass,
+        mass_std=first.mass_std,
+        body=_shape(found, open_places[0]),
+        alternatives=alternatives,
+        region=tuple(
+            Stretch(member=names[m], start=a, stop=b)
+            for m, a, b in credible(cause.member, cause.position, density, probability)
+        ),
+        member_probability=float(probability[cause.member == open_places[0].member].sum()),
+        p_value=found.p_value,
+        model_error=model_error,
+        tracks=cause.comparison.tracks,
+        members=tuple(names[m] for m in cause.member),
+        position=cause.position,
+        density=density,
+        profile_mass=found.theta[:, 0],
+    )
+
+
+def _alternative(found: Fit[AddedMass], place: Place, member: str) -> Alternative:
+    cause = found.hypotheses
+    distance, distance_std = cause.distance(place)
+    mass, mass_std = cause.mass(found, place)
+    return Alternative(
+        member=member,
+        distance=distance,
+        distance_std=distance_std,
+        mass=mass,
+        mass_std=mass_std,
+        probability=place.probability,
+    )
+
+
+def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
+    cause = found.hypotheses
+    average = np.array([cause.averaged(found, place, parameter) for parameter in range(4)])
+    known = average[:, 1] < _LEARNT * cause.prior_std
+    member = cause.reference.calibration.structure.member[place.member]
+    cross = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
+    return BodyShape(
+        offset=average[1:3, 0] @ cross,
+        offset_std=np.sqrt(average[1:3, 1] ** 2 @ cross**2),
+        offset_known=bool(known[1:3].any()),
+        inertia=float(average[0, 0] * average[3, 0]),
+        inertia_known=bool(known[3]),
+    )
+
+
+def open_question(structure: Structure, change: MassChange) -> str:
+    """Return what the data cannot tell about the place, in words; empty if they leave one place only."""
+    if change.told:
+        return ""
+    first, second = change.alternatives[:2]
+    which = "left or right" if _mirrored(structure, first, second) else "where"
+    places = " or ".join(
+        f"{a.member} at {a.distance:.3f} m with {1e3 * a.mass:.0f} g ({100 * a.probability:.0f} %)"
+        for a in change.alternatives
+    )
+    return f"{which}: cannot tell; {places}"
+
+
+def _mirrored(structure: Structure, one: Alternative, other: Alternative) -> bool:
+    length = structure.member_named(one.member).length
+    return one.member == other.member and abs(one.distance + other.distance - length) < _MIRRORED

@@ -1,0 +1,130 @@
+"""Scans for several masses at once, which act to first order in them: where fits of sets of them begin."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.causes.mass.added_mass import AddedMass
+from updater.causes.mass.several_bodies import PER_BODY, Bodies
+from updater.inference.comparison import Comparison
+from updater.inference.fit import Fit
+from updater.inference.linearization import linearised
+
+_STARTS = 6  # sets of places of each scan from which a fit begins
+_KNOWN = 2  # sets of one mass fewer that a further mass is sought beside
+_SCANNED = 5000  # sets of a scan that are looked at
+_LEAST = 1e-6  # of the largest effect: what is less is none
+_APART = 0.1  # m: two starts nearer than this in every place are one
+
+
+def starts(data: Comparison, grid: AddedMass, number: int, known: Fit[AddedMass] | Fit[Bodies]) -> Bodies:
+    """Return sets of places to begin from, by scans in which further masses act to first order.
+
+    Two scans, for what one misses the other finds: of all positions beside what one mass fewer came to, whose places
+    and masses may give way; and, of two masses, of all pairs.
+
+    Parameters
+    ----------
+    data : to explain
+    grid : positions of one mass
+    number : masses in a set, two at least
+    known : what one mass fewer came to
+    """
+    sets = [_best_beside(data, grid, _ends(grid, known))]
+    if number == 2:
+        sets.append(_best_pairs(data, grid))
+    chosen = np.concatenate([_distinct(grid, found) for found in sets])
+    rest, per_mass = _to_first_order(data, grid)
+    start = np.zeros((len(chosen), number, PER_BODY))
+    for row, rows in enumerate(chosen):
+        start[row, :, 1] = np.linalg.lstsq(per_mass[rows].T, rest, rcond=None)[0]
+    start[..., 1] = np.clip(start[..., 1], grid.lower[0, 0], grid.prior_std[0])
+    return Bodies(
+        grid=grid, member=grid.member[chosen], place=grid.position[chosen], start=start.reshape(len(chosen), -1)
+    )
+
+
+def _to_first_order(data: Comparison, grid: AddedMass) -> tuple[FloatArray, FloatArray]:
+    """Return the whitened data (n_data,) and what a kilogram at each position does to them (n_positions, n_data)."""
+    rest, slope = linearised(data, replace(grid, start=np.zeros(grid.start.shape)))
+    return rest[0], -slope[:, :, 0]
+
+
+def _best_pairs(data: Comparison, grid: AddedMass) -> IndexArray:
+    """Return pairs of positions (n, 2), those that explain most first."""
+    rest, per_mass = _to_first_order(data, grid)
+    gram, along = per_mass @ per_mass.T, per_mass @ rest
+    own = np.diag(gram) + _LEAST * np.diag(gram).max()
+    determinant = np.maximum(own[:, None] * own - gram**2, _LEAST * own[:, None] * own)
+    gain = (along[:, None] ** 2 * own - 2 * along[:, None] * along * gram + along**2 * own[:, None]) / determinant
+    first, second = np.triu_indices(len(own), 1)
+    order = np.argsort(-gain[first, second])[:_SCANNED]
+    return np.column_stack([first, second])[order]
+
+
+def _best_beside(data: Comparison, grid: AddedMass, sets: tuple[IndexArray, Bodies]) -> IndexArray:
+    """Return sets of known positions (n, k) with any one more (n * n_positions, k + 1), those that explain most first.
+
+    Parameters
+    ----------
+    sets : the known positions (n, k), and the bodies there
+    """
+    positions, bodies = sets
+    free = replace(grid, start=np.zeros(grid.start.shape))
+    n = len(grid.prior_std)
+    found, gains = [], []
+    for row, rows in enumerate(positions):
+        others = bodies.at(row, bodies.start[row], None)
+        rest, slope = linearised(data, others.beside(free))
+        basis = np.linalg.qr(slope[0, :, n:])[0]
+        left, per_mass = rest[0] - basis @ (basis.T @ rest[0]), slope[:, :, 0]
+        beside = per_mass - (per_mass @ basis) @ basis.T
+        size = np.maximum((beside**2).sum(1), _LEAST * (per_mass**2).sum(1).max())
+        gains.append((beside @ left) ** 2 / size - left @ left)
+        found.append(np.column_stack([np.tile(rows, (len(per_mass), 1)), np.arange(len(per_mass))]))
+    order = np.argsort(-np.concatenate(gains))[:_SCANNED]
+    return np.concatenate(found)[order]
+
+
+def _ends(grid: AddedMass, found: Fit[AddedMass] | Fit[Bodies]) -> tuple[IndexArray, Bodies]:
+    """Return the nearest grid positions (n, k) to where the best fits of one mass or of sets ended, and the bodies."""
+    best = np.argsort(-found.log_density)[:_KNOWN]
+    known = found.hypotheses
+    if isinstance(known, Bodies):
+        bodies = replace(known, member=known.member[best], place=known.place[best], start=found.theta[best])
+    else:
+        best = best[:1]
+        start = np.concatenate([np.zeros((1, 1)), found.theta[best]], axis=1)
+        bodies = Bodies(grid=grid, member=known.member[best][:, None], place=known.position[best][:, None], start=start)
+    ends = bodies.place + bodies.start.reshape(*bodies.place.shape, PER_BODY)[..., 0]
+    away = np.abs(grid.position - ends[..., None]) + 1e3 * (grid.member != bodies.member[..., None])
+    return np.argmin(away, axis=-1), bodies
+
+
+def _distinct(grid: AddedMass, sets: IndexArray) -> IndexArray:
+    """Return the first sets of places that differ from one another."""
+    chosen: list[IndexArray] = []
+    for rows in sets:
+        places = grid.position[rows], grid.member[rows]
+        if not any(same_places(*places, grid.position[o], grid.member[o], np.full(len(rows), _APART)) for o in chosen):
+            chosen.append(rows)
+        if len(chosen) == _STARTS:
+            break
+    return np.array(chosen)
+
+
+def same_places(
+    one: FloatArray, of_one: IndexArray, other: FloatArray, of_other: IndexArray, reach: FloatArray
+) -> bool:
+    """Tell whether two sets of places are the same in some order.
+
+    Parameters
+    ----------
+    one, other : (n,) distances from the members' starts [m]
+    of_one, of_other : (n,) the members
+    reach : (n,) of the other's places: what is nearer is the same [m]
+    """
+    orders = (list(order) for order in itertools.permutations(range(len(one))))
+    return any(bool((of_one == of_other[o]).all() and (np.abs(one - other[o]) < reach[o]).all()) for o in orders)

@@ -1,0 +1,1 @@
+"""Measured modes of many windows: tracked, averaged, checked, matched, freed from device delays."""

@@ -1,0 +1,120 @@
+"""Conditions of an event besides its tracked modes: temperature, tones, new modes, amplitude.
+
+All of it compares now with before. It is optional: what nobody measured is NaN or empty, and then decides nothing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from daq import FloatArray
+from oma import ChannelFault
+from updater.modal_data.tracked import ModalMean, TrackedModes
+
+_SAME_TONE = 0.05  # of ln f: tones farther apart are different ones
+_LEAST_LEVELS = 4  # windows that a slope over amplitude needs
+_LEAST_SPREAD = 0.1  # of the windows' rms over its mean, under which there is no trend to see
+_LEAST_DAMPING = 1e-6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trend:
+    """Trends of the frequency and damping of tracked modes with the rms of the vibration, over windows."""
+
+    slope: FloatArray  #: (n_tracks,) d ln f / d rms [s2/m], NaN where it is not known
+    slope_std: FloatArray  #: (n_tracks,) [s2/m]
+    usual: FloatArray  #: (n_tracks,) the same in the baseline, 0 where that does not say [s2/m]
+    usual_std: FloatArray  #: (n_tracks,) [s2/m]
+    damping_slope: FloatArray  #: (n_tracks,) d ln damping / d rms [s2/m]
+    damping_slope_std: FloatArray  #: (n_tracks,) [s2/m]
+    spread: float  #: standard deviation of the windows' rms [m/s2]
+    excess: float  #: mean rms of the event less the baseline's [m/s2], 0 where that is not known
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Circumstances:
+    """Of an event, against the baseline."""
+
+    warmer: float = float("nan")  #: temperature now less that before [K]
+    warmer_std: float = float("nan")  #: [K]
+    tones: FloatArray = field(default_factory=lambda: np.empty(0))  #: (n_tones,) ln of each steady tone's f over before
+    extra: ModalMean | None = None  #: modes that the baseline has not
+    trend: Trend | None = None
+    devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
+    faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: of channels that are left out since
+    wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
+    steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.stationarity`)
+
+
+NOTHING_KNOWN = Circumstances()
+
+
+def tone_ratios(before: FloatArray, now: FloatArray) -> FloatArray:
+    """Return ln of the frequency over before of each tone that both have (n_tones,).
+
+    Parameters
+    ----------
+    before, now : (n,) frequencies [Hz]; a tone answers to the nearest one within 5 %
+    """
+    if not len(before) or not len(now):
+        return np.empty(0)
+    ratio = np.log(now[None, :] / before[:, None])
+    nearest = ratio[np.arange(len(before)), np.argmin(np.abs(ratio), axis=1)]
+    return np.asarray(nearest[np.abs(nearest) < _SAME_TONE])
+
+
+def trend_of(
+    windows: TrackedModes, rms: FloatArray, before: tuple[TrackedModes, FloatArray] | None = None
+) -> Trend | None:
+    """Return the trends of modes over amplitude, by weighted least squares; None where the amplitude hardly varies.
+
+    Parameters
+    ----------
+    windows : (n_windows, n_tracks) of the event
+    rms : (n_windows,) of the vibration [m/s2]
+    before : windows of the baseline and their rms, in which a trend may have been there already
+    """
+    if not _varies(rms):
+        return None
+    slope, slope_std = _slopes(windows.log_frequency, windows.log_frequency_std, rms)
+    usual, usual_std = np.zeros(len(slope)), np.zeros(len(slope))
+    if before is not None and _varies(before[1]):
+        earlier, std = _slopes(before[0].log_frequency, before[0].log_frequency_std, before[1])
+        known = np.isfinite(earlier)
+        usual, usual_std = np.where(known, earlier, 0.0), np.where(known, std, 0.0)
+    log_damping = np.log(np.maximum(windows.damping, _LEAST_DAMPING))
+    damping_slope, damping_slope_std = _slopes(log_damping, np.ones(log_damping.shape), rms)
+    return Trend(
+        slope=slope,
+        slope_std=slope_std,
+        usual=usual,
+        usual_std=usual_std,
+        damping_slope=damping_slope,
+        damping_slope_std=damping_slope_std,
+        spread=float(np.std(rms)),
+        excess=float(rms.mean() - before[1].mean()) if before is not None else 0.0,
+    )
+
+
+def _varies(rms: FloatArray) -> bool:
+    return len(rms) >= _LEAST_LEVELS and bool(np.std(rms) > _LEAST_SPREAD * np.mean(rms))
+
+
+def _slopes(value: FloatArray, std: FloatArray, rms: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return slopes (n_tracks,) of values (n_windows, n_tracks), and their deviations by the scatter about them.
+
+    The scatter is pooled over tracks, relative to what each states, so that a few windows say how large it is.
+    """
+    weight = np.where(np.isfinite(value), 1 / std**2, 0.0)
+    value, total = np.where(np.isfinite(value), value, 0.0), np.maximum(weight.sum(0), 1e-300)
+    off = rms[:, None] - (weight * rms[:, None]).sum(0) / total
+    inertia = (weight * off**2).sum(0)
+    count = (weight > 0).sum(0)
+    known = (count >= _LEAST_LEVELS) & (inertia > 0)
+    slope = (weight * off * value).sum(0) / np.where(known, inertia, 1.0)
+    rest = value - (weight * value).sum(0) / total - slope * off
+    freedom = np.maximum(count - 2, 0)[known].sum()
+    scatter = np.sqrt((weight * rest**2)[:, known].sum() / max(freedom, 1))
+    spread = scatter / np.sqrt(np.where(known, inertia, 1.0))
+    return np.where(known, slope, np.nan), np.where(known, spread, np.nan)

@@ -1,0 +1,141 @@
+"""Scatter of windows about their mean: the law of a single window, learnt or stated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from updater.errors import ModalDataError
+from updater.modal_data.tracked import ModalMean, TrackedModes, mean_modes, mean_over_windows
+
+_USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
+_AS_STATED = 1000  # degrees of freedom of deviations that are taken at their word
+_WORTH_WINDOWS = 4  # that this knowledge is worth: eight windows of eight modes tell it to a third
+_WORTH_DATA = 20  # that stated deviations are worth, where windows scatter by less
+_LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scatter:
+    """Scatter of windows about their mean without a change.
+
+    Each window states a standard deviation; what the baseline really scatters over what was stated is one factor for
+    all frequencies (and one for all shapes), pooled over modes and windows, so that few windows give many degrees
+    of freedom. A shape's components err together, largely along the modes nearest in frequency.
+    """
+
+    frequency_factor: float  #: real over stated standard deviation of log frequency, as far as believed [-]
+    shape_factor: float  #: the same for shapes [-]
+    shape_overdispersion: float  #: how many of a shape's components err as one, by the variance of chi-square [-]
+    phase_factor: float  #: real over stated standard deviation of the shapes' imaginary parts [-]
+    phase_overdispersion: float  #: how many of the imaginary part's components err as one [-]
+    damping_factor: float  #: real over stated standard deviation of damping [-]
+    degrees_of_freedom: int  #: of window_std
+    window_std: FloatArray  #: (n_tracks,) of one window's log frequency, as windows scatter
+
+    def mean(self, modes: TrackedModes) -> ModalMean:
+        """Average windows with the standard deviations that the baseline has shown to be real."""
+        return mean_modes(
+            modes,
+            frequency_factor=self.frequency_factor,
+            shape_factor=self.shape_factor,
+            phase_factor=self.phase_factor,
+            damping_factor=self.damping_factor,
+        )
+
+
+def learn_scatter(modes: TrackedModes) -> Scatter:
+    """Learn the scatter from baseline windows.
+
+    Raises
+    ------
+    ModalDataError
+        With fewer than three windows, or no mode seen in two of them.
+    """
+    if len(modes.log_frequency) < 3:
+        raise ModalDataError(f"baseline: expected at least 3 windows, found {len(modes.log_frequency)}")
+    stated = np.sqrt(mean_over_windows(modes.log_frequency_std**2))
+    z = (modes.log_frequency - mean_over_windows(modes.log_frequency)) / stated
+    freedom = int(np.maximum(np.isfinite(z).sum(0) - 1, 0).sum())
+    if not freedom:
+        raise ModalDataError("baseline: expected a mode seen in at least two windows, found none")
+    factor = float(np.sqrt(np.nansum(z**2) / freedom))
+    shape_factor, shape_overdispersion = _spread_of_shapes(modes.shape, modes.shape_std)
+    phase_factor, phase_overdispersion = _spread_of_shapes(modes.imaginary, modes.shape_std)
+    damping_std = np.maximum(np.sqrt(mean_over_windows(modes.damping_std**2)), _LEAST_DAMPING)
+    return Scatter(
+        frequency_factor=_believed(factor, freedom),
+        degrees_of_freedom=freedom,
+        window_std=factor * stated,
+        shape_factor=shape_factor,
+        shape_overdispersion=shape_overdispersion,
+        phase_factor=phase_factor,
+        phase_overdispersion=phase_overdispersion,
+        damping_factor=_factor((modes.damping - mean_over_windows(modes.damping)) / damping_std),
+    )
+
+
+def _believed(factor: float, freedom: int) -> float:
+    """Return the real over the stated standard deviation; less than is stated is believed as far as there are data.
+
+    Three windows of seven modes may scatter by half of what is stated, and their mean still be off by all of it.
+    """
+    if factor >= 1:
+        return factor
+    return float(np.sqrt((_WORTH_DATA + freedom * factor**2) / (_WORTH_DATA + freedom)))
+
+
+def _factor(z: FloatArray) -> float:
+    """Return the real over the stated standard deviation, from deviations (n_windows, n_tracks) over the stated."""
+    seen = np.isfinite(z)
+    freedom = int(np.maximum(seen.sum(0) - 1, 0).sum())
+    return float(np.sqrt((z[seen] ** 2).sum() / freedom)) if freedom else 1.0
+
+
+def stated_scatter(modes: TrackedModes) -> Scatter:
+    """Return the scatter that the records themselves state, where they are too few to learn it from."""
+    stated = np.sqrt(mean_over_windows(modes.log_frequency_std**2))
+    return Scatter(
+        frequency_factor=1.0,
+        shape_factor=1.0,
+        shape_overdispersion=_USUAL_OVERDISPERSION,
+        phase_factor=1.0,
+        phase_overdispersion=_USUAL_OVERDISPERSION,
+        damping_factor=1.0,
+        degrees_of_freedom=_AS_STATED,
+        window_std=stated,
+    )
+
+
+def _spread_of_shapes(shape: FloatArray, std: FloatArray) -> tuple[float, float]:
+    """Return factor and overdispersion of `Scatter`, of the shapes' real or imaginary parts."""
+    z = (shape - mean_over_windows(shape)) / np.sqrt(mean_over_windows(std**2))
+    # unit norm leaves a shape one free component fewer than it has channels
+    freedom = int(np.maximum(np.isfinite(z[:, :, 0]).sum(0) - 1, 0).sum()) * (z.shape[2] - 1)
+    factor = float(np.sqrt(np.nansum(z**2) / freedom)) if freedom else 1.0
+    return factor, _overdispersion(z / max(factor, 1e-12))
+
+
+def _overdispersion(z: FloatArray) -> float:
+    """Return tr(R^2) / tr(R), pooled over modes, of the components' covariance R; one if they are independent.
+
+    tr(R^2) is estimated without bias from few windows (Bai and Saranadasa, Statistica Sinica 6 (1996) 311-329), and
+    drawn towards what records of other structures showed.
+
+    Parameters
+    ----------
+    z : (n_windows, n_tracks, n_channels) deviations from the mean, standardised; NaN where a window lacks a mode
+    """
+    squares = traces = 0.0
+    for track in range(z.shape[1]):
+        rows = z[np.isfinite(z[:, track, 0]), track]
+        n = len(rows) - 1
+        if n < 2:
+            continue
+        covariance = rows.T @ rows / n
+        trace = float(np.trace(covariance))
+        squares += n**2 / ((n - 1) * (n + 2)) * (float((covariance**2).sum()) - trace**2 / n)
+        traces += trace
+    n = len(z) if traces else 0
+    seen = max(1.0, squares / traces) if traces else 1.0
+    return (n * seen + _WORTH_WINDOWS * _USUAL_OVERDISPERSION) / (n + _WORTH_WINDOWS)

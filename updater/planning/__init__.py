@@ -1,0 +1,1 @@
+"""Pre-test planning: expected errors, detectability, record length, sensor placement."""

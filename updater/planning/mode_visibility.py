@@ -1,0 +1,150 @@
+"""Visibility of modes, and of a body on the structure, to its sensors."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from daq import FloatArray
+from oma import mac_matrix
+from updater.errors import ModelError
+from updater.fe.assembly import build_model
+from updater.fe.eigen import Modes
+from updater.fe.model import Model
+from updater.planning.detectability import Outlook, foresee
+from updater.planning.expected_reference import UNSEEN, largest_motion, motion, seen_by
+from updater.planning.record_noise import Record
+from updater.planning.sensor_placement import Choice, one_more
+from updater.structure.sensors import Sensor
+from updater.structure.structure import Structure
+
+ALIKE = 0.9  #: MAC at the sensors above which two modes cannot be told apart by their shapes [-]
+_NODES = 60  # at which one sensor more is tried
+_TYPICAL = 0.01  # of the structure's mass: the body that one more sensor is to locate
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sight:
+    """Modes of a structure's model, and how they look at its sensors."""
+
+    model: Model
+    modes: Modes
+    at_sensors: FloatArray  #: (n_modes, n_sensors) mass-normalised [1/sqrt(kg)]
+    seen: FloatArray  #: (n_modes,) largest motion at a sensor over the largest anywhere [-]
+    auto_mac: FloatArray  #: (n_modes, n_modes) MAC of the modes at the sensors [-]; NaN for one that none of them sees
+    record: Record  #: how long is measured, before a change and after
+    outlook: Outlook | None  #: of a body anywhere; None where the sensors are too few for that
+    too_few: str  #: why, if so
+
+    @property
+    def motion(self) -> FloatArray:
+        """Displacements (n_modes, n_nodes, 3) of the nodes, the largest of each mode 1 [-]."""
+        return np.asarray(motion(self.model, self.modes) / largest_motion(self.model, self.modes)[:, None, None])
+
+    def alike(self, mode: int) -> tuple[int, ...]:
+        """Return the other modes that are seen, but whose shapes the sensors cannot tell from this one's."""
+        others = np.flatnonzero(np.nan_to_num(self.auto_mac[mode]) > ALIKE)
+        return tuple(int(k) for k in others if k != mode and self.is_seen(int(k)) and self.is_seen(mode))
+
+    def is_seen(self, mode: int) -> bool:
+        """Tell whether a sensor sees enough of a mode."""
+        return bool(self.seen[mode] >= UNSEEN)
+
+    @property
+    def typical_mass(self) -> float:
+        """A hundredth of the structure's mass [kg]."""
+        return _TYPICAL * self.model.total_mass()
+
+    @cached_property
+    def weakest(self) -> FloatArray:
+        """Weakest mass that raises the alarm, at each of the outlook's places (n_places,) [kg]; empty without one."""
+        return self.outlook.weakest_mass() if self.outlook else np.zeros(0)
+
+    @cached_property
+    def helper(self) -> Choice | None:
+        """The sensors with the one more that would make the place of a body surest."""
+        return one_more(self.outlook, self.typical_mass) if self.outlook else None
+
+    @property
+    def unseen(self) -> tuple[int, ...]:
+        """The modes that no sensor sees."""
+        return tuple(k for k in range(len(self.seen)) if not self.is_seen(k))
+
+    @property
+    def pairs_alike(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of seen modes that the sensors cannot tell apart by their shapes."""
+        return tuple((k, other) for k in range(len(self.seen)) for other in self.alike(k) if other > k)
+
+
+def look(structure: Structure, n_modes: int, record: Record | None = None, within: float | None = None) -> Sight:
+    """Return what the sensors see of the lowest modes, and of a body.
+
+    Parameters
+    ----------
+    structure : Structure
+    n_modes : asked for; a coarse mesh may have fewer
+    record : how long is measured before a change and after; ten minutes unless given
+    within : how near a body is to be located [m]; a centimetre, or more on long members, unless given
+
+    Raises
+    ------
+    ModelError
+        If the structure is a mechanism, or something lies on no member.
+    """
+    record = record or Record()
+    model = build_model(structure, shear_flexible=True, mass="consistent")
+    modes = model.modes(max(1, min(n_modes, model.n_dofs - 1)))
+    at_sensors = (model.sensor_rows @ modes.shape).T
+    outlook, too_few = _outlook(structure, record, within)
+    return Sight(
+        model=model,
+        modes=modes,
+        at_sensors=at_sensors,
+        seen=seen_by(model, modes),
+        auto_mac=_auto_mac(at_sensors, largest_motion(model, modes)),
+        record=record,
+        outlook=outlook,
+        too_few=too_few,
+    )
+
+
+def _outlook(structure: Structure, record: Record, within: float | None) -> tuple[Outlook | None, str]:
+    try:
+        return foresee(structure, record, within), ""
+    except ModelError as error:
+        return None, str(error)
+
+
+def _auto_mac(at_sensors: FloatArray, largest: FloatArray) -> FloatArray:
+    visible = np.flatnonzero(np.linalg.norm(at_sensors, axis=1) > 1e-9 * largest)
+    auto_mac = np.full((len(at_sensors), len(at_sensors)), np.nan)
+    auto_mac[np.ix_(visible, visible)] = mac_matrix(at_sensors[visible], at_sensors[visible])
+    return auto_mac
+
+
+def clearer(sight: Sight) -> tuple[Sensor, Sight] | None:
+    """Return the one sensor more that shows most unseen modes and tells most pairs apart, and what is seen with it.
+
+    None if there is nothing to mend, or no one sensor that mends any of it.
+    """
+    best, least = None, _blur(sight)
+    if least[:2] == (0, 0):
+        return None
+    nodes = np.unique(np.linspace(0, len(sight.model.nodes) - 1, _NODES).astype(int))
+    largest = largest_motion(sight.model, sight.modes)
+    for node in nodes:
+        for axis in range(3):
+            moved = sight.motion[:, node, axis]
+            at_sensors = np.column_stack([sight.at_sensors, moved * largest])
+            seen = np.maximum(sight.seen, np.abs(moved))
+            tried = replace(sight, at_sensors=at_sensors, seen=seen, auto_mac=_auto_mac(at_sensors, largest))
+            if _blur(tried) < least and _blur(tried)[:2] < _blur(sight)[:2]:
+                x, y, z = sight.model.nodes[node].tolist()
+                direction = (float(axis == 0), float(axis == 1), float(axis == 2))
+                best, least = (Sensor(channel="new", at=(x, y, z), direction=direction), tried), _blur(tried)
+    return best
+
+
+def _blur(sight: Sight) -> tuple[int, int, float]:
+    """Return how many modes are unseen, how many pairs alike, and how much the least seen mode lacks."""
+    return len(sight.unseen), len(sight.pairs_alike), 1 - float(sight.seen.min())

@@ -1,0 +1,1 @@
+"""The reference: calibrated model, expansion of measured modes, pairing with model modes."""

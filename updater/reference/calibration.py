@@ -1,0 +1,347 @@
+"""Physical parameters of the structure fitted to the baseline's frequencies, before the one-step update.
+
+By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), what each support and
+joint gives, and how much stiffer than their axes members are where they meet. Density is not
+fitted: frequencies alone cannot tell it from stiffness.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.optimize import linear_sum_assignment
+
+from daq import FloatArray, IndexArray
+from oma import mac_of_moving, pair_modes
+from updater.errors import PairingError
+from updater.fe.assembly import build_model
+from updater.fe.eigen import Modes
+from updater.fe.model import Model
+from updater.fe.section_forces import parts_between
+from updater.modal_data.plausibility import check_baseline, check_unit
+from updater.modal_data.tracked import ModalMean
+from updater.quantities import ParameterChange
+from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
+from updater.structure.entries import AXES, Axis, Joint, Support
+from updater.structure.parameters import (
+    TURNS,
+    Knob,
+    apply_knobs,
+    connection_of,
+    flexibility_unit,
+    is_of,
+    knobs_of,
+    physical_unit,
+    physical_value,
+    welded,
+)
+from updater.structure.structure import Structure
+
+FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
+_BEYOND = 4  # modes more than were measured, that sensors should see of the model
+_SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less there is not seen
+_MOST_MODES = 120  # of the model
+_REACH = 6.0  # times the highest frequency that was measured, that modes should go to ...
+_MOST_FOR_REACH = 60  # ... as far as so many do
+_ALIKE = 0.9  # share of a shape from which on it answers to the model's modes as the file has them, no doubt
+UNLIKE = 0.7  #: under which it does not, once the model is nearly right
+_CLOSE = 0.03  # of ln f: modes that turn into each other
+_STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One fitted quantity."""
+
+    name: str  #: such as `support 0 ry`
+    value: float  #: factor of stiffness, c E I / L, along an axis c E I / L^3, or share that a weld takes [-]
+    std: float
+    at_bound: bool  #: that it would leave what is possible if it could
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration:
+    """A structure whose model answers to measured frequencies as well as its parameters can."""
+
+    structure: Structure
+    nominal: Structure  #: before calibration, as the file has it
+    model: Model
+    modes: Modes
+    tracks: IndexArray  #: (n_tracks,) measured modes that have a partner
+    paired: IndexArray  #: (n_tracks,) model mode of each
+    n_nominal: int  #: measured modes that have a partner before calibration
+    nominal_frequency: FloatArray  #: (n_tracks,) before calibration [Hz]
+    nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
+    parameters: tuple[Parameter, ...]
+    reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
+    knobs: tuple[Knob, ...]  #: what was fitted, or might be
+
+    @property
+    def fitted(self) -> bool:
+        """True if anything was fitted."""
+        return bool(self.parameters)
+
+    def flexibility_std(self, connection: Support | Joint, axis: Axis) -> float:
+        """Return how well a connection's flexibility is known [rad/(N m) or m/N]: 0 where it is the file's."""
+        for knob, parameter in zip(self.knobs, self.parameters, strict=False):
+            if knob.axis == axis and is_of(self.structure, connection, knob):
+                return parameter.std / parameter.value / dict(connection.stiffness.items())[axis]
+        return 0.0
+
+    def changes(self) -> tuple[ParameterChange, ...]:
+        """Return the fitted parameters as they were in the file and as they are fitted."""
+        return tuple(map(self._change, self.knobs, self.parameters))
+
+    def _change(self, knob: Knob, parameter: Parameter) -> ParameterChange:
+        value, before = parameter.value, None
+        if knob.kind == "stiffness":
+            after = physical_value(self.structure, knob, 0.0)
+            before, std = after / value, after * parameter.std
+        elif knob.kind == "weld":
+            after, before, std = 1 / (1 - value), 1.0, parameter.std / (1 - value) ** 2
+        else:
+            after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
+            std = after * parameter.std / value
+            before = after * value / knob.mean if knob.mean else None
+        return ParameterChange(
+            name=knob.key,
+            quantity=knob.quantity,
+            of=knob.of,
+            position=knob.position,
+            unit=physical_unit(self.structure, knob),
+            before=before,
+            after=after,
+            std=std,
+        )
+
+    def physical_std(self) -> dict[str, float]:
+        """Return the standard deviation of each fitted parameter by its name, in physical units."""
+        return {change.name: change.std for change in self.changes() if change.std > 0}
+
+    def only(self, kept: npt.NDArray[np.bool_] | IndexArray) -> "Calibration":
+        """Return the same with some of the tracks: a mask (n_tracks,), or indices."""
+        names = ("tracks", "paired", "nominal_frequency", "nominal_mac")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
+
+
+def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -> Calibration:
+    """Fit a structure to measured modes at its sensors.
+
+    Parameters
+    ----------
+    structure : as the file says
+    measured : (n_tracks,) modes; channels name sensors of the structure
+    n_modes : model modes to keep, at least: more where sensors see few of them
+
+    Raises
+    ------
+    PairingError
+        If fewer than three measured modes have a partner in the model.
+    ModalDataError
+        If one mode is on two tracks, or the frequencies are not in hertz.
+    """
+    check_baseline(measured)
+    nominal = best_model(structure)
+    rows = channel_rows(nominal, measured.channels)
+    highest = float(np.exp(np.nanmax(measured.log_frequency)))
+    modes = enough_modes(nominal, rows, highest, len(measured.log_frequency), n_modes=n_modes)
+    seen = (rows @ modes.shape).T
+    frequency = np.exp(measured.log_frequency)
+    answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
+    check_unit(frequency, measured.shape, modes.frequency, seen)
+    n_nominal = int((answers >= 0).sum())
+    if n_nominal < 3:
+        raise PairingError(
+            f"only {n_nominal} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "
+            f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
+            "mapped rightly?"
+        )
+    knobs, alike = knobs_of(structure), np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE)
+    if 3 <= len(alike) < n_nominal:  # what else answers is told better by a model that is nearly right
+        first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
+        nearer = best_model(apply_knobs(structure, knobs, first.value))
+        close = nearer.modes(len(modes.frequency))
+        read = (channel_rows(nearer, measured.channels) @ close.shape).T
+        answers = pair_modes(frequency, measured.shape, close.frequency, read)
+        answers = np.where(share_within(measured, answers, close.frequency, read) > UNLIKE, answers, -1)
+    tracks = np.flatnonzero(answers >= 0)
+    misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
+    fit = fit_parameters(misfit, _prior(knobs))
+    fitted = apply_knobs(structure, knobs, fit.value)
+    model = best_model(fitted)
+    value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
+    return Calibration(
+        structure=fitted,
+        nominal=structure,
+        model=model,
+        modes=model.modes(len(modes.frequency)),
+        tracks=tracks,
+        paired=misfit.partners(fit.value),
+        n_nominal=n_nominal,
+        nominal_frequency=modes.frequency[answers[tracks]],
+        nominal_mac=_likeness(measured, answers, seen)[tracks],
+        parameters=tuple(
+            Parameter(name=k.name, value=float(v), std=float(s), at_bound=bool(b))
+            for k, v, s, b in zip(knobs, value, fit.std, fit.at_bound, strict=True)
+        ),
+        reason=fit.reason,
+        knobs=tuple(knobs),
+    )
+
+
+def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
+    """Return the share (n_tracks,) of each shape that is of the model's modes about the one that answers to it.
+
+    Close modes turn into each other by what no model knows; 0 where none answers.
+    """
+    found = np.zeros(len(answers))
+    for track in np.flatnonzero(answers >= 0).tolist():
+        about = np.abs(np.log(frequency / frequency[answers[track]])) < _CLOSE
+        basis, _ = np.linalg.qr(seen[about].T)
+        found[track] = ((basis.T @ measured.shape[track]) ** 2).sum()
+    return found
+
+
+def _likeness(measured: ModalMean, answers: IndexArray, seen: FloatArray) -> FloatArray:
+    """Return the MAC (n_tracks,) of each mode with the one of the model that answers to it; 0 where none does."""
+    cross = (measured.shape * seen[answers]).sum(1) ** 2
+    return np.asarray(np.where(answers >= 0, cross / (seen[answers] ** 2).sum(1), 0.0))
+
+
+def enough_modes(model: Model, rows: FloatArray, highest: float, n_measured: int, *, n_modes: int = 30) -> Modes:
+    """Return modes of which sensors see some beyond what was measured: what a change does is made of those.
+
+    Of a plane frame with sensors in its plane most of the first thirty may be across it, or turn it; of a long beam
+    they may end at three times what was measured, which is not enough for the kink that a soft stretch is.
+
+    Parameters
+    ----------
+    rows : (n_channels, n_dofs) that read the sensors
+    highest : frequency that was measured [Hz]
+    n_measured : modes that were
+    n_modes : at least
+    """
+    most = int((model.dofs[:, :3] >= 0).sum())
+    n_modes = min(n_modes, most)
+    while True:
+        modes = model.modes(n_modes)
+        length = np.linalg.norm(rows @ modes.shape, axis=0)
+        seen = (length > _SEEN * length.max()).sum() >= n_measured + _BEYOND
+        far = modes.frequency[-1] > _REACH * highest or n_modes >= _MOST_FOR_REACH
+        if (seen and far) or n_modes >= min(most, _MOST_MODES):
+            return modes
+        n_modes = min(2 * n_modes, most, _MOST_MODES)
+
+
+def _prior(knobs: list[Knob]) -> Prior:
+    return Prior(
+        mean=np.array([k.mean for k in knobs]),
+        std=np.array([k.prior for k in knobs]),
+        lower=np.array([k.lower for k in knobs]),
+        upper=np.array([k.upper for k in knobs]),
+        start=np.array([k.start for k in knobs]),
+    )
+
+
+class _Misfit:
+    """Log frequencies of the structure with parameters x over the measured ones.
+
+    A parameter may carry a mode across another, so that partners are looked for anew at each x.
+    """
+
+    def __init__(self, structure: Structure, knobs: list[Knob], measured: ModalMean, n_modes: int) -> None:
+        self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
+        self._tolerance = np.hypot(measured.log_frequency_std, FREQUENCY_ERROR)
+        self._solved = lru_cache(1)(self._solve)
+
+    def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
+        model = best_model(apply_knobs(self._structure, self._knobs, np.array(x)))
+        modes = model.modes(self._n_modes)
+        seen = (channel_rows(model, self._measured.channels) @ modes.shape).T
+        unlike = 1 - mac_of_moving(self._measured.shape, seen)
+        apart = np.abs(np.log(modes.frequency) - self._measured.log_frequency[:, None])
+        _, partner = linear_sum_assignment(unlike + apart)
+        return model, Modes(frequency=modes.frequency[partner], shape=modes.shape[:, partner]), partner
+
+    def partners(self, x: FloatArray) -> IndexArray:
+        """Return the model mode (n_tracks,) that answers to each measured one."""
+        return self._solved(*x)[2]
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        return np.asarray((np.log(self._solved(*x)[1].frequency) - self._measured.log_frequency) / self._tolerance)
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        model, modes, _ = self._solved(*x)
+        columns = [self._by_knob(model, modes, x, i) for i in range(len(self._knobs))]
+        return np.asarray(np.column_stack(columns) / self._tolerance[:, None])
+
+    def _by_knob(self, model: Model, modes: Modes, x: FloatArray, i: int) -> FloatArray:
+        knob = self._knobs[i]
+        if knob.kind == "stiffness":
+            return frequency_slope(modes.omega, modes.shape, self._stiffened(model, x, i) @ modes.shape)
+        if knob.kind == "weld":
+            return self._by_weld(model, modes, knob, float(x[i]))
+        return self._by_spring(model, modes, knob)
+
+    def _stiffened(self, model: Model, x: FloatArray, i: int) -> sparse.csc_array:
+        """Return dK / d ln E of a material: its members' part of K, which is proportional to E."""
+        doubled = x.copy()
+        doubled[i] += np.log(2)
+        return sparse.csc_array(
+            best_model(apply_knobs(self._structure, self._knobs, doubled)).stiffness - model.stiffness
+        )
+
+    def _by_weld(self, model: Model, modes: Modes, knob: Knob, less: float) -> FloatArray:
+        """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
+        gained = np.zeros(len(modes.omega))
+        for member, start, end in welded(self._structure, knob.at):
+            for element, local in parts_between(model, modes.shape, member, start, end):
+                more, fewer = (element.turned(np.exp(h)) for h in (_STEP, -_STEP))
+                change = (more.elastic_stiffness() - fewer.elastic_stiffness()) @ local / (2 * _STEP)
+                gained += (local * change).sum(0)
+        return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
+
+    def _by_spring(self, model: Model, modes: Modes, knob: Knob) -> FloatArray:
+        """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
+        row, spring = spring_of(model, knob)
+        force = spring * (row @ modes.shape)
+        return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis)))
+
+
+def spring_of(model: Model, knob: Knob) -> tuple[FloatArray, float]:
+    """Return the row (n_dofs,) that reads how a connection's spring is strained, and its stiffness [N m/rad or N/m]."""
+    connection = connection_of(model.structure, knob)
+    stiffness = next(v for axis, v in connection.stiffness.items() if axis == knob.axis)
+    if isinstance(connection, Joint):
+        return model.joint_rows(connection, TURNS.index(knob.axis)), stiffness
+    return model.node_rows(connection.at, AXES.index(knob.axis)), stiffness
+
+
+def best_model(structure: Structure) -> Model:
+    """Timoshenko, consistent mass: a thin-beam model's upper modes are per cents off, which turns into place."""
+    return build_model(structure, shear_flexible=True, mass="consistent")
+
+
+def channel_rows(model: Model, channels: tuple[str, ...], *, across: bool = False) -> FloatArray:
+    """Return rows (n_channels, n_dofs) that read the named sensors.
+
+    Parameters
+    ----------
+    across : read along the two axes across each sensor instead (2 n_channels, n_dofs), first axes first
+
+    Raises
+    ------
+    PairingError
+        If the structure has no sensor of a name.
+    """
+    known = model.structure.channels
+    missing = [c for c in channels if c not in known]
+    if missing:
+        raise PairingError(f"the structure has no sensor for channel {missing[0]!r}; it has {', '.join(known)}")
+    chosen = [known.index(c) for c in channels]
+    if across:
+        return np.asarray(model.cross_rows[:, chosen].reshape(2 * len(chosen), -1))
+    return np.asarray(model.sensor_rows[chosen])

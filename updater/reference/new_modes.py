@@ -1,0 +1,109 @@
+"""Modes of a log that are new: neither measured before nor modes of the model."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from oma import mac_matrix
+from updater.modal_data.matching import match_modes, matched, may_answer, without_fault
+from updater.modal_data.tracked import ModalMean
+from updater.reference.reference import NEAR, SAME_SHAPE, Reference
+
+_NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with
+_ALIKE = 0.8  # share of a shape that is of them
+_FEWEST = 3  # modes that a diagnosis compares
+_SEEN = 0.1  # of what the modes that were measured move sensors by
+
+
+def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray, IndexArray]:
+    """Return the mode of each of the baseline's tracks (n_tracks,), -1 for none, and which modes are new (n_new,).
+
+    One of two modes that are close was perhaps not told from the other before: what the model has there is not new.
+
+    Parameters
+    ----------
+    event : (n_modes,) at some of the baseline's channels
+    """
+    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
+    event = event.at(channels)
+    found = match_modes(reference.known.at(channels), event)
+    new = np.setdiff1d(np.arange(len(event.log_frequency)), found)
+    found, new = _without_doubles(reference, event, found, new)
+    found, new = _without_rivals(reference.known.at(channels), event, found, new)
+    frequency, shape = reference.frequency, reference.at_channels(channels)
+    size = np.linalg.norm(shape, axis=0)
+    of_model = np.setdiff1d(np.flatnonzero(size > _SEEN * np.median(size[reference.paired])), reference.paired)
+    known = []
+    for own in of_model.tolist():
+        beside = shape[:, np.abs(np.log(frequency / frequency[own])) < _NEAR]
+        fits = [mode for mode in new.tolist() if mode not in known and _answers(event, mode, frequency[own], beside)]
+        known += sorted(fits, key=lambda mode: abs(event.log_frequency[mode] - np.log(frequency[own])))[:1]
+    return found[: len(reference.baseline.n)], np.setdiff1d(new, known)
+
+
+def _without_doubles(
+    reference: Reference, event: ModalMean, found: IndexArray, new: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Leave out what looks alike where the model has a mode that sensors hardly see: either may be the other.
+
+    A twist has a little of the bending beside it, and that is what they see of it.
+    """
+    found = found.copy()
+    for track in np.flatnonzero(reference.shadowed & (found[: len(reference.baseline.n)] >= 0)).tolist():
+        alike = mac_matrix(event.shape[new], event.shape[found[track], None])[:, 0] > SAME_SHAPE
+        near = np.abs(event.log_frequency[new] - event.log_frequency[found[track]]) < NEAR
+        if (alike & near).any():
+            found[track], new = -1, new[~(alike & near)]
+    return found, new
+
+
+def _without_rivals(
+    baseline: ModalMean, event: ModalMean, found: IndexArray, new: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Leave out a mode of the baseline whose shape changed so much that either of two modes may have followed it.
+
+    A bearing that loses most of its stiffness takes each mode half of the way to the next one's shape and frequency.
+    Two modes of the event that answer and are alike are no rivals: something hangs on the structure and splits one.
+    Modes left out are data again once causes are found (`updater.diagnosis.further_modes`). At least three are left.
+
+    Parameters
+    ----------
+    baseline, event : (n_tracks,) and (n_modes,) at the same channels
+    found : (n_tracks,) mode of the event for each of the baseline, -1 where there is none
+    new : (n_new,) modes of the event without one of the baseline
+    """
+    tracks = np.flatnonzero(found >= 0)
+    told = without_fault(baseline, event)
+    likeness = mac_matrix(baseline.shape[tracks], told.shape)
+    changed = likeness[np.arange(len(tracks)), found[tracks]] < SAME_SHAPE
+    split = mac_matrix(told.shape[found[tracks]], told.shape[new]) > SAME_SHAPE
+    rival = may_answer(baseline.only(tracks), told.only(new)) & changed[:, None] & ~split
+    if (~rival.any(1)).sum() < _FEWEST:
+        return found, new
+    found = found.copy()
+    found[tracks[rival.any(1)]] = -1
+    return found, new[~rival.any(0)]
+
+
+def matched_surely(reference: Reference, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:
+    """Return the event's modes in the order of the baseline's tracks, NaN where there is none or it is in doubt.
+
+    Parameters and errors as for `matched`.
+    """
+    told = matched(reference.known, event, heard).only(np.arange(len(reference.baseline.n)))
+    found, _ = matched_and_new(reference, event)
+    for name in (field.name for field in fields(told) if field.name not in {"channels", "n"}):
+        getattr(told, name)[found < 0] = np.nan
+    return told
+
+
+def _answers(event: ModalMean, mode: int, frequency: float, shapes: FloatArray) -> bool:
+    """Tell whether a mode is near a frequency [Hz], and its shape a mixture of others (n_channels, n)."""
+    if not abs(event.log_frequency[mode] - np.log(frequency)) < _NEAR:
+        return False
+    shape = event.shape[mode]
+    if not np.isfinite(shape).all():
+        return True
+    basis, _ = np.linalg.qr(shapes)
+    return bool(((basis.T @ shape) ** 2).sum() > _ALIKE * (shape @ shape))

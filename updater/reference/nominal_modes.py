@@ -1,0 +1,27 @@
+"""Map from the modes of the recalibrated model to the modes of the original structure file."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from daq import IndexArray
+from oma import mac_matrix
+from updater.reference.reference import Filed, Reference
+
+
+def answers_of_file(reference: Reference, filed: Filed, channels: tuple[str, ...]) -> IndexArray:
+    """Return which of the file's modes answers to each of the nearer model's (n_modes,): all are assigned at once.
+
+    Parameters
+    ----------
+    reference : of the nearer model
+    filed : its file
+    channels : at which shapes are compared
+    """
+    there = filed.reference
+    apart = np.log(reference.frequency[:, None] / there.frequency)
+    unlike = 1 - mac_matrix(reference.at_channels(channels).T, there.at_channels(channels).T)
+    apart = np.abs(apart - np.median(np.diag(apart)))
+    row, answer = linear_sum_assignment(unlike + apart)
+    found: IndexArray = np.argmin(apart, axis=1)  # of a mode that is left over: the nearest
+    found[row] = answer
+    return found

@@ -1,0 +1,89 @@
+"""Sensitivity of natural frequencies to the model parameters that may be updated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from updater.reference.calibration import best_model
+from updater.reference.sensitivity_method import frequency_slope
+from updater.structure.parameters import (
+    Knob,
+    apply_knobs,
+    as_filed,
+    knobs_of,
+    physical_unit,
+    physical_value,
+    with_springs,
+)
+from updater.structure.structure import Structure
+
+_RELATIVE_STEP = 1e-3  # of a flexibility or of ln E, in the central difference of the stiffness matrix
+_WELD_STEP = 1e-3  # of the share of its flexibility that a joint zone loses
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterSensitivity:
+    """One model parameter and its effect on the natural frequencies, to first order."""
+
+    name: str  #: as in `Updating.fixed`, such as `steel.E` or `support 0.ry`
+    unit: str  #: of `filed` and `step`
+    filed: float  #: value in the structure file; infinite for a rigid connection
+    step: float  #: value one prior standard deviation on the side that the slope is taken to: softer, or stiffer welds
+    change: FloatArray  #: (n_modes,) relative change of each frequency by that step [-]
+
+
+def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatArray, list[ParameterSensitivity]]:
+    """Return the model's frequencies (n_modes,) [Hz] and their sensitivity to every parameter that may be updated.
+
+    The change of omega^2 is b^T dK b for mass-normalised modes b (Fox & Kapoor 1968), with dK by a central difference
+    of the stiffness matrix. A rigid connection is given a flexibility so small that it changes no frequency.
+    """
+    knobs = knobs_of(structure)
+    sprung = with_springs(structure)
+    x = _linearization_point(knobs)
+    model = best_model(apply_knobs(sprung, knobs, x))
+    modes = model.modes(n_modes)
+    found = []
+    for i, knob in enumerate(knobs):
+        h = _difference_step(knob, x[i])
+        upper, lower = (best_model(apply_knobs(sprung, knobs, _moved(x, i, sign * h))).stiffness for sign in (1, -1))
+        slope = frequency_slope(modes.omega, modes.shape, ((upper - lower) / (2 * h)) @ modes.shape)
+        moved = -knob.prior if knob.kind == "stiffness" else min(knob.prior, knob.upper)
+        found.append(
+            ParameterSensitivity(
+                name=knob.key,
+                unit=physical_unit(structure, knob),
+                filed=_filed(structure, knob),
+                step=physical_value(structure, knob, knob.mean + moved),
+                change=slope * moved,
+            )
+        )
+    return modes.frequency, found
+
+
+def _filed(structure: Structure, knob: Knob) -> float:
+    """Return the value of the structure file in physical units; infinite where it has a connection rigid."""
+    if knob.kind in {"support", "joint"} and not knob.mean:
+        return float("inf")
+    return physical_value(structure, knob, knob.mean)
+
+
+def _linearization_point(knobs: Sequence[Knob]) -> FloatArray:
+    """Return the file's parameters, with every weld a little in, so that all differences are of one mesh."""
+    filed = as_filed(knobs)
+    welds = np.array([knob.kind == "weld" for knob in knobs], bool)
+    return np.where(welds, 2 * _WELD_STEP, filed)
+
+
+def _difference_step(knob: Knob, value: float) -> float:
+    if knob.kind == "weld":
+        return _WELD_STEP
+    return _RELATIVE_STEP if knob.kind == "stiffness" else _RELATIVE_STEP * value
+
+
+def _moved(x: FloatArray, i: int, by: float) -> FloatArray:
+    moved = x.copy()
+    moved[i] += by
+    return moved

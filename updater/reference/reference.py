@@ -1,0 +1,115 @@
+"""The reference: a calibrated model, one-step updated to the baseline's modes, and the baseline's own statistics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import FloatArray, IndexArray
+from oma import pair_modes
+from updater.fe.eigen import Modes
+from updater.fe.model import Model
+from updater.modal_data.device_delays import DeviceDelays
+from updater.modal_data.scatter import Scatter
+from updater.modal_data.tracked import ModalMean, TrackedModes
+from updater.reference.calibration import Calibration, channel_rows
+from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
+
+SAME_SHAPE = 0.9  #: MAC, and
+NEAR = 0.05  #: of ln f: modes that may be taken for each other
+_HIDDEN = 0.05  # of what modes usually move sensors by: what moves them less they hardly see
+_GOOD = 1e-3  # rms of ln f: how well a good model answers to the baseline
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reference:
+    """Structure before the change."""
+
+    calibration: Calibration
+    baseline: ModalMean
+    scatter: Scatter
+    frequency: FloatArray  #: (n_modes,) measured where a track answers, the model's elsewhere [Hz]
+    shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [A B2], in the order of the model's modes
+    windows: TrackedModes  #: of the baseline: what undisturbed windows look like
+    delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
+    unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
+    measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
+    filed: "Filed | None" = None  #: of a structure file that is far off: what it says
+
+    @property
+    def known(self) -> ModalMean:
+        """All modes of the baseline, the tracks first: what the modes of other windows may be."""
+        return self.baseline if self.unanswered is None else self.baseline.joined(self.unanswered)
+
+    @property
+    def file(self) -> "Reference":
+        """The reference of the structure as it is in the file."""
+        return self.filed.reference if self.filed else self
+
+    @property
+    def paired(self) -> IndexArray:
+        """Model mode of each track (n_tracks,)."""
+        return self.calibration.paired
+
+    @property
+    def doubt(self) -> float:
+        """Factor on the model error, relative to a model that agrees with the baseline as it should.
+
+        At least 1. What it gets wrong about the structure as it was says so: a body that nobody told it of, say. A
+        baseline that is not known well says little for it.
+        """
+        calibrated = np.log(self.calibration.modes.frequency[self.paired])
+        off = np.maximum(np.abs(calibrated - self.baseline.log_frequency), self.baseline.log_frequency_std)
+        return float(max(np.sqrt(np.mean(off**2)) / _GOOD, 1.0))
+
+    @property
+    def shadowed(self) -> npt.NDArray[np.bool_]:
+        """Mask of tracks (n_tracks,) near a mode of the model that sensors hardly see, but where the two mix."""
+        moves = np.linalg.norm(self.at_channels(self.baseline.channels), axis=0)
+        hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[self.paired])), self.paired)
+        apart = np.abs(np.log(self.frequency[self.paired, None] / self.frequency[hidden]))
+        return np.asarray((apart < NEAR).any(1))
+
+    def at_channels(self, channels: tuple[str, ...]) -> FloatArray:
+        """Return the modes at sensors (n_channels, n_modes)."""
+        return channel_rows(self.calibration.model, channels) @ self.shape
+
+    def across_channels(self, channels: tuple[str, ...]) -> FloatArray:
+        """Return the modes at sensors along the two axes across each (2 n_channels, n_modes), first axes first."""
+        return channel_rows(self.calibration.model, channels, across=True) @ self.shape
+
+    def rows(self, model: Model) -> FloatArray:
+        """Return the rows (n_channels, n_dofs) of a model of the same structure that read the baseline's channels."""
+        return channel_rows(model, self.baseline.channels)
+
+    def mean_of(self, modes: TrackedModes) -> ModalMean:
+        """Average windows with the standard deviations that the baseline's scatter has shown to be real."""
+        return self.scatter.mean(modes)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Filed:
+    """Structure file that is so far off that causes are sought about a model nearer to the measurement.
+
+    Modes pair wrongly there, and what little causes do to them is not what they do to the structure's.
+    """
+
+    reference: Reference  #: the model as it is in the file
+    value: FloatArray  #: (n_knobs,) of the nearer model's parameters
+    far: bool  #: whether the file is so far off that its parameters are believed less
+
+
+def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalMean) -> Modes:
+    """Return the modes with the measured ones (n_tracks,) in the place of the paired, which alters no mass."""
+    frequency, shape = modes.frequency.copy(), modes.shape.copy()
+    frequency[paired] = np.exp(baseline.log_frequency)
+    seen = (channel_rows(model, baseline.channels) @ shape[:, paired]).T
+    t = [expand(s, seen, modes.omega[paired], i, largest=LARGEST_CLUSTER) for i, s in enumerate(baseline.shape)]
+    shape[:, paired] = shape[:, paired] @ orthonormal(np.array([x / np.linalg.norm(x) for x in t]).T)
+    return Modes(frequency=frequency, shape=shape)
+
+
+def pair_baseline(model: Model, modes: Modes, baseline: ModalMean) -> IndexArray:
+    """Return for each track the mode of a model that answers to it (n_tracks,), -1 where none does."""
+    seen = (channel_rows(model, baseline.channels) @ modes.shape).T
+    return pair_modes(np.exp(baseline.log_frequency), baseline.shape, modes.frequency, seen)

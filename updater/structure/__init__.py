@@ -1,0 +1,1 @@
+"""The structure file: entries, checks, reading, writing."""

@@ -1,0 +1,282 @@
+"""Entries of structure.toml: materials, members, supports, joints, segments, bodies and sensors."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from daq import FloatArray
+from updater.structure.base import ON_MEMBER, Count, Entry, NotNegative, Number, Positive, Vector
+from updater.structure.sections import Section
+from updater.structure.sensors import Correction, Sensor
+
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
+_SHORTEST = 1e-5  # m, of a member: ends nearer than a tenth of it are one node
+_ALONG = 1e-6  # sine of the least angle between a member and its local y axis
+
+
+class Material(Entry):
+    """An isotropic, linear elastic material; in a file, `poisson_ratio` may stand for the shear modulus."""
+
+    youngs_modulus: Positive  #: E [Pa]
+    shear_modulus: Positive  #: G [Pa]
+    density: Positive  #: [kg/m3]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_poisson_ratio(cls, content: object) -> object:
+        """Put E / (2 (1 + nu)) in the place of nu."""
+        if not isinstance(content, dict) or "poisson_ratio" not in content:
+            return content
+        if "shear_modulus" in content:
+            raise ValueError("expected shear_modulus or poisson_ratio, found both")
+        ratio, modulus = content["poisson_ratio"], content.get("youngs_modulus")
+        if not isinstance(ratio, int | float) or not -1 < ratio <= 0.5:
+            raise ValueError(f"poisson_ratio: expected more than -1 and up to 0.5, found {ratio!r}")
+        known = {key: value for key, value in content.items() if key != "poisson_ratio"}
+        return known | ({"shear_modulus": modulus / (2 * (1 + ratio))} if isinstance(modulus, int | float) else {})
+
+
+class External(Entry):
+    """Stiffness and mass that another program made; one npz file may stand for all three.
+
+    Members are then straight lines of the matrices' nodes, and have neither material, section nor elements.
+    """
+
+    stiffness: Path  #: Matrix Market, or npz
+    mass: Path
+    dofs: Path  #: CSV with node, x, y, z, axis of every row, or npz
+    factor: Positive = 1.0  #: of the stiffness, as calibrated [-]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_file(cls, given: Any) -> Any:  # noqa: ANN401 - whatever stands in the file
+        if isinstance(given, dict) and "matrices" in given:
+            others = {key: value for key, value in given.items() if key != "matrices"}
+            return dict.fromkeys(("stiffness", "mass", "dofs"), given["matrices"]) | others
+        return given
+
+    def beside(self, folder: Path) -> "External":
+        """Return the same with whole paths, those given taken as relative to a folder."""
+        paths = {key: (folder / getattr(self, key)).resolve() for key in ("stiffness", "mass", "dofs")}
+        return self.model_copy(update=paths)
+
+
+class Member(Entry):
+    """A straight member of constant section."""
+
+    name: str
+    start: Vector = Field(alias="from")  #: [m]
+    end: Vector = Field(alias="to")  #: [m]
+    material: str = ""  #: "" where matrices stand for it
+    section: str = ""
+    elements: Annotated[Count, Field(ge=1)] = 0  #: of equal length; 0 where matrices stand for them
+    preload: Number = 0.0  #: axial force, positive in tension [N]
+    local_y: Vector | None = None  #: roughly where the section's y axis points; horizontally if not said
+
+    @model_validator(mode="after")
+    def _has_axes(self) -> Self:
+        if self.start == self.end:
+            raise ValueError(f"member {self.name}: it ends where it begins, at {list(self.start)}")
+        if self.length < _SHORTEST:
+            raise ValueError(
+                f"member {self.name}: expected a length of {_SHORTEST:g} m or more, found {self.length:g} m"
+            )
+        if self.local_y is not None:
+            across = np.linalg.norm(np.cross(self.local_y, np.subtract(self.end, self.start))) / self.length
+            if across <= _ALONG * np.linalg.norm(self.local_y):
+                raise ValueError(f"member {self.name}: local_y {list(self.local_y)} does not point across it")
+        return self
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return math.dist(self.start, self.end)
+
+    def point(self, distance: FloatArray | float) -> FloatArray:
+        """Return the points (..., 3) [m] at distances (...) [m] from the member's start."""
+        share = np.asarray(distance, float)[..., None] / self.length
+        return np.asarray(self.start) + share * np.subtract(self.end, self.start)
+
+    def passes(self, point: Vector) -> bool:
+        """Say whether a point [m] lies on the member, to 0.1 mm."""
+        along = np.subtract(self.end, self.start) / self.length
+        distance = float(np.clip(np.subtract(point, self.start) @ along, 0, self.length))
+        return bool(np.linalg.norm(self.point(distance) - point) < ON_MEMBER)
+
+
+class Mesh(Entry):
+    """Mesh of members that state no number of elements."""
+
+    element_length: Positive  #: at most [m]
+
+
+class Support(Entry):
+    """A node held to the ground: rigidly on the fixed axes, by a spring on those in `stiffness`."""
+
+    at: Vector
+    fixed: tuple[Axis, ...] = ()
+    stiffness: dict[Axis, Positive] = Field(default_factory=dict)  #: [N/m] or [N m/rad]
+
+    @model_validator(mode="after")
+    def _fixed_or_sprung(self) -> Self:
+        both = sorted(set(self.fixed) & set(self.stiffness))
+        if both:
+            raise ValueError(f"support at {list(self.at)}: {', '.join(both)} is both fixed and on a spring")
+        return self
+
+
+class Joint(Entry):
+    """Rotational springs between one member and the others that meet it; axes without one stay rigid."""
+
+    member: str
+    at: Vector
+    stiffness: dict[Literal["rx", "ry", "rz"], Positive]  #: about the global axes [N m/rad]
+
+
+class Segment(Entry):
+    """A stretch of a member that is softer, stiffer or heavier than the rest of it; several may overlap."""
+
+    member: str
+    at: Vector  #: its middle [m]
+    extent: Positive  #: its length [m]
+    stiffness: Positive = 1.0  #: factor on what it bears bending and twist with [-]
+    bending: tuple[Positive, Positive] = (
+        1.0,
+        1.0,
+    )  #: beside that, on bending about the member's local y and z axes [-]
+    torsion: Positive = 1.0  #: beside that, on twist [-]
+    shear_stiffness: Positive = 1.0  #: factor on what it bears shear and axial force with [-]
+    mass: Number = 0.0  #: more over its length, spread along it as the member's own is [kg]
+    gyration: NotNegative = 1.0  #: square of that mass's radii of gyration over that of the section [-]
+
+
+class Body(Entry):
+    """A rigid body fixed to a member."""
+
+    at: Vector  #: the point of the member it is fixed to [m]
+    mass: Number  #: [kg], negative for a body that was removed
+    offset: Vector = (0.0, 0.0, 0.0)  #: from that point to the body's centre of mass [m]
+    inertia: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)  #: about its own centre, global axes [kg m2]
+
+    @model_validator(mode="after")
+    def _inertia_has_its_sign(self) -> Self:
+        if any(own * self.mass < 0 for own in self.inertia):
+            raise ValueError(
+                f"body at {list(self.at)}: inertia {list(self.inertia)} is not of the sign of its mass {self.mass}"
+            )
+        return self
+
+
+class Oscillator(Entry):
+    """A body on a spring of its own, which lets it move along one direction; along the others it moves as the member.
+
+    An appendage, a loose part, a tuned damper.
+    """
+
+    at: Vector  #: the point of the member it hangs on [m]
+    direction: Vector
+    mass: Positive  #: [kg]
+    frequency: Positive  #: of it alone, its foot held [Hz]
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> Self:
+        if not any(self.direction):
+            raise ValueError(f"oscillator at {list(self.at)}: the direction is zero")
+        return self
+
+
+class Recorder(Entry):
+    """Recorder of the sensors."""
+
+    clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
+
+
+class Updating(Entry):
+    """Choice of the model parameters that may be updated. Names are listed by `modalwatch structure --parameters`."""
+
+    fixed: tuple[str, ...] = ()  #: names of parameters that keep the value of the file; `*` stands for any characters
+    bounds: dict[str, tuple[Positive, Positive]] = Field(default_factory=dict)  #: least and greatest value, by name
+
+    @model_validator(mode="after")
+    def _bounds_are_ordered(self) -> Self:
+        for name, (least, greatest) in self.bounds.items():
+            if least >= greatest:
+                raise ValueError(f"bounds of {name}: expected [least, greatest], found [{least:g}, {greatest:g}]")
+        return self
+
+
+class Entries(Entry):
+    """All entries of a structure file, with queries that need no check."""
+
+    name: str
+    external: External | None = None
+    material: dict[str, Material] = Field(default_factory=dict)
+    section: dict[str, Section] = Field(default_factory=dict)
+    mesh: Mesh | None = None
+    member: Annotated[tuple[Member, ...], Field(min_length=1)]
+    support: tuple[Support, ...] = ()
+    joint: tuple[Joint, ...] = ()
+    segment: tuple[Segment, ...] = ()
+    body: tuple[Body, ...] = ()
+    oscillator: tuple[Oscillator, ...] = ()
+    sensor: tuple[Sensor, ...] = ()  #: as mounted
+    sensors: dict[str, Correction] = Field(default_factory=dict)  #: of their channels, by the sensor's own name
+    recorder: Recorder | None = None
+    updating: Updating = Updating()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the sensors' channels, as logs have them."""
+        return tuple(sensor.channel for sensor in self.heard)
+
+    @property
+    def heard(self) -> tuple[Sensor, ...]:
+        """The sensors as logs have them: each under the channel that carries it, with all of its gain."""
+        return tuple(sensor.corrected(self.sensors.get(sensor.channel)) for sensor in self.sensor)
+
+    @property
+    def speaking(self) -> tuple[str, ...]:
+        """Names of the channels that say something: those whose gain is not 0."""
+        return tuple(sensor.channel for sensor in self.heard if sensor.gain)
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Known delay of each channel [s]."""
+        known = {s.channel: self.sensors.get(s.channel) for s in self.sensor}
+        return {h.channel: c.delay if c else 0.0 for h, c in zip(self.heard, known.values(), strict=True)}
+
+    def member_named(self, name: str) -> Member:
+        """Return the member of that name."""
+        return next(member for member in self.member if member.name == name)
+
+    def segments_of(self, member: Member) -> list[tuple[float, float, Segment]]:
+        """Return a member's segments, each with its start and end along the member [m]."""
+        axis = np.subtract(member.end, member.start) / member.length
+        own = [(float(np.subtract(s.at, member.start) @ axis), s) for s in self.segment if s.member == member.name]
+        return [(max(x - s.extent / 2, 0.0), min(x + s.extent / 2, member.length), s) for x, s in own]
+
+    def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, float, float]:
+        """Return a member's material at a distance from its start [m] as segments make it, and factors.
+
+        Those on stiffness in twist and in bending about the local y and z axes, that in shear and along the axis, and
+        that on rotary and polar inertia beside the density's.
+        """
+        material, area = self.material[member.material], self.section[member.section].area
+        here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]
+        if not here:
+            return material, (1.0, 1.0, 1.0), 1.0, 1.0
+        density = material.density + sum(s.mass / s.extent for s in here) / area
+        turning = material.density + sum(s.gyration * s.mass / s.extent for s in here) / area
+        factors = np.prod([[s.stiffness * factor for factor in (s.torsion, *s.bending)] for s in here], axis=0)
+        twist, about_y, about_z = factors.tolist()
+        shear = float(np.prod([s.shear_stiffness for s in here]))
+        return (
+            material.model_copy(update={"density": density}),
+            (twist, about_y, about_z),
+            shear,
+            turning / density if density else 1.0,
+        )

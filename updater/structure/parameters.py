@@ -1,0 +1,380 @@
+"""Physical parameters of a structure that may be fitted, with what is known of them: its knobs."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import Literal
+
+import numpy as np
+
+from daq import FloatArray
+from updater.errors import SelectionError
+from updater.structure.base import ON_MEMBER, Vector
+from updater.structure.entries import AXES, Axis, Joint, Member, Segment, Support
+from updater.structure.structure import Structure
+
+_STIFFNESS_PRIOR = 0.03  # of ln E
+_FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
+_BEARING_PRIOR = 1e-4  # of c E I / L^3: what a nominally rigid bearing gives along an axis
+_STATED_PRIOR = 1.0  # of a spring's flexibility over what the file says: it may be twice that, or half
+_LEAST_STATED = 0.1  # of the flexibility that the file says
+_RIGID = 1e-6  # the least flexibility of a turn, c E I / L
+_UNMOVED = 1e-8  # the least of a bearing, c E I / L^3
+_WELD_PRIOR = 0.5  # of the share of its flexibility that a joint's zone lacks beside the members' own
+_WELDED = 0.95  # the most
+_THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
+_MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
+_OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may have: it may be rounded
+_PLACE_DIGITS = 6  # of a weld's place and extent in metres
+_START = 0.05  # of its standard deviation: where what is nominally rigid or not welded begins
+TURNS = AXES[3:]
+Meeting = tuple[str, Vector]  #: a member, and where it meets others
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knob:
+    """A parameter: ln of a material's stiffness, a connection's flexibility along or about one axis, or its weld.
+
+    Flexibilities are c E I / L about an axis, c E I / L^3 along one, of the longest member. Members that meet overlap
+    and are welded: near the joint they give less than their axes, drawn to a point, do. Of that flexibility a weld
+    takes a share.
+    """
+
+    name: str
+    key: str  #: by which a person chooses it, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
+    prior: float  #: standard deviation about the mean
+    kind: Literal["stiffness", "support", "joint", "weld"]
+    target: str = ""  #: material, index of the support, or member
+    at: Vector = (0.0, 0.0, 0.0)  #: of a joint or weld [m]
+    axis: Axis = "x"
+    mean: float = 0.0  #: what is expected
+    lower: float = -np.inf  #: least value
+    upper: float = np.inf  #: greatest value
+
+    @property
+    def quantity(self) -> str:
+        """Physical quantity that the parameter stands for."""
+        if self.kind == "stiffness":
+            return "Young's modulus" if self.target else "stiffness"
+        if self.kind == "weld":
+            return "stiffness factor of the joint zone"
+        if self.axis in TURNS:
+            return f"rotational stiffness about {self.axis[1]}"
+        return f"stiffness along {self.axis}"
+
+    @property
+    def of(self) -> str:
+        """Material, support or joint that it belongs to."""
+        if self.kind == "stiffness":
+            return self.target or "matrices"
+        if self.kind == "weld":
+            return self.target
+        return f"support {self.target}" if self.kind == "support" else f"the joint of {self.target}"
+
+    @property
+    def position(self) -> Vector | None:
+        """Node that it belongs to [m]; None for a material."""
+        return None if self.kind == "stiffness" else self.at
+
+    @property
+    def start(self) -> float:
+        """Start of a fit."""
+        return self.mean if self.mean or np.isinf(self.lower) else min(_START * self.prior, self.upper / 2)
+
+
+def with_springs(structure: Structure) -> Structure:
+    """Return the structure with springs where feet, bearings and joints are rigid, so stiff that it shows nowhere."""
+    knobs = [knob for knob in knobs_of(structure) if is_rigid(knob)]
+    return apply_knobs(structure, knobs, as_filed(knobs))
+
+
+def as_filed(knobs: Sequence[Knob]) -> FloatArray:
+    """Return the parameters (n_knobs,) of a structure as its file has them, with springs as by `with_springs`."""
+    return np.array([10 * knob.lower if is_rigid(knob) else knob.mean for knob in knobs])
+
+
+def is_rigid(knob: Knob) -> bool:
+    """Return whether a parameter is of a connection that the file has rigid."""
+    return knob.kind in {"support", "joint"} and not knob.mean
+
+
+def knobs_of(structure: Structure) -> list[Knob]:
+    """Return the parameters that may be updated: `all_knobs` without those that the structure fixes, bounded."""
+    free = [k for k in all_knobs(structure) if not any(_matches(structure, k, p) for p in structure.updating.fixed)]
+    return [_bounded(structure, knob) for knob in free]
+
+
+def check_updating(structure: Structure) -> None:
+    """Check that the parameters that a structure fixes or bounds exist, and that bounds hold the file's values.
+
+    Raises
+    ------
+    SelectionError
+        Naming the parameter, and the ones that there are.
+    """
+    knobs = all_knobs(structure)
+    for pattern in (*structure.updating.fixed, *structure.updating.bounds):
+        if not any(_matches(structure, knob, pattern) for knob in knobs):
+            known = ", ".join(knob.key for knob in knobs)
+            raise SelectionError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
+    for pattern, (least, greatest) in structure.updating.bounds.items():
+        for knob in (k for k in knobs if _matches(structure, k, pattern) and not is_rigid(k)):
+            filed = physical_value(structure, knob, knob.mean)
+            if not least * (1 - _OUTSIDE) <= filed <= greatest * (1 + _OUTSIDE):
+                raise SelectionError(
+                    f"updating: bounds of {pattern!r}: expected to contain the file's value {filed:.6g}, "
+                    f"found [{least:g}, {greatest:g}]"
+                )
+
+
+def _matches(structure: Structure, knob: Knob, pattern: str) -> bool:
+    """Return whether a pattern names a parameter; a member's name stands for its material's."""
+    keys = [knob.key]
+    if knob.kind == "stiffness":
+        keys += [f"{member.name}.E" for member in structure.member if member.material == knob.target]
+    return any(fnmatchcase(key, pattern) for key in keys)
+
+
+def _bounded(structure: Structure, knob: Knob) -> Knob:
+    """Return a parameter with the bounds that the structure sets; what the file has rigid has no greatest stiffness."""
+    for pattern, bounds in structure.updating.bounds.items():
+        if _matches(structure, knob, pattern):
+            lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
+            lower = knob.lower if is_rigid(knob) else min(max(knob.lower, lower), knob.mean)
+            knob = replace(knob, lower=lower, upper=max(min(knob.upper, upper), knob.mean))
+    return knob
+
+
+def physical_value(structure: Structure, knob: Knob, value: float) -> float:
+    """Return a fitted value in the units of `physical_unit`."""
+    if knob.kind == "stiffness":
+        return _filed_modulus(structure, knob) * float(np.exp(value))
+    if knob.kind == "weld":
+        return 1 / (1 - value)
+    return flexibility_unit(structure, knob.axis) / value
+
+
+def physical_slope(structure: Structure, knob: Knob, value: float) -> float:
+    """Return the magnitude of the derivative of `physical_value`: the ratio of standard deviations."""
+    now = physical_value(structure, knob, value)
+    if knob.kind == "stiffness":
+        return now
+    return now**2 if knob.kind == "weld" else now / value
+
+
+def fitted_value(structure: Structure, knob: Knob, value: float) -> float:
+    """Return the fitted value of a physical one: the inverse of `physical_value`."""
+    if knob.kind == "stiffness":
+        return float(np.log(value / _filed_modulus(structure, knob)))
+    if knob.kind == "weld":
+        return 1 - 1 / value
+    return flexibility_unit(structure, knob.axis) / value
+
+
+def physical_unit(structure: Structure, knob: Knob) -> str:
+    """Return the unit of a parameter: Pa, N m/rad, N/m, or - for a factor of stiffness."""
+    if knob.kind == "stiffness":
+        return "-" if structure.external is not None else "Pa"
+    if knob.kind == "weld":
+        return "-"
+    return "N m/rad" if knob.axis in TURNS else "N/m"
+
+
+def _filed_modulus(structure: Structure, knob: Knob) -> float:
+    """Return Young's modulus of a material [Pa], or the factor of matrices from another program."""
+    if structure.external is not None:
+        return structure.external.factor
+    return structure.material[knob.target].youngs_modulus
+
+
+def all_knobs(structure: Structure) -> list[Knob]:
+    """Return the stiffness of each material and what each foot, bearing and joint may give."""
+    if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
+        return [Knob(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")]
+    knobs = [
+        Knob(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
+        for m in structure.material
+    ]
+    for i, support in enumerate(structure.support):
+        knobs += [_rigid(f"support {i}", a, "support", str(i), support.at) for a in may_give(support)]
+        knobs += [_stated(structure, f"support {i}", a, "support", str(i), support) for a in support.stiffness]
+    found = meetings(structure)
+    times = Counter([*(joint.member for joint in structure.joint), *(member for member, _ in found)])
+    for joint in structure.joint:
+        name = f"joint of {joint.member}" + _place(joint.at, times[joint.member])
+        knobs += [_stated(structure, name, a, "joint", joint.member, joint) for a in joint.stiffness]
+    for member, at in found:
+        place = _place(at, times[member])
+        knobs += [_rigid(f"joint of {member}{place}", a, "joint", member, at) for a in TURNS]
+        if any(knob.kind == "weld" and knob.at == at for knob in knobs):  # one holds all that meet there
+            continue
+        knobs.append(
+            Knob(
+                name=f"weld of {member}{place}",
+                key=f"{member}{place}.weld",
+                prior=_WELD_PRIOR,
+                kind="weld",
+                target=member,
+                at=at,
+                lower=0.0,
+                upper=_WELDED,
+            )
+        )
+    return knobs
+
+
+def may_give(support: Support) -> list[Axis]:
+    """Return the fixed axes that may give a little: turns, and what a bearing, which lets something turn, holds."""
+    clamped = all(a in support.fixed or a in support.stiffness for a in TURNS)
+    return [a for a in support.fixed if a in TURNS or not clamped]
+
+
+def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str, at: Vector) -> Knob:
+    prior, lower = (_FLEXIBILITY_PRIOR, _RIGID) if axis in TURNS else (_BEARING_PRIOR, _UNMOVED)
+    return Knob(
+        name=f"{name} flexibility {axis}",
+        key=f"{name.removeprefix('joint of ')}.{axis}",
+        prior=prior,
+        kind=kind,
+        target=target,
+        at=at,
+        axis=axis,
+        lower=lower,
+    )
+
+
+def _stated(
+    structure: Structure, name: str, axis: Axis, kind: Literal["support", "joint"], target: str, spring: Support | Joint
+) -> Knob:
+    mean = flexibility_unit(structure, axis) / dict(spring.stiffness)[axis]  # type: ignore[index]
+    return Knob(
+        name=f"{name} flexibility {axis}",
+        key=f"{name.removeprefix('joint of ')}.{axis}",
+        prior=_STATED_PRIOR * mean,
+        kind=kind,
+        target=target,
+        at=spring.at,
+        axis=axis,
+        mean=mean,
+        lower=_LEAST_STATED * mean,
+    )
+
+
+def _place(at: Vector, times: int) -> str:
+    """Return where, for a member that has joints at several places."""
+    return " at ({:g}, {:g}, {:g})".format(*at) if times > 1 else ""
+
+
+def meetings(structure: Structure) -> list[Meeting]:
+    """Return where members' ends meet others rigidly: of n at a point without joints, all but the first."""
+    if structure.external is not None:
+        return []
+    found: list[Meeting] = []
+    points: list[Vector] = []
+    for point in (end for member in structure.member for end in (member.start, member.end)):
+        if any(_same(point, other) for other in points):
+            continue
+        points.append(point)
+        loose = {joint.member for joint in structure.joint if _same(joint.at, point)}
+        there = [m.name for m in structure.member if m.name not in loose and m.passes(point)]
+        found += [(name, point) for name in there[1:]]
+    return found
+
+
+def _same(one: Vector, other: Vector) -> bool:
+    return bool(np.linalg.norm(np.subtract(one, other)) < ON_MEMBER)
+
+
+def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Structure:
+    """Return the structure with the parameters `x` written into it."""
+    material = dict(structure.material)
+    supports, joints = list(structure.support), list(structure.joint)
+    welds: list[Segment] = []
+    external = structure.external
+    for knob, value in zip(knobs, x.tolist(), strict=True):
+        if knob.kind == "stiffness" and external is not None:
+            external = external.model_copy(update={"factor": external.factor * float(np.exp(value))})
+        elif knob.kind == "stiffness":
+            old, factor = material[knob.target], float(np.exp(value))
+            changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
+            material[knob.target] = old.model_copy(update=changed)
+        elif knob.kind == "weld":
+            welds += weld_segments(structure, knob.at, value)
+        elif knob.kind == "support":
+            i, spring = int(knob.target), flexibility_unit(structure, knob.axis) / value
+            supports[i] = _sprung(supports[i], knob.axis, spring)
+        else:
+            _put_joint(joints, knob, flexibility_unit(structure, knob.axis) / value)
+    return structure.model_copy(
+        update={
+            "external": external,
+            "material": material,
+            "support": tuple(supports),
+            "joint": tuple(joints),
+            "segment": (*structure.segment, *welds),
+        }
+    )
+
+
+def _put_joint(joints: list[Joint], knob: Knob, spring: float) -> None:
+    """Write a spring into the joint of its member at its place, which it makes if there is none."""
+    for i, joint in enumerate(joints):
+        if joint.member == knob.target and _same(joint.at, knob.at):
+            joints[i] = joint.model_copy(update={"stiffness": {**joint.stiffness, knob.axis: spring}})
+            return
+    joints.append(Joint.model_validate({"member": knob.target, "at": knob.at, "stiffness": {knob.axis: spring}}))
+
+
+def connection_of(structure: Structure, knob: Knob) -> Support | Joint:
+    """Return the support or joint that a parameter is a flexibility of."""
+    if knob.kind == "support":
+        return structure.support[int(knob.target)]
+    return next(joint for joint in structure.joint if is_of(structure, joint, knob))
+
+
+def is_of(structure: Structure, connection: Support | Joint, knob: Knob) -> bool:
+    """Tell whether a parameter is a connection's flexibility."""
+    if isinstance(connection, Joint):
+        return knob.kind == "joint" and connection.member == knob.target and _same(connection.at, knob.at)
+    return knob.kind == "support" and connection.at == structure.support[int(knob.target)].at
+
+
+def weld_segments(structure: Structure, point: Vector, less: float) -> list[Segment]:
+    """Return the ends of the members that meet at a point, with so much less flexibility in bending and twist."""
+    found = []
+    for member, start, end in welded(structure, point):
+        x, y, z = member.point((start + end) / 2).round(_PLACE_DIGITS).tolist()
+        extent = round(end - start, _PLACE_DIGITS)
+        found.append(Segment(member=member.name, at=(x, y, z), extent=extent, stiffness=1 / (1 - less)))
+    return found
+
+
+def welded(structure: Structure, point: Vector) -> list[tuple[Member, float, float]]:
+    """Return the members that meet at a point, and from where to where along each the joint reaches [m]."""
+    found = []
+    for member in structure.member:
+        if member.passes(point):
+            section, s = structure.section[member.section], float(np.linalg.norm(np.subtract(point, member.start)))
+            reach = min(_THICK * (max(section.second_moment) / section.area) ** 0.5, _MOST_OF_MEMBER * member.length)
+            found.append((member, max(s - reach, 0.0), min(s + reach, member.length)))
+    return found
+
+
+def _sprung(support: Support, axis: Axis, spring: float) -> Support:
+    """Return a support with a spring [N m/rad or N/m] about or along an axis."""
+    fixed = tuple(a for a in support.fixed if a != axis)
+    return support.model_copy(update={"fixed": fixed, "stiffness": {**support.stiffness, axis: spring}})
+
+
+def flexibility_unit(structure: Structure, axis: Axis) -> float:
+    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: what flexibilities count in."""
+    unit = bending_stiffness(structure)
+    return unit if axis in TURNS else unit / max(member.length for member in structure.member) ** 2
+
+
+def bending_stiffness(structure: Structure) -> float:
+    """E I / L of the longest member [N m/rad]."""
+    member = max(structure.member, key=lambda m: m.length)
+    section = structure.section[member.section]
+    return structure.material[member.material].youngs_modulus * max(section.second_moment) / member.length

@@ -1,0 +1,57 @@
+"""Sensors as they were mounted, and what is known to be wrong with what their channels say."""
+
+from functools import lru_cache
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from daq import FloatArray
+from updater.structure.base import Entry, Number, Vector
+
+
+class Sensor(Entry):
+    """A single-axis accelerometer channel."""
+
+    channel: str
+    at: Vector  #: [m]
+    direction: Vector
+    gain: Number = 1.0  #: what the channel says over what is true [-]
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> Self:
+        if not any(self.direction):
+            raise ValueError(f"sensor {self.channel}: the direction is zero")
+        return self
+
+    def corrected(self, correction: "Correction | None") -> "Sensor":
+        """Return the sensor as logs have it: under the channel that carries it, with all of its gain."""
+        if correction is None:
+            return self
+        gain = self.gain * correction.gain * correction.sign
+        return self.model_copy(update={"channel": correction.channel or self.channel, "gain": gain})
+
+
+class Correction(Entry):
+    """Correction of the signal of a sensor's channel; the entry of the sensor stays as mounted."""
+
+    gain: Number = 1.0  #: what the channel says over what it should, beside the sensor's own; 0: nothing [-]
+    sign: Literal[1, -1] = 1  #: -1 where plus and minus are exchanged
+    delay: Number = 0.0  #: how late the channel is [s]
+    channel: str | None = None  #: that carries the sensor in logs, where it is not the one of its name
+
+
+@lru_cache(maxsize=4096)
+def sensor_axes(direction: Vector) -> FloatArray:
+    """Return unit vectors (3, 3): along a sensor's direction, and two across it that complete a right-handed set.
+
+    The first across is the global axis that follows the one which the direction is nearest to (y for x, z for y, x for
+    z), made square to it: for a sensor along an axis, the other two in their cycle.
+    """
+    along = np.asarray(direction, float) / np.linalg.norm(direction)
+    first = np.eye(3)[(int(np.argmax(np.abs(along))) + 1) % 3]
+    first = first - (first @ along) * along
+    first /= np.linalg.norm(first)
+    axes = np.array([along, first, np.cross(along, first)])
+    axes.flags.writeable = False
+    return axes

@@ -1,0 +1,172 @@
+"""Consistency of the entries of a structure: existing names, places on members, partners at joints."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from updater.structure.base import ON_MEMBER
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from daq import FloatArray
+    from updater.structure.entries import Entries, Joint, Member
+
+MAX_ELEMENTS = 20_000  #: of a structure: some 120,000 degrees of freedom
+MAX_SENSORS = 1000  #: covariances of all pairs of channels are held in memory
+_SHORTEST = 1e-3  # of its member's length, extent of a segment
+_ROUNDING = 1e-9  # of a factor that is 0
+
+
+def check_size(structure: Entries) -> None:
+    """Check that a structure's matrices fit into memory.
+
+    Raises
+    ------
+    ValueError
+        Naming the field and the limit.
+    """
+    n_elements = sum(member.elements for member in structure.member)
+    if n_elements > MAX_ELEMENTS:
+        raise ValueError(f"member: elements: expected up to {MAX_ELEMENTS} in all members, found {n_elements}")
+    if len(structure.sensor) > MAX_SENSORS:
+        raise ValueError(f"sensor: expected up to {MAX_SENSORS}, found {len(structure.sensor)}")
+
+
+def check_names(structure: Entries) -> None:
+    """Check that names which are referred to are there, once.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry and what is not defined or given twice.
+    """
+    for member in structure.member if structure.external is None else ():
+        if not member.elements:
+            raise ValueError(f"member {member.name}: elements is missing")
+        _known("member", member.name, "material", member.material, structure.material)
+        _known("member", member.name, "section", member.section, structure.section)
+    names = [member.name for member in structure.member]
+    for segment in structure.segment:
+        _known("segment at", str(list(segment.at)), "member", segment.member, names)
+    for joint in structure.joint:
+        _known("joint at", str(list(joint.at)), "member", joint.member, names)
+    joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in structure.joint]
+    for name in structure.sensors:
+        _known("sensors", name, "sensor", name, [sensor.channel for sensor in structure.sensor])
+    for known in (names, [sensor.channel for sensor in structure.sensor], structure.channels, joints):
+        repeated = [name for name, times in Counter(known).items() if times > 1]
+        if repeated:
+            raise ValueError(f"the name {repeated[0]!r} is given twice")
+
+
+def _known(kind: str, name: str, field: str, value: str, known: Collection[str]) -> None:
+    if value not in known:
+        raise ValueError(f"{kind} {name}: {field} {value!r} is not defined; there are {sorted(known)}")
+
+
+def check_places(structure: Entries) -> None:
+    """Check that what is fixed to members lies on them, and that joints have something to join.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry and its place.
+    """
+    ends = Counter(frozenset((m.start, m.end)) for m in structure.member)
+    twice = [sorted(pair) for pair, times in ends.items() if times > 1]
+    if twice:
+        raise ValueError(f"two members lie between {list(twice[0][0])} and {list(twice[0][1])}")
+    if structure.external is not None:  # the matrices' nodes decide
+        if structure.joint:
+            raise ValueError("joint: matrices from elsewhere have their joints in them")
+        if structure.segment:
+            raise ValueError("segment: matrices from elsewhere have their members' stiffness and mass in them")
+        return
+    places = [(f"sensor {sensor.channel}", sensor.at) for sensor in structure.sensor]
+    places += [("support", s.at) for s in structure.support] + [("body", b.at) for b in structure.body]
+    places += [("oscillator", o.at) for o in structure.oscillator]
+    start = np.array([m.start for m in structure.member])
+    along = np.array([m.end for m in structure.member]) - start
+    for what, at in places:
+        if _distance(np.asarray(at), start, along).min() >= ON_MEMBER:
+            raise ValueError(f"{what}: {list(at)} lies on no member")
+    for joint in structure.joint:
+        _check_joint(joint, structure, _distance(np.asarray(joint.at), start, along) < ON_MEMBER)
+    _check_segments(structure)
+    _check_bodies(structure)
+
+
+def _check_bodies(structure: Entries) -> None:
+    """Refuse bodies of negative mass that leave the structure none."""
+    own = [
+        structure.material[m.material].density * structure.section[m.section].area * m.length for m in structure.member
+    ]
+    carried = [part.mass for part in structure.segment] + [part.mass for part in structure.oscillator]
+    carried += [body.mass for body in structure.body if body.mass > 0]
+    most = sum(own) + sum(carried)
+    removed = sorted((body for body in structure.body if body.mass < 0), key=lambda body: body.mass)
+    if removed and -sum(body.mass for body in removed) >= most:
+        raise ValueError(
+            f"body at {list(removed[0].at)}: mass: expected more than {-most:.4g} kg, which is all that the "
+            f"structure has, found {removed[0].mass:g} kg"
+        )
+
+
+def _check_segments(structure: Entries) -> None:
+    for segment in structure.segment:
+        member = structure.member_named(segment.member)
+        axis = np.subtract(member.end, member.start) / member.length
+        middle = float(np.subtract(segment.at, member.start) @ axis)
+        off = float(np.linalg.norm(member.point(middle) - segment.at))
+        beyond = max(segment.extent / 2 - middle, middle + segment.extent / 2 - member.length)
+        if max(off, beyond) >= ON_MEMBER:
+            raise ValueError(
+                f"segment of {segment.member}: {segment.extent:g} m about {list(segment.at)} are not all on it"
+            )
+        if segment.extent < _SHORTEST * member.length:
+            raise ValueError(
+                f"segment of {segment.member}: expected an extent of {_SHORTEST * member.length:.3g} m or more, "
+                f"found {segment.extent:g} m"
+            )
+    for member in structure.member:
+        _check_weight(structure, member)
+
+
+def _check_weight(structure: Entries, member: Member) -> None:
+    """Refuse segments that take off all the mass that a stretch has."""
+    ends = sorted({end for start, stop, _ in structure.segments_of(member) for end in (start, stop)})
+    for start, stop in pairwise(ends):
+        material, _, _, rotary = structure.part_at(member, (start + stop) / 2)
+        left = material.density
+        if left <= 0:
+            raise ValueError(
+                f"segment of {member.name}: no mass is left from {start:.4g} to {stop:.4g} m of it, its density "
+                f"would be {left:.4g} kg/m3"
+            )
+        if rotary < -_ROUNDING:
+            raise ValueError(
+                f"segment of {member.name}: gyration: expected less, no rotary inertia is left from {start:.4g} to "
+                f"{stop:.4g} m of it"
+            )
+
+
+def _distance(point: FloatArray, start: FloatArray, along: FloatArray) -> FloatArray:
+    """Return the distance (n,) of a point from lines of starts (n, 3) and lengths (n, 3)."""
+    away = point - start
+    share = np.clip((away * along).sum(1) / (along**2).sum(1), 0, 1)
+    return np.asarray(np.linalg.norm(away - share[:, None] * along, axis=1))
+
+
+def _check_joint(joint: Joint, structure: Entries, passing: npt.NDArray[np.bool_]) -> None:
+    there = [member.name for member, passes in zip(structure.member, passing, strict=True) if passes]
+    if joint.member not in there:
+        raise ValueError(f"joint of {joint.member}: {list(joint.at)} does not lie on it")
+    held = any(np.linalg.norm(np.subtract(support.at, joint.at)) < ON_MEMBER for support in structure.support)
+    if len(there) < 2 and not held:
+        raise ValueError(f"joint of {joint.member}: no other member and no support is at {list(joint.at)}")

@@ -1,0 +1,129 @@
+"""A structure as it is written to a file: without springs and welds that change nothing, rounded to what is known."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from updater.structure.base import Vector
+from updater.structure.entries import AXES, Axis, Joint, Material, Segment, Support
+from updater.structure.parameters import (
+    Knob,
+    flexibility_unit,
+    is_of,
+    is_rigid,
+    weld_segments,
+)
+from updater.structure.structure import Structure
+
+_Connection = TypeVar("_Connection", Support, Joint)
+_NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid, which changes frequencies by 2e-5
+_NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, which changes frequencies by 1e-5
+
+
+def simplified(structure: Structure, knobs: Sequence[Knob]) -> Structure:
+    """Return the structure without springs and welds that change nothing.
+
+    Parameters
+    ----------
+    knobs : parameters of the file that the structure was made from
+    """
+    supports, joints = list(structure.support), list(structure.joint)
+    for knob in (k for k in knobs if is_rigid(k)):
+        least = _NEGLIGIBLE * knob.lower
+        if knob.kind == "support":
+            i = int(knob.target)
+            if _flexibility(structure, supports[i], knob.axis) < least:
+                supports[i] = _held(supports[i], knob.axis)
+        else:
+            joints = [
+                _stiffened(joint, knob.axis)
+                if is_of(structure, joint, knob) and _flexibility(structure, joint, knob.axis) < least
+                else joint
+                for joint in joints
+            ]
+    return structure.model_copy(
+        update={
+            "support": tuple(supports),
+            "joint": tuple(joint for joint in joints if joint.stiffness),
+            "segment": tuple(segment for segment in structure.segment if not _does_nothing(segment)),
+        }
+    )
+
+
+def _flexibility(structure: Structure, connection: Support | Joint, axis: Axis) -> float:
+    """Return a connection's flexibility in its unit; infinite where it has no spring."""
+    stiffness = dict(connection.stiffness.items()).get(axis)
+    return flexibility_unit(structure, axis) / stiffness if stiffness else np.inf
+
+
+def _held(support: Support, axis: Axis) -> Support:
+    fixed = tuple(a for a in AXES if a in support.fixed or a == axis)
+    return support.model_copy(update={"fixed": fixed, "stiffness": _others(support.stiffness, axis)})
+
+
+def _stiffened(joint: Joint, axis: Axis) -> Joint:
+    return joint.model_copy(update={"stiffness": _others(joint.stiffness, axis)})
+
+
+def _others(stiffness: Mapping[Any, float], axis: Axis) -> dict[Any, float]:
+    return {a: value for a, value in stiffness.items() if a != axis}
+
+
+def _does_nothing(segment: Segment) -> bool:
+    factors = (segment.stiffness, *segment.bending, segment.torsion, segment.shear_stiffness)
+    off = max(abs(factor - 1) for factor in factors)
+    return not segment.mass and 0 < off < _NO_WELD  # a file's own segments of factor 1 stay
+
+
+def rounded(structure: Structure, knobs: Sequence[Knob], std: Mapping[str, float]) -> Structure:
+    """Return the structure with parameters rounded to the second digit of their standard deviations.
+
+    Parameters
+    ----------
+    knobs : parameters of the file that the structure was made from
+    std : standard deviation of parameters by name, in physical units; others stay as they are
+    """
+    if structure.external is not None:
+        return structure
+    material, welds = dict(structure.material), dict[tuple[str, Vector, float], float]()
+    supports, joints = list(structure.support), list(structure.joint)
+    for knob in (k for k in knobs if k.key in std):
+        if knob.kind == "stiffness":
+            material[knob.target] = _rounded_material(material[knob.target], std[knob.key])
+        elif knob.kind == "support":
+            supports[int(knob.target)] = _rounded_spring(supports[int(knob.target)], knob.axis, std[knob.key])
+        elif knob.kind == "joint":
+            joints = [_rounded_spring(j, knob.axis, std[knob.key]) if is_of(structure, j, knob) else j for j in joints]
+        else:
+            zones = weld_segments(structure, knob.at, 0.0)
+            welds |= {(zone.member, zone.at, zone.extent): std[knob.key] for zone in zones}
+    segments = [_rounded_weld(s, welds.get((s.member, s.at, s.extent))) for s in structure.segment]
+    parts = {"material": material, "support": tuple(supports), "joint": tuple(joints), "segment": tuple(segments)}
+    return structure.model_copy(update=parts)
+
+
+def _rounded_material(material: Material, std: float) -> Material:
+    modulus = _rounded(material.youngs_modulus, std)
+    shear = material.shear_modulus * modulus / material.youngs_modulus
+    return material.model_copy(
+        update={"youngs_modulus": modulus, "shear_modulus": _rounded(shear, std * shear / modulus)}
+    )
+
+
+def _rounded_spring(connection: _Connection, axis: Axis, std: float) -> _Connection:
+    stiffness = {a: _rounded(k, std) if a == axis else k for a, k in connection.stiffness.items()}
+    return connection.model_copy(update={"stiffness": stiffness})
+
+
+def _rounded_weld(segment: Segment, std: float | None) -> Segment:
+    """Return a segment with its stiffness rounded if it is of a weld, whose factor has a deviation."""
+    if std is None:
+        return segment
+    return segment.model_copy(update={"stiffness": _rounded(segment.stiffness, std)})
+
+
+def _rounded(value: float, std: float) -> float:
+    """Return a value to the second digit of its deviation, and to three digits of its own at least."""
+    digits = max(1 - int(np.floor(np.log10(std))), 2 - int(np.floor(np.log10(abs(value)))))
+    return round(value, digits)

@@ -1,0 +1,1 @@
+"""Test-analysis correlation: modes, residual forces, virtual sensors, sensor health."""

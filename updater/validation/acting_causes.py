@@ -1,0 +1,41 @@
+"""A reference as it is once the causes that act on the structure are written in: what sensors are then judged by."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from updater.modal_data.matching import match_modes
+from updater.reference.reference import Reference
+from updater.structure.sensors import Correction
+from updater.structure.structure import Structure
+from updater.validation.modal_correlation import as_extended
+
+_OF_THE_CHAIN = ("sensor", "recorder")  # parts of a structure that are the measuring chain's, beside `sensors`
+
+
+def with_acting(reference: Reference, extended: Structure) -> Reference:
+    """Return a reference whose baseline has the shapes that the structure with its causes should have.
+
+    Frequencies stay: how far they have moved says how much of a change is not known. What causes do to the measuring
+    chain is left out, but for channels that were exchanged: each is judged by the sensor that it carries, or both would
+    seem to say nothing.
+
+    Parameters
+    ----------
+    reference : that was diagnosed
+    extended : its structure with the causes written in
+    """
+    own, base = reference.calibration.structure, reference.baseline
+    kept: dict[str, object] = {name: getattr(own, name) for name in _OF_THE_CHAIN}
+    carriers = {name: correction.channel for name, correction in extended.sensors.items()}
+    kept["sensors"] = {
+        sensor.channel: own.sensors.get(sensor.channel, Correction()).model_copy(
+            update={"channel": carriers.get(sensor.channel)}
+        )
+        for sensor in own.sensor
+    }
+    acted = extended.model_copy(update=kept)
+    after = as_extended(reference, acted, base)
+    partner = match_modes(base, after)
+    shape = np.where((partner >= 0)[:, None], after.shape[partner], base.shape)
+    return replace(reference, baseline=replace(base, shape=shape))

@@ -1,0 +1,72 @@
+"""The modes of a structure's model that answer to measured ones."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from oma import ModalEstimate, comac, mac_matrix, pair_modes
+from updater.fe.assembly import build_model
+from updater.modal_data.device_delays import real_shape
+from updater.reference.calibration import channel_rows
+from updater.structure.structure import Structure
+
+_BEYOND = 1.2
+_SPARE = 10  # modes of the model beyond as many as are measured
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPartner:
+    """The model's mode that answers to a measured one."""
+
+    frequency: float  #: [Hz]
+    mac: float  #: [-]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModelModes:
+    """A model's modes at the channels, beside measured ones."""
+
+    structure: Structure
+    frequency: FloatArray  #: (n,) of those that the channels see [Hz]
+    shape: FloatArray  #: (n, n_channels)
+    pairs: IndexArray  #: (n_modes,) which answers to each measured one, or -1
+    mac: FloatArray  #: (n_modes, n) of measured ones with the model's
+    comac: FloatArray  #: (n_channels,) over the pairs; NaN where there are none
+
+    def near(self, frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return frequencies and shapes of the model's modes up to somewhat beyond some frequencies [Hz]."""
+        wanted = self.frequency <= _BEYOND * frequency.max()
+        wanted[: int(self.pairs.max()) + 1] = True
+        return self.frequency[wanted], self.shape[wanted]
+
+    def partner(self, mode: int) -> ModelPartner | None:
+        """Return what answers to a measured mode."""
+        k = int(self.pairs[mode])
+        return None if k < 0 else ModelPartner(float(self.frequency[k]), float(self.mac[mode, k]))
+
+
+def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
+    """Set a structure's model beside measured modes.
+
+    Raises
+    ------
+    UpdaterError
+        If the structure cannot be computed or lacks a sensor.
+    """
+    model = build_model(structure, shear_flexible=True, mass="consistent")
+    modes = model.modes(min(estimate.n_modes + _SPARE, model.n_dofs - 1))
+    shapes: FloatArray = (channel_rows(model, estimate.channels) @ modes.shape).T
+    seen = np.flatnonzero(np.linalg.norm(shapes, axis=1) > 0)
+    frequency, shape = modes.frequency[seen], shapes[seen]
+    pairs = pair_modes(estimate.frequency, real_shape(estimate.shape), frequency, shape)
+    paired = np.flatnonzero(pairs >= 0)
+    agreement = comac(estimate.shape[paired], shape[pairs[paired]]) if len(paired) else np.full(shape.shape[1], np.nan)
+    return ModelModes(
+        structure=structure,
+        frequency=frequency,
+        shape=shape,
+        pairs=pairs,
+        mac=mac_matrix(estimate.shape, shape),
+        comac=agreement,
+    )
