@@ -3,26 +3,27 @@
 from pathlib import Path
 
 import pytest
-from cli_helpers import Commands
 
-_LONG = {
+from tests.support.monitor.cli import Commands
+
+_LONG = (
     "test_hidden_mass.py",
-    "test_diagnosis.py",
-    "test_sealed_modes.py",
+    "diagnosis/test_diagnosis.py",
+    "examined/test_modes.py",
     "test_csv_diagnosis.py",
-    "test_sealed_records.py",
+    "examined/test_records.py",
     "test_report.py",
-    "test_identify.py",
+    "oma/test_identification.py",
     "test_replay_data.py",
     "test_no_mass_claimed.py",
-    "test_localization.py",
-}
+    "test_one_mass.py",
+)
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin long files first, else in random order: none of them is waited for at the end, with processors idle."""
-    items.sort(key=lambda item: item.path.name not in _LONG)
+    items.sort(key=lambda item: not item.path.as_posix().endswith(_LONG))
 
 
 @pytest.fixture

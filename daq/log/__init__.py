@@ -1,1 +1,4 @@
-"""The MCAP log of a run: written, read, repaired and deleted by age. The analysis process is fed by its writer thread."""
+"""The MCAP log of a run: writers, readers, repair and retention.
+
+The analysis process is fed by the writer thread: what is analysed is what is logged.
+"""

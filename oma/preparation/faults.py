@@ -23,7 +23,7 @@ FaultKind = Literal["no_signal", "clipped", "wandering", "copy", "spikes", "gaps
 SAME_AS = "the same as "  #: how a fault begins that goes on with the name of another channel
 _LEAST_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
 #: share of samples: clipping takes as large a share off a channel's gain, of which replacing the samples gives at least
-#: three quarters back (tests/oma/test_faults.py); the rest is less than the 0.5 % to which gains are known
+#: three quarters back (tests/oma/preparation/test_faults.py); the rest is less than the 0.5 % to which gains are known
 MOST_CLIPPED = 0.02
 _PILE = 10.0  # how many times as many samples at a limit as next to it
 _SAME = 1e-6  # 1 - correlation of successive differences

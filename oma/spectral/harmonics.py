@@ -44,7 +44,7 @@ _REACH = (24, 64)  # half width of the band compared [lines]
 _LINE_STD = 0.1  # standard deviation of a line's frequency, not less than the bound for 10 dB [lines]
 _FALSE_MULTIPLE = 1e-2  # chance that any frequency of the record lies so near to a multiple of a tone
 # Variance of the power of an envelope over its mean squared that a resonance stays under once in ten thousand windows,
-# by how often it has forgotten: decay rate times duration. Simulated; `tests/oma/test_harmonics.py` repeats it.
+# by how often it has forgotten: decay rate times duration. Simulated: `tests/oma/spectral/test_harmonics.py`.
 _TIMES = 2.0 ** np.arange(1, 12)
 _STEADIEST = np.array([0.016, 0.058, 0.109, 0.211, 0.357, 0.461, 0.577, 0.667, 0.753, 0.804, 0.864])
 

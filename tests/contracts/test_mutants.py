@@ -4,8 +4,9 @@ import ast
 import tomllib
 
 import pytest
-from mutants_made import mutants, mutated
-from mutants_run import ROOT, TABLE
+
+from tests.mutants.made import mutants, mutated
+from tests.mutants.run import ROOT, TABLE
 
 SOURCE = '''"""Text."""
 LIMIT: int | None = 3

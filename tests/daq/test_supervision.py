@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daq_helpers import make_block
-from notice_helpers import until
 
 from daq import (
     FAILURES,
@@ -23,6 +21,8 @@ from daq import (
     error_text,
     read_log,
 )
+from tests.support.daq.blocks import make_block
+from tests.support.monitor.notices import until
 
 #: threads that end with what they wait for, and run nothing that could fail
 PLAIN = {

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_helpers import Commands, assert_refused
-from measured_helpers import Rig, swapped, write_csv
 
 from daq import Recording
+from tests.measured.accelerometers import Rig, swapped, write_csv
+from tests.support.monitor.cli import Commands, assert_refused
 from updater import Body, build_model, load_structure, t_structure_toml
 
 SECONDS, RATE = 120.0, 500.0

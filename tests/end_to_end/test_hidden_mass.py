@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from end_to_end_helpers import site_toml, write_log
 
 from monitor.cli.data.import_ import ImportOptions, import_command
 from monitor.cli.data.log import export_command
 from monitor.cli.site.run import replay_command
 from monitor.rig import draw_t_frame
 from monitor.service.replay import replay
+from tests.support.monitor.recorded_runs import site_toml, write_log
 from updater import t_structure_toml
 
 WINDOW, BASELINE, AFTER, RATE = 20.0, 8, 3, 500.0

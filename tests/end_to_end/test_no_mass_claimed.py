@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from end_to_end_helpers import site_toml
-from measured_helpers import Rig
 
 from daq import write_recording
 from monitor.results.windows import AlarmResult, WindowResult
 from monitor.service.replay import replay
 from monitor.settings import parse_settings
 from monitor.text.causes import change_text
+from tests.measured.accelerometers import Rig
+from tests.support.monitor.recorded_runs import site_toml
 from updater import t_structure_toml
 
 WINDOW, BASELINE, RATE = 20.0, 8, 500.0

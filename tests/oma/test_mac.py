@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from oma_helpers import FRAME_SHAPES
 
 from oma import comac, mac, mac_matrix, mpc, mpd, normalise
+from tests.support.oma.structures import FRAME_SHAPES
 
 TURN = np.exp(1.2j) * 3.7
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oma_helpers import chain, simulate
 
 from daq import Recording
 from oma import METHODS, identify_all
+from tests.support.oma.structures import chain, simulate
 
 CHAIN = chain(4)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from oma_helpers import chain, frame, simulate
 
 from oma import CovarianceSSI, DataSSI, IdentificationStream, TooFewChannels, TooShort, identify, mac_matrix
+from tests.support.oma.structures import chain, frame, simulate
 
 BAND = (1.0, 20.0)
 

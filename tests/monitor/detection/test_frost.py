@@ -2,9 +2,9 @@
 
 import numpy as np
 from scipy.stats import poisson
-from sealed_sites import SimulatedSites, SiteKind
 
 from monitor.detection import CHUNK, DETECTORS, Watching, accept, judge, least_unsure, start
+from tests.examiner.sites import SimulatedSites, SiteKind
 
 STEP, HOURS, DAYS, SITES = 3600.0, 24, 140, 10
 HOURLY = Watching(rate=1 / 8766 / len(DETECTORS), overlap=0.0, hold=2)

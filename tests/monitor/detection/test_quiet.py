@@ -1,9 +1,9 @@
 """Quiet sites: limits approach the scatter that is seen, and small changes are found after two weeks."""
 
 import numpy as np
-from sealed_sites import SimulatedSites, SiteKind
 
 from monitor.detection import CHUNK, DETECTORS, Watching, accept, detectable_change, judge, start
+from tests.examiner.sites import SimulatedSites, SiteKind
 
 STEP, SITES, DAYS, SEED = 600.0, 6, 14, 3
 DAY = round(86400 / STEP)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from scipy.stats import poisson
-from sealed_sites import SimulatedSites, SiteKind, SiteWindows
-from thorough_helpers import few_of
 
 from daq import FloatArray
 from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
 from monitor.detection.window_variance import first_scatter, follow_scatter, regressors
+from tests.examiner.sites import SimulatedSites, SiteKind, SiteWindows
+from tests.support.thorough import few_of
 
 STEP, DAY = 600.0, 144
 YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

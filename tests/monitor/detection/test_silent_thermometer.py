@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from scipy.stats import poisson
-from thorough_helpers import few_of
 
 from daq import FloatArray
 from monitor.detection import DETECTORS, Judged, Watched, Watching, accept, judge, least_unsure, start
 from monitor.detection.temperature_terms import first_climate, follow
+from tests.support.thorough import few_of
 
 P, STD, STEP, DAY = 6, 5e-4, 600.0, 144
 YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

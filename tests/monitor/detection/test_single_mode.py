@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from scipy.stats import poisson
-from thorough_helpers import few_of
 
 from daq import FloatArray
 from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
 from monitor.detection.single_mode import MAX_HOLD_WINDOWS, no_runs, wait
+from tests.support.thorough import few_of
 
 P, STD, STEP, DAY = 6, 5e-4, 600.0, 144
 YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)

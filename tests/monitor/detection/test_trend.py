@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import binom
-from sealed_sites import KINDS, SimulatedSites
 
 from daq import FloatArray
 from monitor.detection.correlated_noise import effective_number, regress
@@ -20,6 +19,7 @@ from monitor.detection.trend import (
     no_weeks,
     trend_of,
 )
+from tests.examiner.sites import KINDS, SimulatedSites
 
 STEP, N_SITES, WEEK_WINDOWS = 3 * 3600.0, 8, 56
 STEP_UP = 0.01  # of all log frequencies, by an accepted change

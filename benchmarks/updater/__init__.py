@@ -1,0 +1,1 @@
+"""Benchmarks of updating, localization and diagnosis."""

@@ -1,0 +1,163 @@
+"""Results of the confusion matrices: kept in a file of JSON lines, counted, and printed as tables."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+ROOT = Path(__file__).parents[3]
+OUTCOMES = ("right", "alias", "wrong", "misplaced", "refused", "missed")
+_TASKS = ("detectable", "nothing", "small", "two", "outside")
+
+
+class Result(BaseModel):
+    """One case judged."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    cell: str
+    seed: int
+    noise: str
+    kind: str
+    outcome: str
+    said: str
+    done: str = ""
+    away: float | None = None  #: m
+    errors: dict[str, float] = {}
+    true: dict[str, float] = {}
+    before: float | None = None  #: root mean square error of frequencies held out [%]
+    after: float | None = None
+    floor: float | None = None  #: what noise alone would leave of it [%]
+    seconds: float = 0.0  #: of processor time
+
+
+def version() -> str:
+    """Return a digest of the code that is judged and of what judges it."""
+    files = [*ROOT.glob("updater/**/*.py"), *ROOT.glob("tests/examiner/**/*.py"), *ROOT.glob("monitor/analysis/*.py")]
+    digest = hashlib.sha256()
+    for path in sorted(files):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def read_results(path: Path, code: str) -> list[Result]:
+    """Read what a file holds of this version of the code; an unfinished last line is passed over."""
+    if not path.exists():
+        return []
+    found = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            content = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        if content.get("version") == code:
+            found.append(Result.model_validate(content))
+    return found
+
+
+def tables(results: Sequence[Result]) -> str:
+    """Return the matrix, the shares, the accuracies and the misses as Markdown."""
+    return "\n\n".join([_matrix(results), _shares(results), _accuracies(results), _misses(results)])
+
+
+def _matrix(results: Sequence[Result]) -> str:
+    rows = ["| done | draws | " + " | ".join(OUTCOMES) + " |", "|:--" + "|---:" * (1 + len(OUTCOMES)) + "|"]
+    for kind in _TASKS:
+        for cell in dict.fromkeys(sorted(r.cell for r in results if r.kind == kind)):
+            these = [r for r in results if r.cell == cell]
+            counts = [sum(r.outcome == o for r in these) for o in OUTCOMES]
+            rows.append(f"| {cell} | {len(these)} | " + " | ".join(str(n or "") for n in counts) + " |")
+    return "\n".join(rows)
+
+
+def _share(what: str, wanted: str, good: Iterable[bool]) -> str:
+    of = list(good)
+    return f"| {what} | {sum(of)} of {len(of)} | {100 * np.mean(of):.1f} % | {wanted} |" if of else ""
+
+
+def _shares(results: Sequence[Result]) -> str:
+    def of(*kinds: str) -> list[Result]:
+        return [r for r in results if r.kind in kinds]
+
+    def fine(r: Result) -> bool:
+        return r.outcome in {"right", "alias"}
+
+    named = [r for r in of("detectable", "two", "small") if r.outcome in {"right", "alias", "wrong", "misplaced"}]
+    rows = [
+        "| | | | wanted |\n|:--|---:|---:|---:|",
+        _share("one cause that can be detected: right first answer", ">= 97 %", map(fine, of("detectable"))),
+        _share("right where something is named", ">= 99 %", map(fine, named)),
+        _share("false alarms on nothing", "<= 1 %", (r.outcome != "right" for r in of("nothing"))),
+        _share("too small to be detected: nothing false is named", "", (r.outcome != "wrong" for r in of("small"))),
+        _share("in no catalogue: refused", ">= 95 %", (r.outcome == "right" for r in of("outside"))),
+        _share("two causes at once: both right", ">= 90 %", map(fine, of("two"))),
+    ]
+    return "\n".join(row for row in rows if row)
+
+
+_FIGURES: tuple[tuple[str, str, str, str, Callable[[Result], float | None]], ...] = (
+    ("local_stiffness", "place", "mm", "<= 15", lambda r: r.away and 1e3 * r.away),
+    ("one_sided", "place", "mm", "<= 15", lambda r: r.away and 1e3 * r.away),
+    ("one_sided", "loss about its axis", "%", "", lambda r: _absolute(r, "loss", 100)),
+    ("added_mass", "place", "mm", "", lambda r: r.away and 1e3 * r.away),
+    ("added_mass", "mass", "%", "", lambda r: _relative(r, "mass")),
+    ("support_spring", "place", "mm", "", lambda r: r.away and 1e3 * r.away),
+    ("distributed_mass", "place of its middle", "mm", "", lambda r: r.away and 1e3 * r.away),
+    ("sensor_gain", "gain", "%", "<= 2", lambda r: _relative(r, "gain")),
+    ("sensor_delay", "delay", "ms", "<= 0.05", lambda r: _absolute(r, "delay", 1e3)),
+    ("sensor_orientation", "angle", "degrees", "<= 1", lambda r: _absolute(r, "angle", 180 / np.pi)),
+    ("attached_oscillator", "place", "mm", "<= 15", lambda r: r.away and 1e3 * r.away),
+    ("attached_oscillator", "frequency", "%", "<= 0.1", lambda r: _relative(r, "frequency")),
+    ("axial_force", "force", "%", "<= 2", lambda r: _relative(r, "force")),
+)
+
+
+def _relative(r: Result, name: str) -> float | None:
+    return 100 * abs(r.errors[name] / r.true[name]) if name in r.errors else None
+
+
+def _absolute(r: Result, name: str, unit: float) -> float | None:
+    return unit * abs(r.errors[name]) if name in r.errors else None
+
+
+def _accuracies(results: Sequence[Result]) -> str:
+    rows = ["| of those named alone | n | median | 90 % within | wanted |", "|:--|---:|---:|---:|---:|"]
+    for cell, what, unit, wanted, figure in _FIGURES:
+        said = [figure(r) for r in results if r.cell == cell and r.outcome in {"right", "misplaced", "alias"}]
+        off = [x for x in said if x is not None]
+        if off:
+            median, most = np.median(off), np.quantile(off, 0.9)
+            rows.append(f"| {cell}: {what} | {len(off)} | {median:.3g} {unit} | {most:.3g} {unit} | {wanted} |")
+    gained = [r for r in results if r.outcome == "right" and r.before and r.after and r.before >= 1.0]
+    if gained:
+        ratio = [r.before / r.after for r in gained if r.before and r.after]
+        left = [r.after / r.floor for r in gained if r.after and r.floor]
+        if left:
+            rows.append(
+                f"| the same after, over what noise alone leaves | {len(left)} | {np.median(left):.2f} | "
+                f"{np.quantile(left, 0.9):.2f} | <= 1.5 |"
+            )
+        rows.append(
+            f"| error of held-out changes of frequency where it was 1 % or more: before over after | {len(ratio)} | "
+            f"{np.median(ratio):.1f} | {np.quantile(ratio, 0.1):.1f} (90 % above) | >= 8 |"
+        )
+    for what, kinds in (("one cause or none", ("detectable", "nothing")), ("two causes", ("two",))):
+        seconds = [r.seconds for r in results if r.kind in kinds and r.seconds]
+        if seconds:
+            rows.append(
+                f"| processor time, {what} | {len(seconds)} | {np.median(seconds):.2f} s | "
+                f"{np.quantile(seconds, 0.9):.2f} s | {'<= 1.5 s' if 'one' in what else '<= 5 s'} |"
+            )
+    return "\n".join(rows)
+
+
+def _misses(results: Sequence[Result]) -> str:
+    lines = [
+        f"- {r.cell}, seed {r.seed}: {r.outcome}: {r.said}" + (f" (was {r.done})" if r.done else "")
+        for r in sorted(results, key=lambda r: (_TASKS.index(r.kind), r.cell, r.seed))
+        if r.outcome not in {"right", "alias"}
+    ]
+    return "\n".join(["Misses:", "", *lines]) if lines else "No misses."

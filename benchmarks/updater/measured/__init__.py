@@ -1,0 +1,1 @@
+"""Two measured structures."""

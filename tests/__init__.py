@@ -1,0 +1,1 @@
+"""Tests, their support and the independent examiner."""

@@ -1,0 +1,109 @@
+"""Our SLCAN bus on a pty: blocks and messages, damage, a pulled plug."""
+
+import os
+import re
+import time
+
+import can
+import pytest
+
+from daq.drivers.can.bus import SlcanBus, frames_of, messages_of, read_frames
+from daq.protocol.frames import can_frames
+from daq.protocol.slcan import encode
+from tests.support.daq.can_buses import pty, read
+
+pytestmark = pytest.mark.live
+
+FRAMES = [(0x181, b"\1\2\3"), (0x281, b""), (0x8000_0000 | 0x12345, bytes(8))]
+
+
+def test_blocks_and_messages_are_the_same_frames() -> None:
+    with pty() as (device, port), SlcanBus(port) as bus:
+        os.write(device, encode(can_frames(FRAMES)))
+        assert list(bus.recv_frames(1.0)) == FRAMES
+        os.write(device, encode(can_frames(FRAMES)))
+        messages = [bus.recv(1.0) for _ in FRAMES]
+        assert [(m.arbitration_id, bytes(m.data), m.is_extended_id) for m in messages if m] == [
+            (0x181, b"\1\2\3", False),
+            (0x281, b"", False),
+            (0x12345, bytes(8), True),
+        ]
+        assert bus.recv(0.0) is None
+        assert len(bus.recv_frames(0.0)) == 0
+
+
+def test_what_was_not_fetched_one_by_one_is_in_the_next_block() -> None:
+    with pty() as (device, port), SlcanBus(port) as bus:
+        os.write(device, encode(can_frames(FRAMES)))
+        assert bus.recv(1.0) is not None
+        assert list(read_frames(bus, 1.0).frames) == FRAMES[1:]
+
+
+def test_no_damage_leaves_it_deaf() -> None:
+    good = encode(can_frames(FRAMES))
+    with pty() as (device, port), SlcanBus(port) as bus:
+        for damage in (b"t18", b"t1813zz\r", b"\xff" * 3000, b"T\r\r\x07V1013\r", good[:-7]):
+            os.write(device, damage + b"\r" + good)
+            found: list[tuple[int, bytes]] = []
+            end = time.monotonic() + 10
+            while found[-3:] != FRAMES:  # a pty hands what was written over in pieces
+                assert time.monotonic() < end, damage
+                found += bus.recv_frames(1.0)
+        assert bus.bad_lines == 5
+
+
+def test_opening_and_sending_say_what_an_adapter_expects() -> None:
+    with pty() as (device, port):
+        with SlcanBus(port, 500_000) as bus:
+            bus.send(can.Message(arbitration_id=0x603, data=b"\x40\x08\x10", is_extended_id=False))
+            bus.send(can.Message(arbitration_id=0x1ABCDE, is_remote_frame=True, dlc=4))
+            with pytest.raises(can.CanOperationError, match="CAN FD"):
+                bus.send(can.Message(arbitration_id=1, is_fd=True))
+        expected = b"\rC\rZ0\rS6\rO\rt6033400810\rR001ABCDE4\rC\r"
+        assert read(device, len(expected)) == expected
+
+
+def test_messages_survive_the_way_through_blocks() -> None:
+    messages = [
+        can.Message(arbitration_id=0x603, data=b"\x40\x08", is_extended_id=False),
+        can.Message(arbitration_id=0x1ABCDE, is_remote_frame=True, dlc=4),
+    ]
+    again = messages_of(frames_of([*messages, can.Message(is_error_frame=True)]), 12.5)
+    assert all(a.equals(b, timestamp_delta=None) for a, b in zip(again, messages, strict=True))
+    assert {message.timestamp for message in again} == {12.5}
+
+
+def test_a_pulled_plug_is_an_operation_error() -> None:
+    device, slave = os.openpty()
+    port = os.ttyname(slave)
+    bus = SlcanBus(port)
+    os.close(slave)
+    os.close(device)
+    with pytest.raises(can.CanOperationError, match=port):
+        bus.recv_frames(1.0)
+    with pytest.raises(can.CanOperationError, match=port):
+        bus.send(can.Message(arbitration_id=1))
+    bus.shutdown()
+    bus.shutdown()  # once is enough, twice does no harm
+
+
+def test_what_cannot_be_opened_is_said() -> None:
+    with pytest.raises(ValueError, match=r"bitrate of /dev/none: expected one of \[10000, .* found 123"):
+        SlcanBus("/dev/none", 123)
+    with pytest.raises(can.CanInitializationError, match="/dev/none"):
+        SlcanBus("/dev/none")
+    with (
+        pty() as (_, port),
+        SlcanBus(port),
+        pytest.raises(can.CanInitializationError, match=re.escape(port)),
+    ):
+        SlcanBus(port)
+
+
+def test_python_can_opens_it_by_its_name() -> None:
+    with pty() as (device, port), can.Bus(interface="modalwatch-slcan", channel=port, bitrate=1_000_000) as bus:
+        assert isinstance(bus, SlcanBus)
+        os.write(device, b"t1811FF\r")
+        message = bus.recv(1.0)
+        assert message is not None
+        assert bytes(message.data) == b"\xff"

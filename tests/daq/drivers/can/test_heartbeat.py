@@ -1,0 +1,172 @@
+"""Heartbeats and emergencies of CAN nodes: what they tell before silence does, and what they do not."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import canopen
+import numpy as np
+import pytest
+
+from daq import (
+    Block,
+    CanAddress,
+    DeviceReader,
+    EmulatedEpsonCan,
+    EmulatedSlcan,
+    Event,
+    HostClock,
+    Item,
+    LineFaults,
+    LineSpell,
+    ScaledClock,
+    SystemClock,
+    make_driver,
+)
+from daq.drivers.can import heartbeat
+from daq.drivers.can.heartbeat import HeartbeatConsumer
+from tests.support.daq.blocks import START
+from tests.support.daq.can_buses import served, wait_for
+from tests.support.daq.emulated_ports import Ramp
+from tests.support.daq.readers import running
+
+OPERATIONAL, PRE_OPERATIONAL, BOOT_UP = 5, 127, 0
+
+
+@dataclass
+class HandTime:
+    """Stands for the module `time`, set by hand."""
+
+    now: float = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@dataclass
+class Heard:
+    """A node that a test speaks for, and what is made of it."""
+
+    clock: HandTime = field(default_factory=HandTime)
+    node: canopen.RemoteNode = field(
+        default_factory=lambda: canopen.RemoteNode(3, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+    )
+
+    def says(self, state: int) -> None:
+        self.node.nmt.on_heartbeat(0x703, bytes([state]), 0.0)  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture
+def heard(monkeypatch: pytest.MonkeyPatch) -> Heard:
+    """Return a node whose time is set by hand."""
+    found = Heard()
+    monkeypatch.setattr(heartbeat, "time", found.clock)
+    return found
+
+
+def test_state_it_was_in_before_it_was_started_is_no_trouble_and_later_is(heard: Heard) -> None:
+    consumer = HeartbeatConsumer(heard.node)
+    heard.says(PRE_OPERATIONAL)
+    heard.says(OPERATIONAL)
+    assert consumer.trouble() == ""
+    heard.says(PRE_OPERATIONAL)
+    assert consumer.trouble() == "its heartbeat says PRE-OPERATIONAL, expected OPERATIONAL"
+
+
+def test_boot_up_is_trouble_at_once_even_between_two_looks(heard: Heard) -> None:
+    consumer = HeartbeatConsumer(heard.node)
+    for state in (OPERATIONAL, BOOT_UP, PRE_OPERATIONAL):
+        heard.says(state)
+    assert consumer.trouble() == "it has started anew: its settings are gone"
+
+
+def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(heard: Heard) -> None:
+    consumer = HeartbeatConsumer(heard.node)
+    for _ in range(5):
+        heard.clock.now += 0.9
+        heard.says(OPERATIONAL)
+        assert consumer.trouble() == ""
+    for _ in range(5):
+        heard.clock.now += 0.9
+        consumer.note_scans()
+        assert consumer.trouble() == ""
+    assert not consumer.alive
+    heard.clock.now += 1.1
+    assert consumer.trouble() == "neither heartbeat nor scan for 1 s"
+
+
+def test_missing_heartbeat_is_told_once_each_time(heard: Heard) -> None:
+    consumer, told = HeartbeatConsumer(heard.node), list[str]()
+    for second in range(12):
+        heard.clock.now += 1.0
+        if second == 5:
+            heard.says(OPERATIONAL)
+        told.append(consumer.warning())
+    assert [k for k, text in enumerate(told) if text] == [2, 8]
+    assert told[2].startswith("no heartbeat for 2 s though scans come: the bus is full")
+
+
+@contextmanager
+def reading(node: EmulatedEpsonCan, items: list[Item], clock: HostClock | None = None) -> Iterator[None]:
+    """Let a reader read one node."""
+    with served(EmulatedSlcan([node])) as adapter:
+        driver = make_driver("epson-can", CanAddress(interface="slcan", channel=adapter.port, node=node.node), 1000.0)
+        reader = DeviceReader("d", driver, 1000.0, clock or SystemClock(), items.append)
+        with running([reader]):
+            wait_for(lambda: len(items) > 1)
+            yield
+
+
+def seconds_until(items: list[Item], what: str, does: Callable[[], None]) -> tuple[float, str]:
+    """Return how long after something was done an event comes, and what it says."""
+    begun = time.monotonic()
+    does()
+    found: list[Event] = []
+
+    def came() -> bool:
+        found.extend(item for item in items if isinstance(item, Event) and item.topic == f"/event/{what}")
+        return bool(found)
+
+    wait_for(came)
+    return time.monotonic() - begun, found[0].payload.get("why", found[0].payload.get("what", ""))
+
+
+@pytest.mark.live
+def test_what_a_node_loses_is_counted_to_the_scan_and_what_comes_twice_is_one() -> None:
+    clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
+    spells = (
+        LineSpell(what="lost", at=0.68, seconds=0.04),  # the counter wraps meanwhile
+        LineSpell(what="repeated", at=0.9, seconds=0.02),
+        LineSpell(what="cut", at=1.1, seconds=0.005),
+    )
+    faults = LineFaults(spells=spells, counter=2**16 - 700)
+    items: list[Item] = []
+    with reading(EmulatedEpsonCan(Ramp(), clock, node=3, serial_number=7, faults=faults), items, clock):
+        wait_for(lambda: any(isinstance(item, Block) and item.end_index > 1400 for item in items))
+    blocks = [item for item in items if isinstance(item, Block)]
+    gaps = [item.payload for item in items if isinstance(item, Event) and item.topic == "/event/gap"]
+    # The first scan is not taken, nor the one after a scan that is lost whole: nothing tells their halves apart.
+    found = [(1 + gap["first_index"], gap["missing"], gap["exact"]) for gap in gaps]
+    assert found == [(680, 41, True), (1100, 5, True)]
+    k = np.concatenate([block.counts[:, 0] for block in blocks])
+    np.testing.assert_array_equal(k, 1 + np.concatenate([np.arange(b.first_index, b.end_index) for b in blocks]))
+
+
+@pytest.mark.live
+def test_power_dip_and_emergency_are_told_at_once_and_hanging_by_the_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(heartbeat, "PATIENCE", 0.5)  # two beats, not four
+    monkeypatch.setattr("daq.drivers.can.hub._REPLY_SECONDS", 0.2)
+    items: list[Item] = []
+    node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7)
+    with reading(node, items):
+        _, said = seconds_until(items, "device_warning", lambda: node.fail(0x8110))
+        assert said == "emergency 0x8110: Monitoring (register 0x01, data 0000000000)"
+        seconds, why = seconds_until(items, "device_lost", node.power_cycle)
+        assert why.endswith("node 3: it has started anew: its settings are gone")
+        assert seconds < 1.0  # 0.1 s of a read, and a busy host; silence would take two
+        wait_for(lambda: isinstance(items[-1], Event) and items[-1].topic == "/event/device_back")
+        items.clear()
+        seconds, why = seconds_until(items, "device_lost", node.hang)
+        assert why.endswith("node 3: neither heartbeat nor scan for 0.5 s")
+        assert seconds < 2.0  # which silence would take

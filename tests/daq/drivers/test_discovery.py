@@ -1,0 +1,80 @@
+"""What is connected: ports by the names that stay, and who answers at them."""
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from daq import DriverError, EmulatedNode, PortAnswer, SystemClock, can_adapters, make_driver, search_port, serial_ports
+from tests.support.daq.can_buses import pty, serving
+from tests.support.daq.emulated_ports import Ramp
+
+
+def test_ports_are_listed_by_the_names_that_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usb, plain = tmp_path / "ttyUSB0", tmp_path / "ttyS0"
+    usb.touch()
+    plain.touch()
+    link = tmp_path / "by-id" / "usb-FTDI_A352-if00"
+    link.parent.mkdir()
+    link.symlink_to(usb)
+    said = [
+        SimpleNamespace(device=str(usb), vid=0x0403, description="FT232R"),
+        SimpleNamespace(device=str(plain), vid=None, description="n/a"),
+    ]
+    monkeypatch.setattr("daq.drivers.discovery.list_ports.comports", lambda: said)
+    found = serial_ports(link.parent)
+    assert [(p.device, p.by_id, p.path) for p in found] == [
+        (str(plain), None, str(plain)),
+        (str(usb), str(link), str(link)),
+    ]
+    assert [(p.description, p.is_usb) for p in found] == [("", False), ("FT232R", True)]
+    assert [p.path for p in serial_ports(tmp_path / "none")] == [str(plain), str(usb)]
+
+
+def test_adapters_are_those_of_python_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = [{"interface": "pcan", "channel": "PCAN_USBBUS1", "supports_fd": True}]
+    monkeypatch.setattr("can.detect_available_configs", lambda interfaces: said if "pcan" in interfaces else [])
+    assert can_adapters() == [("pcan", "PCAN_USBBUS1")]
+
+
+def test_port_that_is_not_there_or_no_port_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "none", tmp_path / "file"):
+        with pytest.raises(DriverError, match=f"^{path}: cannot be opened: "):
+            search_port(str(path))
+
+
+@pytest.mark.live
+def test_port_in_use_is_left_alone() -> None:
+    device = EmulatedNode(Ramp(), SystemClock(), serial_number="N")
+    with serving(device.serve):
+        driver = make_driver("modalwatch-node", device.port, 1000.0)
+        driver.open()
+        with pytest.raises(DriverError, match=f"^{device.port}: cannot be opened: .*lock"):
+            search_port(device.port)
+        assert len(driver.read().counts)
+        driver.close()
+        answer = search_port(device.port)
+    device.close()
+    assert isinstance(answer, PortAnswer)
+    assert answer.who == "emulated N"
+
+
+@pytest.mark.live
+def test_modem_is_no_device_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It echoes what it hears, and answers every line."""
+    monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200,))
+    monkeypatch.setattr("daq.drivers.serial.node._HELLO_SECONDS", 0.3)
+    with pty() as (line, path):
+        os.set_blocking(line, False)
+
+        def serve() -> None:
+            try:
+                heard = os.read(line, 256)
+            except OSError:
+                return
+            os.write(line, heard + (b"\r\nERROR\r\n" if b"\r" in heard else b""))
+
+        with serving(serve):
+            assert search_port(path) is None

@@ -1,0 +1,177 @@
+"""What every driver of a port or a bus promises, against its emulated device in another process."""
+
+import itertools
+import json
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq import (
+    Block,
+    CanAddress,
+    CanPlace,
+    DbcAddress,
+    DeviceLost,
+    DeviceReader,
+    Driver,
+    DriverError,
+    Event,
+    IntArray,
+    Item,
+    ScaledClock,
+    make_driver,
+)
+from tests.support.daq.can_buses import can_process, wait_for
+from tests.support.daq.emulated_can import imu
+from tests.support.daq.ports import Emulators, emulators
+
+pytestmark = pytest.mark.live
+
+RATE = 1000.0
+DBC = Path(__file__).parents[3] / "examples" / "imu.dbc"
+_COARSE = 2**-8  # m/s2 a count: 16 bits up to 13 g
+WIT = CanAddress(interface="slcan", channel="/dev/none", node=0x50, bitrate=250_000)
+#: a place where nothing is, and the serial number of the emulated device, if such a device can tell one
+DRIVERS: dict[str, tuple[str | CanPlace, str | None]] = {
+    "epson-uart": ("/dev/none", "E0000000"),
+    "modalwatch-node": ("/dev/none", "E0000000"),
+    "witmotion": ("/dev/none", None),
+    "epson-can": (CanAddress(interface="slcan", channel="/dev/none", node=1), "100"),
+    "witmotion on CAN": (WIT, None),
+    "can-dbc": (DbcAddress(interface="slcan", channel="/dev/none", sensor=imu(DBC)), None),
+}
+RATES = dict.fromkeys(DRIVERS, RATE) | {"witmotion": 200.0, "witmotion on CAN": 200.0}
+TEMPERATURES = dict.fromkeys(DRIVERS, 21.0) | {  # [degC]; of two the frames have no room for it
+    "witmotion on CAN": float("nan"),
+    "can-dbc": float("nan"),
+}
+SERIAL = [name for name, (place, _) in DRIVERS.items() if isinstance(place, str)]
+
+
+@dataclass(frozen=True)
+class Device:
+    """An emulated device in another process."""
+
+    place: str | CanPlace
+    clock: ScaledClock
+    unplug: Callable[[], None]
+
+    @property
+    def where(self) -> str:
+        """What errors begin with, as a pattern."""
+        return f"^{re.escape(str(self.place))}: "
+
+
+@pytest.fixture(scope="module")
+def ports() -> Iterator[Emulators]:
+    """Run one device of each kind that is on a serial port."""
+    with emulators(1, kind=",".join(SERIAL)) as found:
+        yield found
+
+
+def make(name: str, place: str | CanPlace, rate: float) -> Driver:
+    """Return the driver of a row of the table."""
+    return make_driver(name.partition(" ")[0], place, rate)
+
+
+@contextmanager
+def device(name: str, ports: Emulators, folder: Path) -> Iterator[Device]:
+    """Run the device that a driver is for."""
+    place = DRIVERS[name][0]
+    if isinstance(place, str):
+        number = SERIAL.index(name)
+        yield Device(ports.ports[number], ports.clock, partial(ports.unplug, number))
+        return
+    sensor = {"can-dbc": (str(DBC), "0", "0"), "witmotion on CAN": ("witmotion",)}.get(name, ())
+    with can_process(folder, 0 if sensor else 1, dbc=sensor) as bus:
+        yield Device(replace(place, channel=bus.channel), bus.clock, partial(bus.say, "unplug"))
+
+
+def scans_of(driver: Driver, n: int, temperature: float) -> tuple[IntArray, IntArray]:
+    """Return counts and counters of at least n scans, all taken at a temperature."""
+    counts: list[IntArray] = []
+    counters: list[IntArray] = []
+    until = time.monotonic() + 10.0
+    while sum(len(part) for part in counts) < n:
+        assert time.monotonic() < until, f"not {n} scans within 10 s"
+        scans = driver.read()
+        assert scans.bad_bytes == 0
+        assert 0 <= scans.age < 1e9
+        assert not len(scans.counts) or scans.temperature == pytest.approx(temperature, abs=0.005, nan_ok=True)
+        counts.append(scans.counts)
+        counters.append(scans.counter.astype(np.int32, casting="no"))
+    return np.concatenate(counts), np.concatenate(counters)
+
+
+def check_stream(driver: Driver, rate: float, temperature: float) -> None:
+    """Read a ramp: scan k is (k, -k, 3 k), and the counter goes on with it."""
+    counts, counter = scans_of(driver, round(rate / 5), temperature)
+    assert counts.dtype == counter.dtype == np.int32
+    k = counts[0, 0] + np.arange(len(counts), dtype=np.int32)
+    most = np.iinfo(np.int16 if driver.scale == _COARSE else np.int32).max  # that the device can send
+    np.testing.assert_array_equal(counts, np.minimum(np.stack([k, -k, 3 * k], axis=1), most))
+    np.testing.assert_array_equal(np.remainder(np.diff(counter.astype(np.int64)), driver.modulus), 1)
+    assert 0 < driver.scale < 1e-2
+
+
+def check_blocks_until_unplugged(driver: Driver, found: Device, rate: float) -> None:
+    """Let a reader cut the stream into blocks, and pull the plug."""
+    items: list[Item] = []
+    reader = DeviceReader("d", driver, rate, found.clock, items.append, block_seconds=0.05)
+    reader.connect()
+    reader.start()
+    wait_for(lambda: len(items) > 3)
+    found.unplug()
+    wait_for(lambda: isinstance(items[-1], Event))
+    reader.stop()
+    reader.join(10.0)
+    lost = next(item for item in items[1:] if isinstance(item, Event))
+    assert lost.topic == "/event/device_lost"
+    assert re.match(found.where, lost.payload["why"])
+    blocks = [item for item in items if isinstance(item, Block)]
+    assert {block.scale for block in blocks} == {driver.scale}
+    assert blocks[0].first_index == 0
+    assert all(a.end_index == b.first_index for a, b in itertools.pairwise(blocks))
+
+
+def check_life(found: Device, name: str) -> None:
+    """Open, read, be alone at the port, close, open again, be unplugged."""
+    driver, other = (make(name, found.place, RATES[name]) for _ in range(2))
+    identity = driver.open()
+    assert identity == json.loads(json.dumps(identity))
+    assert identity.get("serial") == DRIVERS[name][1]
+    check_stream(driver, RATES[name], TEMPERATURES[name])
+    taken = "no .* answers: the port is in use by another program$" if isinstance(found.place, str) else ""
+    with pytest.raises(DriverError, match=found.where + taken):
+        other.open()
+    driver.close()
+    driver.close()
+    with pytest.raises(DeviceLost, match=f"{found.where}is not open"):
+        driver.read()
+    check_blocks_until_unplugged(driver, found, RATES[name])
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+def test_driver_keeps_the_contract(name: str, ports: Emulators, tmp_path: Path) -> None:
+    with device(name, ports, tmp_path) as found:
+        check_life(found, name)
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+def test_port_that_is_not_there_is_named(name: str) -> None:
+    with pytest.raises(DriverError, match=r"/dev/none.*: (no .* answers|the bus cannot be opened): .*No such file"):
+        make(name, DRIVERS[name][0], RATES[name]).open()
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+@pytest.mark.parametrize("rate", [0.0, -1000.0, float("nan")])
+def test_rate_that_is_none_is_refused(name: str, rate: float) -> None:
+    with pytest.raises(ValueError, match=r"rate of .*/dev/none.*: expected "):
+        make(name, DRIVERS[name][0], rate)

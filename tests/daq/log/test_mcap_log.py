@@ -1,0 +1,211 @@
+"""The log: what goes in comes out, in order, also from a cut file."""
+
+import gc
+import tracemalloc
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis.extra import numpy as hnp
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_protobuf.decoder import DecoderFactory
+
+from daq import Block, Flag, IntArray, Item, LogError, LogWriter, read_attachments, read_log
+from daq.log.format.accel_block_pb2 import AccelBlock
+from daq.log.format.block_codec import decode_block, encode_block
+from daq.log.format.rice import Packed, unpack
+from tests.support.daq.blocks import START, contents, make_block, some_items
+
+ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
+INT32 = np.iinfo(np.int32)
+
+
+def write_log(path: Path, items: list[Item], flush_every: int = 5) -> None:
+    writer = LogWriter(path, ATTACHED)
+    for k, item in enumerate(items):
+        writer.write(item)
+        if k % flush_every == 0:
+            writer.flush()
+    writer.close()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a finished log of `some_items`."""
+    path = tmp_path_factory.mktemp("log") / "whole.mcap"
+    write_log(path, some_items())
+    return path
+
+
+counts_ = hnp.arrays(
+    np.int32, st.tuples(st.integers(1, 30), st.integers(1, 4)), elements=st.integers(INT32.min, INT32.max)
+)
+
+
+@given(counts_, st.integers(2**20, 2**50), st.integers(-(2**20), 2**20), st.floats(width=32), st.integers(0, 7))
+@example(np.array([[INT32.min], [INT32.max], [INT32.min], [0]], np.int32), 2**20, 0, float("nan"), 0)
+def test_every_block_comes_back(counts: IntArray, first: int, pair: int, temperature: float, flags: int) -> None:
+    block = Block(
+        device="beam",
+        rate=500.0,
+        first_index=first,
+        counts=counts,
+        scale=1e-3,
+        pair_index=first + pair,
+        pair_time=START,
+        temperature=temperature,
+        flags=Flag(flags),
+    )
+    found = decode_block("beam", encode_block(block))
+    np.testing.assert_array_equal(found.counts, counts)
+    assert found.counts.dtype == np.int32
+    assert (found.first_index, found.pair_index, found.pair_time) == (first, first + pair, START)
+    assert (found.device, found.rate, found.scale, found.flags) == ("beam", 500.0, 1e-3, Flag(flags))
+    np.testing.assert_equal(found.temperature, temperature)
+
+
+@given(counts_)
+def test_a_block_of_plain_differences_comes_back(counts: IntArray) -> None:
+    difference = np.diff(counts.T.view(np.uint32), axis=1, prepend=np.uint32(0)).view(np.int32)  # as in old logs
+    message = AccelBlock(rate=500.0, scale=1e-3, n_axes=counts.shape[1], difference=difference.ravel().tolist())
+    np.testing.assert_array_equal(decode_block("beam", message.SerializeToString()).counts, counts)
+
+
+def test_a_block_whose_axes_are_packed_apart_comes_back() -> None:
+    """Bytes that were written before axes shared their bits."""
+    i = np.arange(8)
+    old = (
+        "09952d80f451728618110000000000407f4018f0a204200331000000000000d03f3d0000ac4148f7a2045115cd55f5517286185808620a080212"
+        "0300d00f2a01fc62110801120100180322038e36d82a034c6140620d08031206c09a0c64c8012a01f88201056275732031"
+    )
+    found = decode_block("a", bytes.fromhex(old))
+    np.testing.assert_array_equal(found.counts, np.stack([1000 * i, -i * i + 7 * (i % 2), 100_000 + 50 * i * i], 1))
+    assert (found.first_index, found.pair_index, found.pair_time) == (70_000, 70_007, 1_767_225_600_123_456_789)
+    assert (found.rate, found.scale, found.temperature, found.clock) == (500.0, 0.25, 21.5, "bus 1")
+
+
+def test_items_come_back_in_the_order_of_writing(whole: Path) -> None:
+    assert contents(read_log(whole)) == contents(some_items())
+
+
+def test_attachments_come_back(whole: Path) -> None:
+    assert read_attachments(whole) == ATTACHED
+
+
+@settings(max_examples=150)
+@given(st.data())
+def test_cut_log_is_read_up_to_its_last_whole_chunk(whole: Path, data: st.DataObject) -> None:
+    content = whole.read_bytes()
+    at = data.draw(st.integers(8, len(content)))
+    path = whole.with_name("cut.mcap")
+    path.write_bytes(content[:at])
+    found, expected = contents(read_log(path)), contents(some_items())
+    assert found == expected[: len(found)]
+    assert len(found) in {0, *range(1, len(expected), 5), len(expected)}  # whole chunks
+    chunk = len(content) // 6  # and not fewer than the cut leaves: every chunk is smaller than this
+    assert len(found) >= 5 * (at // chunk - 1) - 4
+
+
+def test_cut_log_keeps_its_attachments(whole: Path) -> None:
+    path = whole.with_name("cut2.mcap")
+    path.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    assert read_attachments(path) == ATTACHED
+
+
+def test_damage_amid_is_an_error_and_what_comes_before_is_given(whole: Path) -> None:
+    content = bytearray(whole.read_bytes())
+    content[len(content) // 2] ^= 0x10
+    path = whole.with_name("damaged.mcap")
+    path.write_bytes(content)
+    found: list[Item] = []
+    with pytest.raises(LogError, match=r"damaged\.mcap: is damaged before byte \d+"):
+        found.extend(read_log(path))
+    items = read_log(path)
+    before = [next(items) for _ in range(6)]
+    assert contents(before) == contents(some_items()[:6])
+
+
+def test_stock_reader_reads_a_finished_log(whole: Path) -> None:
+    blocks = [item for item in some_items() if isinstance(item, Block)]
+    with whole.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        decoded = [m for *_, m in reader.iter_decoded_messages(topics=["/accel/a", "/accel/b"], log_time_order=False)]
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == len(some_items())
+    assert [m.first_index for m in decoded] == [b.first_index for b in blocks]
+    order, n_low = zip(*(divmod(code, 64) for code in decoded[0].coding), strict=True)
+    packed = Packed(order, tuple(decoded[0].start), n_low, decoded[0].bits)
+    np.testing.assert_array_equal(unpack(packed, decoded[0].n_scans), blocks[0].counts)
+    assert [m.time for m in decoded[::2]] == [START + b.first_index * 1_000_000 for b in blocks[::2]]
+
+
+def test_an_open_log_keeps_little_of_each_chunk(tmp_path: Path) -> None:
+    """Ten bytes a device and 77 of its own are what stands in the file; the stock writer keeps 1300."""
+    devices, chunks = [f"device_{k}" for k in range(6)], 300
+    tracemalloc.start()
+    try:
+        writer = LogWriter(tmp_path / "log.mcap", {})
+        for number in range(chunks):
+            for device in devices:
+                writer.write(make_block(device, 10 * number, n=10))
+            writer.flush()
+            if number == 50:
+                gc.collect()  # and what the interpreter keeps to use again, as below
+                before = tracemalloc.get_traced_memory()[0]
+        gc.collect()
+        kept = (tracemalloc.get_traced_memory()[0] - before) / (chunks - 51)
+    finally:
+        tracemalloc.stop()
+    writer.close()
+    assert kept < 250
+    with (tmp_path / "log.mcap").open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert len(summary.chunk_indexes) == chunks
+        times = [message.log_time for *_, message in reader.iter_messages(topics=["/accel/device_3"])]
+        assert times == [START + 1_000_000 * (10 * k + 9) for k in range(chunks)]
+
+
+def test_log_that_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"none\.mcap: cannot be read: No such file") as found:
+        list(read_log(tmp_path / "none.mcap"))
+    assert found.value.path == tmp_path / "none.mcap"
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"t,x,y\n0,1,2\n" * 9])
+def test_log_that_is_none(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "data.csv"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=r"data\.csv: is not an MCAP log"):
+        list(read_log(path))
+    with pytest.raises(LogError, match=r"data\.csv: is not an MCAP log"):
+        read_attachments(path)
+
+
+def test_log_of_another_program(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        writer.finish()  # type: ignore[no-untyped-call]
+    with pytest.raises(LogError, match="expected profile 'modalwatch', found 'ros2'"):
+        list(read_log(path))
+
+
+def test_existing_file_is_never_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_text("precious")
+    with pytest.raises(LogError, match="cannot be written: File exists"):
+        LogWriter(path, {})
+    assert path.read_text() == "precious"
+
+
+def test_folder_that_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be written: No such file"):
+        LogWriter(tmp_path / "none" / "log.mcap", {})

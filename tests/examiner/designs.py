@@ -1,0 +1,177 @@
+"""Structures besides the T-frame: a portal, a bridge, a mast, a grid."""
+
+import numpy as np
+
+from tests.examiner.design import Design, Section
+from tests.examiner.models.bar import Bar, Vector, vector
+from tests.examiner.models.frame import Ground, Lump, Meeting
+
+
+def _bar(name: str, start: Vector, axis: int, length: float, section: Section, size: float) -> Bar:
+    return Bar(
+        name=name,
+        start=start,
+        axis=axis,
+        length=length,
+        size=size,
+        modulus=210e9,
+        shear_modulus=80.77e9,
+        density=7850.0,
+        area=section.area,
+        second_moment=section.second_moment,
+        torsion_constant=section.torsion_constant,
+        shear_factor=section.shear_factor,
+    )
+
+
+def _box(across_first: float, across_second: float, wall: float) -> Section:
+    """Return a thin box's constants from its outer measures along the two cross axes [m]."""
+    a, b = across_first, across_second
+    c, d = a - 2 * wall, b - 2 * wall
+    middle = (a - wall) * (b - wall)
+    return Section(
+        area=a * b - c * d,
+        second_moment=((a * b**3 - c * d**3) / 12, (b * a**3 - d * c**3) / 12),
+        torsion_constant=2 * middle**2 * wall / (a + b - 2 * wall),
+        shear_factor=0.44,
+    )
+
+
+def _tube(diameter: float, wall: float) -> Section:
+    inner = diameter - 2 * wall
+    second = np.pi / 64 * (diameter**4 - inner**4)
+    return Section(
+        area=float(np.pi / 4 * (diameter**2 - inner**2)),
+        second_moment=(float(second), float(second)),
+        torsion_constant=float(2 * second),
+        shear_factor=0.53,
+    )
+
+
+def _rigid_but(axes: str = "", stiffness: float = 0.0) -> Vector:
+    return vector(stiffness if a in axes else np.inf for a in "xyz")
+
+
+_POST, _BEAM = _box(0.06, 0.06, 0.003), _box(0.04, 0.08, 0.003)
+_UNIT = 210e9 * _POST.second_moment[0] / 2.0 / 0.004  # N m/rad
+PORTAL = Design(
+    name="portal",
+    bars=(
+        _bar("left", (0.0, 0.0, 0.0), 2, 2.0, _POST, 0.06),
+        _bar("beam", (0.0, 0.0, 2.0), 0, 3.0, _BEAM, 0.06),
+        _bar("right", (3.0, 0.0, 0.0), 2, 2.0, _POST, 0.06),
+    ),
+    grounds=(Ground(bar="left", s=0.0, about=(_UNIT,) * 3), Ground(bar="right", s=0.0, about=(_UNIT,) * 3)),
+    meetings=(
+        Meeting(bar="left", s=2.0, other="beam", t=0.0, about=(_UNIT,) * 3),
+        Meeting(bar="right", s=2.0, other="beam", t=3.0, about=(_UNIT,) * 3),
+    ),
+    devices=(
+        *((post, z, f"{post}_{round(10 * z):02d}", "xy") for post in ("left", "right") for z in (0.8, 1.5)),
+        *(("beam", x, f"beam_{round(100 * x):03d}", "yz") for x in (0.75, 1.5, 2.25)),
+    ),
+    band=150.0,
+    window=120.0,
+    element=0.1,
+)
+
+_GIRDER = _box(0.20, 0.30, 0.008)
+BRIDGE = Design(
+    name="bridge",
+    bars=(_bar("girder", (0.0, 0.0, 0.0), 0, 12.0, _GIRDER, 0.3),),
+    grounds=(
+        Ground(bar="girder", s=0.0, along=_rigid_but("z", 8e7), about=(np.inf, 0.0, 0.0)),
+        Ground(bar="girder", s=12.0, along=(0.0, np.inf, 8e7), about=(np.inf, 0.0, 0.0)),
+    ),
+    meetings=(),
+    devices=tuple(("girder", x, f"g_{round(10 * x):03d}", "yz") for x in (1.5, 3.5, 5.0, 6.5, 8.5, 10.5)),
+    band=180.0,
+    window=600.0,
+    element=0.4,
+)
+
+_DECK = _box(1.4, 0.9, 0.025)
+#: three spans, few sensors across; along its bearings it slides at nearly a frequency that it bends at across them
+FOOTBRIDGE = Design(
+    name="footbridge",
+    bars=(_bar("deck", (0.0, 0.0, 0.0), 0, 66.0, _DECK, 1.0),),
+    grounds=tuple(
+        Ground(bar="deck", s=s, along=(kx, ky, kz), about=(np.inf, 2e6, 1e6))
+        for s, kx, ky, kz in (
+            (0.0, 1e6, 5e7, 5e8),
+            (18.0, 1e8, 1e7, 1e9),
+            (48.0, 1e6, 1e7, 1e9),
+            (66.0, 1e6, 5e7, 5e8),
+        )
+    ),
+    meetings=(),
+    devices=tuple(
+        ("deck", s, f"d_{round(10 * s):03d}", axes)
+        for s, axes in (
+            (9.0, "yz"),
+            (13.5, "z"),
+            (25.5, "z"),
+            (33.0, "yz"),
+            (39.0, "z"),
+            (54.0, "z"),
+            (57.0, "y"),
+            (60.0, "z"),
+        )
+    ),
+    band=22.0,
+    window=600.0,
+    element=1.0,
+)
+
+_LOW, _MID, _TOP = _tube(0.324, 0.008), _tube(0.273, 0.0063), _tube(0.219, 0.005)
+_FOOT = 210e9 * _LOW.second_moment[0] / 15.0 / 0.004
+MAST = Design(
+    name="mast",
+    bars=(
+        _bar("low", (0.0, 0.0, 0.0), 2, 5.0, _LOW, 0.25),
+        _bar("mid", (0.0, 0.0, 5.0), 2, 5.0, _MID, 0.25),
+        _bar("top", (0.0, 0.0, 10.0), 2, 5.0, _TOP, 0.25),
+    ),
+    grounds=(Ground(bar="low", s=0.0, about=(_FOOT, 1.5 * _FOOT, np.inf)),),
+    meetings=(Meeting(bar="low", s=5.0, other="mid", t=0.0), Meeting(bar="mid", s=5.0, other="top", t=0.0)),
+    devices=(
+        *(("low", z, f"m_{round(10 * z):03d}", "xy") for z in (2.5, 4.5)),
+        *(("mid", z, f"m_{round(10 * z) + 50:03d}", "xy") for z in (2.0, 4.0)),
+        *(("top", z, f"m_{round(10 * z) + 100:03d}", "xy") for z in (2.5, 5.0)),
+    ),
+    bodies=(Lump(bar="top", s=5.0, mass=30.0, offset=(0.15, 0.0, 0.2)),),
+    band=120.0,
+    window=600.0,
+    element=0.5,
+)
+
+_LONG, _CROSS = _box(0.06, 0.10, 0.004), _box(0.08, 0.06, 0.003)
+GRID = Design(
+    name="grid",
+    bars=(
+        _bar("south", (0.0, 0.0, 0.0), 0, 4.0, _LONG, 0.1),
+        _bar("north", (0.0, 1.2, 0.0), 0, 4.0, _LONG, 0.1),
+        *(_bar(f"cross{i}", (x, 0.0, 0.0), 1, 1.2, _CROSS, 0.1) for i, x in enumerate((0.0, 1.4, 2.6, 4.0))),
+    ),
+    grounds=(
+        Ground(bar="south", s=0.0),
+        Ground(bar="south", s=4.0, along=(0.0, np.inf, np.inf)),
+        Ground(bar="north", s=0.0, along=(0.0, 0.0, np.inf)),
+        Ground(bar="north", s=4.0, along=(0.0, 0.0, np.inf)),
+    ),
+    meetings=tuple(
+        Meeting(bar=girder, s=x, other=f"cross{i}", t=y)
+        for girder, y in (("south", 0.0), ("north", 1.2))
+        for i, x in enumerate((0.0, 1.4, 2.6, 4.0))
+    ),
+    devices=tuple(
+        (girder, x, f"{girder}_{round(10 * x):02d}", "z")
+        for girder in ("south", "north")
+        for x in (0.7, 1.4, 2.1, 2.6, 3.4)
+    ),
+    band=158.0,
+    window=120.0,
+    element=0.1,
+)
+
+DESIGNS = {design.name: design for design in (PORTAL, BRIDGE, MAST, GRID)}

@@ -1,0 +1,1 @@
+"""Structural models of the examiner."""

@@ -1,0 +1,226 @@
+"""A space frame of bars, and its modes: it shares nothing with the code it judges."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import eigsh
+
+from daq import FloatArray, IndexArray
+from tests.examiner.models.bar import Bar, Vector, element, shape_functions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lump:
+    """A rigid body on a bar; `spring` [Hz] lets it move along `axis` only, on a spring of its own."""
+
+    bar: str
+    s: float
+    mass: float
+    offset: Vector = (0.0, 0.0, 0.0)
+    inertia: Vector = (0.0, 0.0, 0.0)
+    axis: int = 0
+    spring: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prop:
+    """A spring to the ground [N/m]."""
+
+    bar: str
+    s: float
+    axis: int
+    stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brace:
+    """A bar that carries tension and compression only, hinged to two points [N/m]."""
+
+    ends: tuple[tuple[str, float], tuple[str, float]]  #: bar and place along it [m]
+    stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """Where a bar is held; stiffness along x y z [N/m] and about them [N m/rad], infinite where it cannot move."""
+
+    bar: str
+    s: float
+    along: Vector = (np.inf, np.inf, np.inf)
+    about: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meeting:
+    """Two bars with a point in common; stiffness about x y z between them [N m/rad], infinite where they are one."""
+
+    bar: str
+    s: float
+    other: str
+    t: float  #: along the other [m]
+    about: Vector = (np.inf, np.inf, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Bars that stand on grounds and meet each other; they have breaks where they do."""
+
+    bars: tuple[Bar, ...]
+    grounds: tuple[Ground, ...]
+    meetings: tuple[Meeting, ...] = ()
+    lumps: tuple[Lump, ...] = ()
+    props: tuple[Prop, ...] = ()
+    braces: tuple[Brace, ...] = ()
+
+    def bar(self, name: str) -> Bar:
+        """Bar of that name."""
+        return next(b for b in self.bars if b.name == name)
+
+    def with_bar(self, name: str, **changes: Any) -> "Frame":
+        """Return the frame with a bar altered."""
+        return replace(self, bars=tuple(replace(b, **changes) if b.name == name else b for b in self.bars))
+
+    def held(self, bar: str) -> tuple[float, ...]:
+        """Return where a bar stands on the ground [m]."""
+        return tuple(g.s for g in self.grounds if g.bar == bar)
+
+    def stops(self, bar: str) -> tuple[float, ...]:
+        """Return ends, grounds and meetings along a bar [m]."""
+        met = [at for m in self.meetings for name, at in ((m.bar, m.s), (m.other, m.t)) if name == bar]
+        return tuple(sorted({0.0, self.bar(bar).length, *self.held(bar), *met}))
+
+    def solved(self, n_modes: int) -> "Solved":
+        """Return its lowest modes."""
+        return _Assembly(self).solved(n_modes)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Modes of a frame."""
+
+    frequency: FloatArray  #: (n_modes,) [Hz]
+    shape: FloatArray  #: (n_dofs, n_modes) mass-normalised
+    assembly: "_Assembly"
+
+    def motion(self, bar: str, s: float) -> FloatArray:
+        """Displacement and rotation (6, n_modes) about global axes at a point of a bar."""
+        return np.asarray(self.assembly.rows(bar, s) @ self.shape)
+
+
+class _Assembly:
+    """Matrices of a frame, and where each bar's nodes are in them."""
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame = frame
+        self.ends = {bar.name: bar.ends() for bar in frame.bars}
+        self.dofs: dict[str, IndexArray] = {}
+        count = 0
+        for bar in frame.bars:
+            n = 2 * len(self.ends[bar.name]) - 1
+            self.dofs[bar.name] = count + np.arange(6 * n).reshape(n, 6)
+            count += 6 * n
+        for meeting in frame.meetings:
+            self._join(meeting)
+        self.n = count + sum(bool(lump.spring) for lump in frame.lumps)
+        held = [self.node(g.bar, g.s)[np.isinf((*g.along, *g.about))] for g in frame.grounds]
+        used = np.unique(np.concatenate([d.ravel() for d in self.dofs.values()]))
+        self.free = np.concatenate([np.setdiff1d(used, np.concatenate(held)), np.arange(count, self.n)])
+
+    def node(self, bar: str, s: float) -> IndexArray:
+        """Degrees of freedom (6,) of the node at a break."""
+        return np.asarray(self.dofs[bar][2 * int(np.argmin(np.abs(self.ends[bar] - s)))])
+
+    def _join(self, meeting: Meeting) -> None:
+        """Let both bars' nodes be one in what they share."""
+        one, other = self.node(meeting.bar, meeting.s), self.node(meeting.other, meeting.t)
+        shared = np.array([True, True, True, *np.isinf(meeting.about)])
+        for keep, drop in zip(one[shared].tolist(), other[shared].tolist(), strict=True):
+            for dofs in self.dofs.values():
+                dofs[dofs == drop] = keep
+
+    def rows(self, bar: str, s: float) -> FloatArray:
+        """Rows (6, n) that read displacement and rotation at a point."""
+        ends = self.ends[bar]
+        e = int(np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2))
+        weight, _ = shape_functions(2 * (s - ends[e]) / (ends[e + 1] - ends[e]) - 1)
+        found = np.zeros((6, self.n))
+        for node in range(3):
+            found[np.arange(6), self.dofs[bar][2 * e + node]] += weight[node]
+        return found
+
+    def _stretch(self, brace: Brace) -> FloatArray:
+        (one, s), (other, t) = brace.ends
+        along = np.subtract(self.frame.bar(one).point(s), self.frame.bar(other).point(t))
+        unit = along / np.linalg.norm(along)
+        return np.asarray(unit @ (self.rows(one, s) - self.rows(other, t))[:3])
+
+    def solved(self, n_modes: int) -> Solved:
+        stiffness, mass = (sparse.coo_array((v, (i, j)), (self.n, self.n)).tocsc() for v, i, j in self._beams())
+        extra_stiffness, extra_mass = self._attached()
+        free = np.ix_(self.free, self.free)
+        k, m = (stiffness + extra_stiffness)[free], (mass + extra_mass)[free]
+        value, vector = eigsh(k, n_modes, m, sigma=0.0, v0=np.ones(len(self.free)))
+        order = np.argsort(value)
+        shape = np.zeros((self.n, n_modes))
+        shape[self.free] = vector[:, order]
+        return Solved(np.sqrt(value[order]) / (2 * np.pi), shape, self)
+
+    def _beams(self) -> list[tuple[FloatArray, IndexArray, IndexArray]]:
+        found: list[list[Any]] = [[], []]
+        rows, columns = [], []
+        for bar in self.frame.bars:
+            ends = self.ends[bar.name]
+            for e, (a, b) in enumerate(pairwise(ends)):
+                nodes = self.dofs[bar.name][2 * e : 2 * e + 3]
+                axes = [*bar.order, *(3 + i for i in bar.order)]
+                dofs = nodes[:, axes].ravel()
+                for into, matrix in zip(found, element(bar, a, b), strict=True):
+                    into.append(matrix.ravel())
+                rows.append(np.repeat(dofs, 18))
+                columns.append(np.tile(dofs, 18))
+        i, j = np.concatenate(rows), np.concatenate(columns)
+        return [(np.concatenate(v), i, j) for v in found]
+
+    def _attached(self) -> tuple[Any, Any]:
+        """Grounds, meetings, props and lumps."""
+        frame, unit = self.frame, np.eye(self.n)
+        stiffness: list[tuple[float, FloatArray]] = []
+        for g in frame.grounds:
+            springs = zip((*g.along, *g.about), self.node(g.bar, g.s), strict=True)
+            stiffness += [(k, unit[d]) for k, d in springs if 0 < k < np.inf]
+        for m in frame.meetings:
+            one, other = self.node(m.bar, m.s)[3:], self.node(m.other, m.t)[3:]
+            stiffness += [(k, unit[a] - unit[b]) for k, a, b in zip(m.about, one, other, strict=True) if k < np.inf]
+        stiffness += [(p.stiffness, self.rows(p.bar, p.s)[p.axis]) for p in frame.props]
+        stiffness += [(b.stiffness, self._stretch(b)) for b in frame.braces]
+        mass, own = [], self.n - sum(bool(lump.spring) for lump in frame.lumps)
+        for lump in frame.lumps:
+            rows = self.rows(lump.bar, lump.s)
+            if lump.spring:
+                mass.append((lump.mass, unit[own]))
+                k = lump.mass * (2 * np.pi * lump.spring) ** 2
+                stiffness.append((k, unit[own] - rows[lump.axis]))
+                mass += [(lump.mass, rows[i]) for i in range(3) if i != lump.axis]
+                own += 1
+            else:
+                mass += _rigid(lump, rows)
+        return _outer(stiffness, self.n), _outer(mass, self.n)
+
+
+def _rigid(lump: Lump, rows: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Return the body's centre's motion, u + theta x offset, and its turning."""
+    x, y, z = lump.offset
+    turn = rows[3:]
+    centre = rows[:3] + np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]]) @ turn
+    return [(lump.mass, r) for r in centre] + [(i, r) for i, r in zip(lump.inertia, turn, strict=True) if i]
+
+
+def _outer(parts: Sequence[tuple[float, FloatArray]], n: int) -> Any:
+    if not parts:
+        return sparse.csc_array((n, n))
+    rows = sparse.csc_array(np.array([r for _, r in parts]))
+    return (rows.T @ sparse.diags_array([k for k, _ in parts]) @ rows).tocsc()

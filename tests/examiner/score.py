@@ -1,0 +1,132 @@
+"""Judges a diagnosis, as the JSON of the command says it, against what was done."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tests.examiner.draws import Hidden
+
+RIGHT, ALIAS, WRONG, MISPLACED, REFUSED, MISSED = "right", "alias", "wrong", "misplaced", "refused", "missed"
+
+
+#: what any file gets a little wrong, and what says the same of one record
+_OF_FILES = {
+    *("model_parameters", "support_stiffness", "joint_stiffness"),
+    *("global_stiffness", "global_density", "temperature", "sampling_clock"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """One word, and how far off a place and sizes are."""
+
+    outcome: str
+    said: str  #: verdict and names
+    away: float | None = None  #: m
+    errors: dict[str, float] = field(default_factory=dict)  #: of parameters, as said less true
+
+    @property
+    def fine(self) -> bool:
+        """Right, or among a stated alias set."""
+        return self.outcome in {RIGHT, ALIAS}
+
+
+def score(
+    answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, *, near: float = 0.1, built: bool = False
+) -> Score:
+    """Judge.
+
+    - right: the verdict and every name, channel and place (as near as `near`, or where it acts) are what was done;
+    - alias: ambiguous, and each thing done is in an alias set that is stated;
+    - wrong: something else was named, whether surely or not; misplaced: the right name at another place;
+    - refused: unexplained; missed: nothing to explain. Both are right where there is nothing that could be named.
+
+    Parameters
+    ----------
+    answer : the JSON of `diagnose`
+    hidden : what was done
+    kind : of the case, which says what may be expected
+    near : a cause named farther from where it is than this [m] is not the one that was done
+    built : whether a file, which is a little wrong everywhere, is all that there was: to say so beside it is right
+    """
+    if built:
+        named = [cause for cause in answer["causes"] if cause["cause"] not in _OF_FILES]
+        verdict = answer["verdict"] if named or answer["verdict"] == "unexplained" else "nothing_to_explain"
+        answer = {**answer, "causes": named, "verdict": verdict}
+    outcome = _outcome(answer, hidden, kind, near)
+    first = answer["causes"][0] if len(answer["causes"]) == 1 and len(hidden) == 1 else None
+    same = first is not None and first["cause"] == hidden[0].cause
+    return Score(
+        outcome=outcome,
+        said=_said(answer),
+        away=_away(first, hidden[0]) if first is not None and same else None,
+        errors=_errors(first, hidden[0]) if first is not None and same else {},
+    )
+
+
+def _outcome(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, near: float) -> str:
+    verdict = answer["verdict"]
+    if verdict == "nothing_to_explain":
+        return RIGHT if kind in {"nothing", "small"} else MISSED
+    if verdict == "unexplained":
+        return RIGHT if kind == "outside" else REFUSED
+    if kind in {"nothing", "outside"}:
+        return WRONG
+    return _named(answer["causes"], hidden, near, sure=verdict == "explained")
+
+
+def _named(causes: Sequence[Mapping[str, Any]], hidden: Sequence[Hidden], near: float, *, sure: bool) -> str:
+    """Judge the names: the same multiset if it is sure of them, each in some set if not."""
+    said = sorted(str(cause["cause"]) for cause in causes)
+    done = sorted(one.cause for one in hidden)
+    if sure:
+        if said != done:
+            return WRONG
+        return RIGHT if all(any(_there(c, one, near) for c in causes) for one in hidden) else MISPLACED
+    sets = [{str(cause["cause"]), *map(str, cause["cannot_be_told_from"])} for cause in causes]
+    return ALIAS if all(any(one.cause in names for names in sets) for one in hidden) else WRONG
+
+
+def _there(cause: Mapping[str, Any], one: Hidden, near: float) -> bool:
+    if cause["cause"] != one.cause:
+        return False
+    if one.channels:
+        return set(cause["where"]["channels"]) & set(one.channels) != set() and _all_of(cause, one)
+    away = _away(cause, one)
+    return away is None or away < max(near, one.reach)
+
+
+def _all_of(cause: Mapping[str, Any], one: Hidden) -> bool:
+    """A channel is meant alone; of a device, its channels."""
+    said = set(cause["where"]["channels"])
+    return said <= set(one.channels) and (len(one.channels) == 1 or one.cause != "sensor_swap" or len(said) == 2)
+
+
+def _away(cause: Mapping[str, Any] | None, one: Hidden) -> float | None:
+    if cause is None or one.position is None or not cause["where"] or cause["where"]["position"] is None:
+        return None
+    return float(np.linalg.norm(np.subtract(cause["where"]["position"], one.position)))
+
+
+def _errors(cause: Mapping[str, Any], one: Hidden) -> dict[str, float]:
+    said = cause["parameters"]
+    return {name: said[name]["value"] - true for name, true in one.parameters.items() if name in said}
+
+
+def _said(answer: Mapping[str, Any]) -> str:
+    names = [
+        " or ".join([str(cause["cause"]), *map(str, cause["cannot_be_told_from"])]) + _where(cause)
+        for cause in answer["causes"]
+    ]
+    return "; ".join([str(answer["verdict"]), *names])
+
+
+def _where(cause: Mapping[str, Any]) -> str:
+    where = cause["where"]
+    if not where:
+        return ""
+    if where["position"] is not None:
+        return " at ({:.3f}, {:.3f}, {:.3f})".format(*where["position"])
+    return f" of {', '.join(where['channels'])}"

@@ -1,0 +1,504 @@
+"""Readers of files from elsewhere, each with sound files to mutate and the command that reads them."""
+
+import json
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+from random import Random
+
+import can
+import numpy as np
+from scipy.io import mmwrite
+
+from daq import Channel, Event, LogWriter, Recording, export_recording, write_recording
+from monitor.analysis.modal_table.table import read_table
+from monitor.cli.exit_codes import explain
+from monitor.cli.main import _run
+from monitor.rig import World, load_scenario
+from monitor.rig.process import load_rig_structure
+from monitor.service.operator_commands import Inbox
+from monitor.service.startup.repair_logs import mend_logs
+from monitor.settings import parse_settings
+from monitor.watch.memory import recall
+from tests.fuzz.mutations import (
+    Mutation,
+    crafted_mcap,
+    crafted_npz,
+    mutated_archive,
+    mutated_blf,
+    mutated_bytes,
+    mutated_json,
+    mutated_mcap,
+    mutated_text,
+)
+from updater import Matrices, build_model, parse_structure, save_matrices
+
+_MODULES = (
+    *("data.structure", "data.import_", "data.import_can", "data.log", "data.identify", "data.view"),
+    *("site.settings", "site.check", "site.run", "site.service"),
+)
+for _module in _MODULES:
+    import_module(f"monitor.cli.{_module}")  # which commands import when they run: once, not in each case
+
+_ROOT = Path(__file__).parents[2]
+_PORTAL = (_ROOT / "examples" / "portal_frame.toml").read_bytes()
+_DBC = (_ROOT / "examples" / "imu.dbc").read_bytes()
+_OSCILLATOR = b"""
+[[oscillator]]
+at = [1.5, 0.0, 2.0]
+direction = [0, 0, 1]
+mass = 2.0
+frequency = 12.0
+
+[sensors.left_x]
+gain = 1.02
+delay = 0.001
+
+[recorder]
+clock = 1.0001
+
+[updating]
+fixed = ["*density*"]
+"""
+_FRAME = b"""name = "frame"
+material.steel = {youngs_modulus = 210e9, shear_modulus = 81e9, density = 7850}
+section.bar = {area = 1e-4, second_moment = [8e-10, 8e-10], torsion_constant = 1.4e-9, shear_factor = 0.83}
+
+[[member]]
+name = "post"
+from = [0, 0, 0]
+to = [0, 0, 1.0]
+material = "steel"
+section = "bar"
+elements = 6
+
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+
+[[body]]
+at = [0, 0, 1.0]
+mass = 0.2
+
+[[sensor]]
+channel = "a"
+at = [0, 0, 0.5]
+direction = [1, 0, 0]
+
+[[sensor]]
+channel = "b"
+at = [0, 0, 1.0]
+direction = [1, 0, 0]
+
+[[sensor]]
+channel = "c"
+at = [0, 0, 1.0]
+direction = [0, 1, 0]
+"""
+_SITE = b"""structure = "structure.toml"
+state = "state"
+
+[[device]]
+name = "imu"
+driver = "epson-uart"
+port = "/dev/modalwatch-none"
+rate = 1000
+delay_ms = 1.5
+channels = {x = "a", y = "b", z = "c"}
+
+[recorder]
+folder = "log"
+chunk_seconds = 0.25
+rotate_mb = 512.0
+rotate_minutes = 60.0
+keep_days = 365.0
+keep_gb = 500.0
+min_free_gb = 1.0
+view_rate = 50.0
+
+[analysis]
+window_seconds = 600.0
+overlap = 0.5
+band = [5.0, 400.0]
+baseline_windows = 24
+baseline_windows_max = 144
+
+[alarm]
+false_alarms_per_year = 1.0
+hold_windows = 2
+clear_windows = 2
+clear_ratio = 0.8
+latch = false
+cooldown_minutes = 60.0
+flapping_changes = 6
+flapping_hours = 24.0
+trend = "report"
+self_test_days = 7.0
+self_test_percent = 2.0
+
+[history]
+keep_events = 100000
+
+[[notify]]
+command = ["true"]
+headers = {X-Site = "frame"}
+on = ["alarm", "trouble"]
+template = "{{ notice.site }}: {{ notice.text }}"
+per_hour = 12
+heartbeat_minutes = 5.0
+timeout_seconds = 10.0
+
+[web]
+bind = "127.0.0.1"
+port = 18765
+
+[temperature]
+csv = "weather.csv"
+column = "temperature"
+stale_minutes = 60.0
+"""
+_SCENARIO = b"""structure = "structure.toml"
+seed = 1
+rate = 100.0
+duration = 10.0
+
+[truth]
+stiffness_factor = 0.99
+density_factor = 1.01
+foot_flexibility = [0.002, 0.003, 0.0]
+joint_flexibility = [0.0, 0.0, 0.0]
+damping = [0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02]
+gain_scatter = 0.005
+noise_density = 2e-6
+force_density = 5e-9
+forces_per_member = 3
+
+[[device]]
+name = "imu"
+at = [0.0, 0.0, 0.5]
+clock_error = 1e-5
+delay = 0.001
+node = 3
+
+[[event]]
+at = 5.0
+body = {at = [0.0, 0.0, 1.0], mass = 0.2}
+"""
+_TABLE = b"""frequency [Hz],damping [%],frequency_std,a,b,c,temperature,rms
+11.2,0.5,0.01,0.3,1.0,0.02,20.5,0.01
+70.1,0.6,0.02,1.0,-0.9,0.01,20.5,0.01
+71.9,0.7,0.02,0.02,0.01,1.0,20.5,0.01
+"""
+_CSV = b"date;time [s];a [mg];b [m/s2];temperature\n" + b"".join(
+    b"31.01.2026;%.2f;%.3f;%.4f;20,5\n" % (k / 100, np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200)
+)
+_DATED = b"time,a,b\n" + b"".join(
+    b"2026-01-31T00:00:%02d.%02d,%.4f,%.4f\n" % (k // 100, k % 100, np.sin(0.7 * k), np.cos(0.3 * k))
+    for k in range(200)
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seed:
+    """A sound file, and how it is mutated."""
+
+    content: bytes
+    mutate: Mutation
+    suffix: str = ""  #: of the file; the reader's unless given
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reader:
+    """Reader of one kind of file."""
+
+    suffix: str
+    seeds: Callable[[], tuple[Seed, ...]]
+    read: Callable[[Path, Random], int]  #: file -> exit code
+    beside: Mapping[str, bytes]  #: files that are in the folder too
+
+
+def command(*arguments: object) -> int:
+    """Run a command in this process; return its exit code."""
+    sys.argv = ["modalwatch", *map(str, arguments)]
+    return _run()
+
+
+def _guarded(function: Callable[[Path], object], path: Path) -> int:
+    """Call a function as a command would; return the exit code."""
+    try:
+        function(path)
+    except Exception as error:  # noqa: BLE001 - as the command line does
+        return explain(error, debug=False)
+    return 0
+
+
+# --- commands ---------------------------------------------------------------------------------------------------------
+
+
+def _structure(path: Path, random: Random) -> int:
+    more = random.choice(((), (), ("--parameters",), ("--target", "50g"), ("--picture", path.parent / "p.png")))
+    return command("structure", path, *more)
+
+
+def _site(path: Path, random: Random) -> int:
+    if random.random() < 0.5:
+        return command("settings", path)
+    return command("check", path)
+
+
+def _matrices(path: Path, _: Random) -> int:
+    """Read a structure whose matrices are in the file."""
+    own = b'material = "steel"\nsection = "bar"\nelements = 6'
+    member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
+    sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]
+    names = [f"external.matrices = {str(path)!r}\n"]
+    if path.suffix == ".mtx":
+        names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass", "dofs")]
+    structure = path.with_name("external.toml")
+    structure.write_bytes("".join(names).encode() + member + sensors)
+    return command("structure", structure)
+
+
+def _scenario(path: Path, _: Random) -> int:
+    def read(path: Path) -> None:
+        scenario = load_scenario(path)
+        World(load_rig_structure(path, scenario), scenario).motion(0, 100, 0)
+
+    return _guarded(read, path)
+
+
+def _modal_table(path: Path, _: Random) -> int:
+    return _guarded(lambda path: read_table(parse_structure(_FRAME.decode()), path), path)
+
+
+def _import(path: Path, random: Random, *options: object) -> int:
+    out = path.parent / "out.mcap"
+    code = command("import", path, "-o", out, *options)
+    return command("log", "info", out) if code == 0 and random.random() < 0.2 else code
+
+
+def _arrays(path: Path, random: Random) -> int:
+    return _import(
+        path, random, *random.choice(((), (), ("--rate", "100"), ("--structure", path.with_name("structure.toml"))))
+    )
+
+
+def _can_log(path: Path, random: Random) -> int:
+    rate = ("--rate", "400", "--counter", "Counter", "--column", "accX=a", "--column", "accY=b")
+    return _import(path, random, "--dbc", path.with_name("imu.dbc"), *rate)
+
+
+def _dbc(path: Path, random: Random) -> int:
+    rate = ("--rate", "400", "--counter", "Counter", "--column", "accX=a", "--column", "accY=b")
+    return _import(path.with_name("bus.log"), random, "--dbc", path, *rate)
+
+
+def _log(path: Path, random: Random) -> int:
+    kind = random.choice((0, 0, 1, 1, 2, 3, 3, 4, 4, 5, 6, 7))  # a replay starts a process
+    folder = path.parent
+    if kind == 0:
+        return command("log", "info", path, "--json", folder / "info.json")
+    if kind == 1:
+        return command("log", "export", path, "-o", folder / "out.npz")
+    if kind == 2:
+        return command("log", "expand", path, "-o", folder / "view.mcap")
+    if kind == 3:
+        shutil.copy(path, folder / "copy.mcap")
+        return command("repair", folder / "copy.mcap")
+    if kind == 4:
+        (folder / "logs").mkdir(exist_ok=True)
+        shutil.copy(path, folder / "logs" / "a.mcap")
+        return _guarded(lambda _: print("\n".join(mend_logs(folder / "logs"))), path)
+    if kind == 5:
+        return command("report", path, "-o", folder / "report.html")
+    if kind == 6:
+        return command("replay", path, *(("--site", folder / "site.toml") if random.random() < 0.5 else ()))
+    return command("identify", path, "--window", "5")
+
+
+def _state(path: Path, _: Random) -> int:
+    def read(path: Path) -> None:
+        state = path.parent / "state"
+        (state / "inbox").mkdir(parents=True)
+        shutil.copy(path, state / "memory.json")
+        shutil.copy(path, state / "status.json")
+        shutil.copy(path, state / "inbox" / "0.json")
+        structure = parse_structure(_FRAME.decode())
+        recall(state, structure, parse_settings(_SITE.decode()))
+        print(list(Inbox(state).taken()))
+
+    code = _guarded(read, path)
+    return code or command("health", path.with_name("site.toml"))
+
+
+# --- sound files ------------------------------------------------------------------------------------------------------
+
+
+def _texts(*contents: bytes) -> tuple[Seed, ...]:
+    return tuple(Seed(content=content, mutate=mutated_text) for content in contents)
+
+
+@cache
+def _recording() -> Recording:
+    """Return 20 s of three channels at 100 Hz."""
+    random = np.random.default_rng(1)
+    channels = tuple(Channel(name=name, device="imu", axis=axis) for axis, name in enumerate("abc"))
+    data = random.standard_normal((2000, 3))
+    for k in range(2, 2000):  # three resonances
+        data[k] += 1.9 * np.cos([0.7, 1.4, 2.0]) * data[k - 1] - 0.96 * data[k - 2]
+    return Recording(channels=channels, data=data, rate=100.0, start=1_767_225_600 * 10**9)
+
+
+@cache
+def _exported(suffix: str) -> bytes:
+    path = _scratch() / f"data{suffix}"
+    export_recording(path, _recording())
+    return path.read_bytes()
+
+
+@cache
+def _scratch() -> Path:
+    import atexit
+    import tempfile
+
+    folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
+    atexit.register(partial(shutil.rmtree, folder, ignore_errors=True))
+    return folder
+
+
+def _array_seeds() -> tuple[Seed, ...]:
+    return (
+        Seed(content=b"", mutate=crafted_npz),
+        *(Seed(content=_exported(s), mutate=mutated_bytes, suffix=s) for s in (".npz", ".mat")),
+    )
+
+
+def _matrix_seeds() -> tuple[Seed, ...]:
+    path = _scratch() / "matrices.npz"
+    model = build_model(parse_structure(_FRAME.decode()), shear_flexible=True, mass="consistent")
+    save_matrices(path, Matrices(stiffness=model.stiffness, mass=model.mass, nodes=model.nodes, dofs=model.dofs))
+    mmwrite(_scratch() / "k.mtx", model.stiffness, symmetry="symmetric")
+    return (
+        Seed(content=path.read_bytes(), mutate=mutated_archive),
+        Seed(content=path.read_bytes(), mutate=mutated_bytes),
+        Seed(content=(_scratch() / "k.mtx").read_bytes(), mutate=mutated_text, suffix=".mtx"),
+    )
+
+
+def _uff_seeds() -> tuple[Seed, ...]:
+    content = _exported(".uff")
+    lines = content.splitlines(keepends=True)
+    short = b"".join(lines)
+    return (Seed(content=short, mutate=mutated_text), Seed(content=short, mutate=mutated_bytes))
+
+
+@cache
+def _traffic(suffix: str) -> bytes:
+    path = _scratch() / f"bus{suffix}"
+    with can.Logger(path) as logger:
+        for k in range(400):
+            stamp = 1767225600.0 + k / 400
+            for number, data in ((0x006, f"{k:04x}"), (0x034, f"{k:04x}{100 * k:08x}")):
+                content = bytes.fromhex(data)
+                logger(can.Message(timestamp=stamp, arbitration_id=number, data=content, is_extended_id=False))
+    return path.read_bytes()
+
+
+def _can_seeds() -> tuple[Seed, ...]:
+    return (
+        *(Seed(content=_traffic(s), mutate=mutated_text, suffix=s) for s in (".log", ".asc", ".trc")),
+        Seed(content=_traffic(".blf"), mutate=mutated_blf, suffix=".blf"),
+    )
+
+
+@cache
+def _log_content() -> bytes:
+    path = _scratch() / "log.mcap"
+    write_recording(path, _recording(), {"site.toml": _SITE.decode(), "structure.toml": _FRAME.decode()})
+    return path.read_bytes()
+
+
+@cache
+def _event_log() -> bytes:
+    path = _scratch() / "events.mcap"
+    writer = LogWriter(path, {"site.toml": _SITE.decode()})
+    for k in range(8):
+        writer.write(Event(topic="/event/gap", time=k, payload={"device": "imu", "missing": k, "exact": True}))
+    writer.close()
+    return path.read_bytes()
+
+
+def _log_seeds() -> tuple[Seed, ...]:
+    return (
+        Seed(content=_log_content(), mutate=mutated_mcap),
+        Seed(content=_event_log(), mutate=mutated_mcap),
+        Seed(content=b"", mutate=crafted_mcap),
+        Seed(content=b"", mutate=crafted_mcap),
+    )
+
+
+def _state_seeds() -> tuple[Seed, ...]:
+    memory = json.dumps({"modalwatch": 8, "sha256": "0" * 64}).encode() + b"\n" + b"{}"
+    status = {"time": 1, "state": "normal", "devices": {"imu": {"rate": 1000.0}}, "problems": [], "windows": 3}
+    said = {"kind": "accept", "by": "ada", "cause": "new pump", "alarm": 1}
+    return (
+        Seed(content=memory, mutate=mutated_text),
+        Seed(content=json.dumps(status).encode(), mutate=mutated_json),
+        Seed(content=json.dumps(said).encode(), mutate=mutated_json),
+    )
+
+
+_MODES = json.dumps(
+    {
+        "modes": [
+            {
+                "id": k,
+                "frequency": {"value": f, "std": 0.01},
+                "damping": {"value": 0.01, "std": 0.001},
+                "shape": {"a": [0.5, 0.0], "b": [1.0, 0.01], "c": [0.1 * k, 0.0]},
+                "shape_std": {"a": 0.01, "b": 0.01, "c": 0.01},
+            }
+            for k, f in enumerate((11.2, 70.1, 71.9))
+        ]
+    }
+).encode()
+
+_TOML = {"structure.toml": _FRAME}
+READERS = {
+    "structure": Reader(
+        suffix=".toml", seeds=lambda: _texts(_FRAME, _PORTAL + _OSCILLATOR), read=_structure, beside={}
+    ),
+    "matrices": Reader(suffix=".npz", seeds=_matrix_seeds, read=_matrices, beside={"frame.toml": _FRAME}),
+    "site": Reader(suffix=".toml", seeds=lambda: _texts(_SITE), read=_site, beside=_TOML),
+    "scenario": Reader(suffix=".toml", seeds=lambda: _texts(_SCENARIO), read=_scenario, beside=_TOML),
+    "modal-table": Reader(
+        suffix=".csv",
+        seeds=lambda: (*_texts(_TABLE), Seed(content=_MODES, mutate=mutated_json, suffix=".json")),
+        read=_modal_table,
+        beside={},
+    ),
+    "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_import, beside={}),
+    "arrays": Reader(suffix=".npz", seeds=_array_seeds, read=_arrays, beside=_TOML),
+    "universal": Reader(suffix=".uff", seeds=_uff_seeds, read=_import, beside={}),
+    "can-log": Reader(suffix=".log", seeds=_can_seeds, read=_can_log, beside={"imu.dbc": _DBC}),
+    "dbc": Reader(suffix=".dbc", seeds=lambda: _texts(_DBC), read=_dbc, beside={}),
+    "log": Reader(suffix=".mcap", seeds=_log_seeds, read=_log, beside={**_TOML, "site.toml": _SITE}),
+    "state": Reader(suffix=".json", seeds=_state_seeds, read=_state, beside={**_TOML, "site.toml": _SITE}),
+}
+
+
+def case(reader: str, number: int, folder: Path) -> tuple[Path, Random]:
+    """Write the file of a numbered case, and the files that belong to it, into an empty folder."""
+    kind, random = READERS[reader], Random(f"{reader} {number}")
+    seed = random.choice(kind.seeds())
+    path = folder / f"case{seed.suffix or kind.suffix}"
+    path.write_bytes(seed.mutate(seed.content, random))
+    for name, content in kind.beside.items():
+        (folder / name).write_bytes(content)
+    if reader == "dbc":
+        (folder / "bus.log").write_bytes(_traffic(".log"))
+    return path, random

@@ -1,0 +1,1 @@
+"""Measured structures, and tests on them."""

@@ -1,0 +1,58 @@
+"""A singular matrix is an internal fault: numpy's error is a ValueError, but neither bad input nor too few modes."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq import Channel, Recording
+from monitor.analysis.explanation import explain
+from oma import IdentificationError, identify
+from tests.examiner.models.specimen import draw_state
+from tests.examiner.path import FRAME, observation
+from tests.examiner.signals import estimated
+
+ROOT = Path(__file__).parents[3]
+_READERS = {
+    "updater/structure/structure.py",
+    "updater/structure/toml_file.py",
+    "updater/fe/external/files.py",
+    "oma/tracking/track_state.py",
+}
+_SOLVER = "updater/fe/factorization.py"  # PyPardiso raises ValueError
+_ANALYSIS = ("explaining", "diagnosing", "answering", "accepting", "proof", "beside", "learning")
+
+
+def fail(*_: object, **__: object) -> None:
+    raise np.linalg.LinAlgError("Singular matrix")
+
+
+def test_a_decomposition_that_fails_in_a_window_is_named_as_an_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("oma.identification.IdentificationStream.identify", fail)
+    channels = tuple(Channel(name=f"c{i}", device="d", axis=i) for i in range(3))
+    data = np.random.default_rng(1).standard_normal((6000, 3))
+    recording = Recording(channels=channels, data=data, rate=100.0, start=0)
+    with pytest.raises(IdentificationError, match="internal error in the identification: Singular matrix"):
+        identify(recording)
+
+
+@pytest.mark.parametrize("where", ["learn_reference", "diagnose"])
+def test_it_is_not_blamed_on_the_logs(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    state = draw_state(1)
+    random = np.random.default_rng(1)
+    before, now = (observation(state, estimated(state, 4, random, noise="law")) for _ in range(2))
+    monkeypatch.setattr(f"monitor.analysis.explanation.{where}", fail)
+    with pytest.raises(np.linalg.LinAlgError):
+        explain(FRAME, before, now)
+
+
+def test_no_handler_about_computations_catches_every_value_error() -> None:
+    paths = [*ROOT.glob("updater/**/*.py"), *ROOT.glob("oma/**/*.py")]
+    paths = [p for p in paths if p.relative_to(ROOT).as_posix() not in _READERS | {_SOLVER}]
+    paths += [ROOT / "monitor" / f"{name}.py" for name in _ANALYSIS]
+    for path in paths:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ExceptHandler) and node.type is not None:
+                names = {n.id for n in ast.walk(node.type) if isinstance(n, ast.Name)}
+                assert "ValueError" not in names, f"{path}:{node.lineno}"

@@ -1,0 +1,52 @@
+"""How long the windows are that logs are cut into, and what is said where they are too short."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq import Channel, Recording, write_recordings
+from monitor.analysis.logs import Held, log_held
+from monitor.analysis.observation import window_seconds
+from tests.support.updater.reference_frame import t_frame
+from updater import build_model
+
+FRAME = t_frame()
+FIRST = float(build_model(FRAME, shear_flexible=True, mass="consistent").modes(1).frequency[0])
+
+
+def test_a_record_of_three_windows_is_cut_into_three() -> None:
+    assert window_seconds(FRAME, 760 / FIRST) == pytest.approx(760 / FIRST / 3)
+
+
+@pytest.mark.parametrize(("n_logs", "windows"), [(1, 3), (2, 2)])
+def test_one_that_is_too_short_says_which_windows_it_holds(n_logs: int, windows: int) -> None:
+    shortest = 140 * windows / FIRST
+    with pytest.raises(ValueError, match=f"--window {int(shortest / windows)} takes shorter ones"):
+        window_seconds(FRAME, shortest, n_logs)
+
+
+def test_nothing_is_offered_where_no_window_would_do() -> None:
+    with pytest.raises(ValueError, match="three windows of 250 periods") as found:
+        window_seconds(FRAME, 240 / FIRST)
+    assert "--window" not in str(found.value)
+
+
+def test_windows_lie_within_the_records_of_a_logger_that_pauses() -> None:
+    record, total = 700 / FIRST, 60 * 700 / FIRST  # by the total alone 24 windows of two and a half records
+    assert window_seconds(FRAME, total) == pytest.approx(2.5 * record)
+    assert window_seconds(FRAME, total, record=record) == pytest.approx(record)
+    assert window_seconds(FRAME, 3 * record, record=record) == pytest.approx(record / 2)
+    assert window_seconds(FRAME, total, record=240 / FIRST) == pytest.approx(2.5 * record)  # too short for a window
+
+
+def test_a_log_tells_its_records_where_it_pauses(tmp_path: Path) -> None:
+    def record(start: float, seconds: float) -> Recording:
+        data = np.random.default_rng(0).standard_normal((round(100 * seconds), 1))
+        channels = (Channel(name="a", device="a", axis=0),)
+        return Recording(channels=channels, data=data, rate=100.0, start=round(start * 1e9))
+
+    write_recordings(tmp_path / "pausing.mcap", [record(0, 20), record(50, 20), record(90, 10)])
+    assert log_held(tmp_path / "pausing.mcap") == Held(seconds=50.0, record=20.0)
+    write_recordings(tmp_path / "whole.mcap", [record(0, 60), record(66, 90)])  # a short outage is no habit
+    assert log_held(tmp_path / "whole.mcap") == Held(seconds=150.0, record=150.0)

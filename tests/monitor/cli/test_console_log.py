@@ -1,0 +1,79 @@
+"""The lines that a run says: readable, structured, and not more than somebody reads."""
+
+import io
+import json
+import re
+
+import pytest
+
+from daq import Event
+from monitor.cli.site.console_log import journal
+from tests.support.daq.blocks import make_block
+from tests.support.monitor.history import change, run_events
+
+START = 1_767_225_600_000_000_000
+
+
+def event(what: str, **payload: object) -> Event:
+    return Event(topic=f"/event/{what}", time=START, payload=payload)
+
+
+def said(*items: Event, as_json: bool = False) -> list[str]:
+    stream = io.StringIO()
+    with journal(as_json=as_json, stream=stream) as lines:
+        lines.take(make_block("left", 0))  # signals are not said
+        for item in items:
+            lines.take(item)
+    return stream.getvalue().splitlines()
+
+
+def test_lines_for_people() -> None:
+    lines = said(event("device_lost", device="left", why="the port is gone"), change(START, "alarm", "it moved"))
+    assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ", line) for line in lines)
+    assert [line.split(" ", 1)[1] for line in lines] == [
+        'device_lost device=left why="the port is gone"',
+        "  alarm: it moved",
+    ]
+
+
+def test_lines_for_programs() -> None:
+    lines = said(
+        event("device_back", device="left", serial="E1"),
+        event("device_lost", device="left"),
+        change(START, "alarm", "it moved"),
+        as_json=True,
+    )
+    found = [json.loads(line) for line in lines]
+    assert [line["level"] for line in found] == ["info", "warning", "warning"]
+    assert found[0]["fields"] == {"what": "device_back", "at": START, "device": "left", "serial": "E1"}
+    assert found[2] | {"time": ""} == {
+        "time": "",
+        "level": "warning",
+        "text": "alarm: it moved",
+        "fields": {"what": "alarm", "at": START},
+    }
+
+
+def test_everything_that_a_run_finds_is_said_in_a_line() -> None:
+    events = run_events()
+    lines = said(*events)
+    assert len(lines) == len(events)
+    assert sum("window" in line for line in lines) >= 10
+    assert any("reference:" in line for line in lines)
+
+
+def test_what_repeats_is_counted_instead_of_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred gaps within a minute are ten lines; the next one after it says how many were left out."""
+    now = 1000.0
+    monkeypatch.setattr("monitor.cli.site.console_log.time.monotonic", lambda: now)
+    stream = io.StringIO()
+    with journal(as_json=False, stream=stream) as lines:
+        for _ in range(100):
+            lines.take(event("gap", device="left", missing=3))
+        lines.take(event("gap", device="right", missing=1))  # others are heard all the same
+        now += 61.0
+        lines.take(event("gap", device="left", missing=3))
+    found = stream.getvalue().splitlines()
+    assert len(found) == 12
+    assert "device=right" in found[10]
+    assert found[11].endswith("gap device=left missing=3 not_said=90")

@@ -1,0 +1,110 @@
+"""`devices`: emulated devices on ptys are found, and the settings that are printed work."""
+
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from daq import (
+    EmulatedEpson,
+    EmulatedEpsonCan,
+    EmulatedNode,
+    EmulatedPort,
+    EmulatedSlcan,
+    SerialPortInfo,
+    SystemClock,
+    search_port,
+    serve_all,
+    unplugging,
+)
+from monitor.settings import parse_settings
+from tests.support.daq.can_buses import serving
+from tests.support.daq.emulated_ports import Ramp
+from tests.support.monitor.cli import Commands
+
+CLOCK = SystemClock()
+
+
+@pytest.fixture
+def plugged() -> Iterator[list[str]]:
+    """Return ports: an A352, a node that measures y and z, one that does not listen, and an adapter with two A552."""
+    devices: list[EmulatedPort] = [
+        EmulatedEpson(Ramp(), CLOCK, serial_number="T0000042"),
+        EmulatedNode(Ramp(), CLOCK, serial_number="N 7", axes=(1, 2)),
+        EmulatedNode(Ramp(), CLOCK, serial_number="N 7", rate=500.0),
+        EmulatedSlcan([EmulatedEpsonCan(Ramp(), CLOCK, node=k, serial_number=100 + k) for k in (3, 120)]),
+    ]
+    with unplugging(devices), serving(lambda: serve_all(devices, 0)):
+        yield [device.port for device in devices]
+
+
+def named(ports: list[str]) -> list[str]:
+    return [word for port in ports for word in ("--port", port)]
+
+
+@pytest.mark.live
+def test_who_answers_is_listed_and_the_settings_can_be_pasted(
+    modalwatch: Commands, plugged: list[str], tmp_path: Path
+) -> None:
+    done = modalwatch("devices", *named(plugged), "--json", tmp_path / "found.json")
+    assert (done.code, done.err) == (0, ""), done
+    table, toml = done.out[: done.out.index("[[device]]")], done.out[done.out.index("[[device]]") :]
+    for text in ("A352AD10 T0000042", "emulated N 7", "SLCAN adapter V1013", "node 3: A552 103", "node 120: A552 220"):
+        assert text in table
+    settings = parse_settings('structure = "s.toml"\n' + toml)
+    adapter = plugged[3]
+    assert [(d.name, d.driver, str(d.place), d.rate, "".join(d.channels)) for d in settings.device] == [
+        ("device_T0000042", "epson-uart", plugged[0], 1000.0, "xyz"),
+        ("device_N_7", "modalwatch-node", plugged[1], 1000.0, "yz"),
+        ("device_N_7_3", "modalwatch-node", plugged[2], 500.0, "xyz"),
+        ("device_103", "epson-can", f"slcan:{adapter} node 3", 1000.0, "xyz"),
+        ("device_220", "epson-can", f"slcan:{adapter} node 120", 1000.0, "xyz"),
+    ]
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert [port["device"] for port in found["ports"]] == plugged
+    assert found["ports"][3]["devices"][1]["place"]["node"] == 120
+    assert tomllib.loads(toml)["device"][3]["can"]["channel"] == adapter
+
+
+def test_ports_that_are_named_must_answer(
+    modalwatch: Commands, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def search(path: str, bitrate: int) -> None:
+        if path != "/dev/silent":
+            search_port(path, bitrate)
+
+    monkeypatch.setattr("monitor.cli.site.devices.search_port", search)
+    done = modalwatch("devices", *named(["/dev/silent", str(tmp_path / "none")]))
+    assert done.code == 3
+    assert done.err.startswith(f"error: /dev/silent: no device that is known answers; {tmp_path / 'none'}: cannot be o")
+    assert done.err.count("\n") == 1
+    assert "# no device was found" in done.out
+
+
+def test_ports_of_the_machine_are_listed_and_only_usb_ones_are_asked(
+    modalwatch: Commands, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ports = [
+        SerialPortInfo(device="/dev/ttyS0", by_id=None, description="", is_usb=False),
+        SerialPortInfo(device="/dev/ttyUSB0", by_id="/dev/serial/by-id/usb-A", description="FT232R", is_usb=True),
+    ]
+    asked: list[str] = []
+
+    def search(path: str, bitrate: int) -> None:
+        asked.append(f"{path} {bitrate}")
+
+    monkeypatch.setattr("monitor.cli.site.devices.serial_ports", lambda: ports)
+    monkeypatch.setattr("monitor.cli.site.devices.can_adapters", lambda: [("socketcan", "can0")])
+    monkeypatch.setattr("monitor.cli.site.devices.search_port", search)
+    done = modalwatch("devices", "--bitrate", 500_000)
+    assert done.code == 0
+    assert asked == ["/dev/serial/by-id/usb-A 500000"]
+    for text in ("/dev/ttyUSB0", "FT232R", "nobody that is known", "not asked", "can0", "interface socketcan"):
+        assert text in done.out
+    asked.clear()
+    assert modalwatch("devices", "--no-probe").code == 0
+    assert asked == []
+    assert modalwatch("devices", "--all").code == 0
+    assert sorted(asked) == ["/dev/serial/by-id/usb-A 1000000", "/dev/ttyS0 1000000"]

@@ -1,0 +1,173 @@
+"""`repair` and `log info`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq import Block, Event, Flag, LogRecorder, LogWriter, Rotation, inspect_log, read_data
+from monitor.analysis.logs import log_channels, log_recordings
+from monitor.service.startup.repair_logs import mend_logs
+from monitor.views.run import late_devices
+from tests.support.daq.blocks import START, make_block
+from tests.support.monitor.cli import Commands, assert_refused
+
+
+def block(first: int, *, flags: Flag = Flag.NONE, device: str = "beam") -> Block:
+    made = make_block(device, first)
+    return Block(**{**vars(made), "flags": flags})
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Return a log: a gap of 500 scans, a restart after 2000 more; one event; cut."""
+    path = tmp_path / "log.mcap"
+    writer = LogWriter(path, {"site.toml": "x = 1\n"})
+    for item in (
+        block(0),
+        block(250),
+        Event(topic="/event/gap", time=START, payload={"device": "beam"}),
+        block(1000),
+        block(3250, flags=Flag.RESTARTED),
+        block(0, device="other"),
+    ):
+        writer.write(item)
+    writer.flush()
+    whole = path.read_bytes()
+    writer.write(block(3500))
+    writer.close()
+    path.write_bytes(path.read_bytes()[: len(whole) + 100])  # amid the second chunk
+    return path
+
+
+def test_info_counts(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    done = modalwatch("log", "info", log, "--json", tmp_path / "info.json")
+    assert (done.code, done.err) == (0, "")
+    found = json.loads((tmp_path / "info.json").read_text())
+    beam = found["devices"]["beam"]
+    assert (beam["scans"], beam["gaps"], beam["missing"], beam["restarts"]) == (1000, 2, 500 + 2000, 1)
+    assert (beam["rate"], beam["axes"], beam["temperature"]) == (1000.0, 3, 21.5)
+    assert (beam["start"], beam["end"]) == (START, START + 3500 * 10**6)
+    assert found["devices"]["other"]["scans"] == 250
+    assert (found["events"], found["attachments"]) == ({"/event/gap": 1}, {"site.toml": 6})
+    assert (found["whole"], found["messages"], found["state"]) == (False, 6, "cut, 100 bytes of an unfinished chunk")
+    for text in ("beam", "2026-01-01 00:00:00 UTC", "3.50 s", "cut, 100 bytes", f"modalwatch repair {log}"):
+        assert text in done.out
+
+
+def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> None:
+    done = modalwatch("repair", log)
+    assert done.code == 0, done.err
+    assert f"{log}: mended, 6 messages kept; it was cut, 100 bytes of an unfinished chunk" in done.out
+    content = log.read_bytes()
+    assert f"{log}: whole, 6 messages; not touched" in modalwatch("repair", log).out
+    assert log.read_bytes() == content
+    done = modalwatch("log", "info", log)
+    assert "state: whole" in done.out
+    assert "modalwatch repair" not in done.out
+
+
+def test_a_start_mends_what_a_kill_left(log: Path) -> None:
+    (log.parent / "rest.mcap").write_bytes(b"")
+    writer = LogWriter(log.parent / "open.mcap", {})
+    said = list(mend_logs(log.parent))
+    writer.close()
+    assert said == [
+        f"{log}: mended, 6 messages kept",
+        f"{log.parent}/open.mcap: is being written: it cannot be mended now",
+        f"{log.parent}/rest.mcap: is not an MCAP log",
+    ]
+    assert inspect_log(log).whole
+    assert list(mend_logs(log.parent)) == said[2:]
+
+
+def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "damaged.mcap"
+    writer = LogWriter(path, {})
+    writer.write(block(0))
+    writer.flush()
+    first = path.stat().st_size
+    writer.write(block(250))
+    writer.close()
+    content = bytearray(path.read_bytes())
+    content[first + 500] ^= 1
+    path.write_bytes(content)
+    done = modalwatch("log", "info", path, "--json", tmp_path / "info.json")
+    assert done.code == 0, done.err
+    found = json.loads((tmp_path / "info.json").read_text())
+    assert (found["state"], found["devices"]["beam"]["scans"]) == ("1 chunks damaged", 250)
+
+
+def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
+    path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+    done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
+    assert done.code == 0, done.err
+    late = late_devices(path)
+    (expected,) = log_recordings(path, late=late)
+    found = read_data(tmp_path / "data.npz")
+    np.testing.assert_array_equal(found.data, expected.data)
+    assert (found.channels, found.start) == (expected.channels, expected.start)
+    assert not np.array_equal(expected.data, next(log_recordings(path)).data)
+    for device, seconds in late.items():
+        assert f"{device} {1e3 * seconds:+.3f} ms" in done.out
+    assert f"12 channels, {found.duration:.6g} s at 500 Hz, " in done.out
+    assert f"it starts at {expected.start} ns UTC" in done.out
+    done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
+    assert_refused(done, tmp_path / "data.npz", "cannot be written: File exists")
+
+
+@pytest.mark.parametrize("command", [("repair",), ("log", "info"), ("replay",), ("identify",)])
+@pytest.mark.parametrize(
+    ("content", "says"), [(None, "cannot be read: No such file"), (b"", "is not an MCAP log"), (b"t,a\n", "is not an")]
+)
+def test_what_is_no_log(
+    modalwatch: Commands, tmp_path: Path, command: tuple[str, ...], content: bytes | None, says: str
+) -> None:
+    path = tmp_path / "log.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    assert_refused(modalwatch(*command, path), f"{path}: {says}")
+
+
+def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_path: Path) -> None:
+    recorder = LogRecorder(tmp_path, {}, START, Rotation(size=1.0))
+    for k in range(3):
+        recorder.write(block(250 * k))
+        recorder.flush()
+    recorder.close()
+    for arguments in ([tmp_path], recorder.paths[::-1]):
+        done = modalwatch("log", "info", *arguments, "--json", tmp_path / "info.json")
+        assert (done.code, done.err) == (0, "")
+        found = json.loads((tmp_path / "info.json").read_text())
+        assert found["files"] == list(map(str, recorder.paths))
+        assert (found["devices"]["beam"]["scans"], found["devices"]["beam"]["gaps"]) == (750, 0)
+    other = LogRecorder(tmp_path, {}, START + 10**9)
+    other.close()
+    done = modalwatch("log", "info", recorder.paths[0], other.paths[0])
+    assert_refused(done, "LOG: expected the files of one run, found those of 2", other.paths[0])
+
+
+def test_modes_of_an_exported_log_are_those_of_the_log(modalwatch: Commands, tmp_path: Path) -> None:
+    """Six devices with delays of up to 1.2 ms; with and without the comment that states the devices."""
+    path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+    table, bare = tmp_path / "data.csv", tmp_path / "bare.csv"
+    assert modalwatch("log", "export", path, "--to", 70, "-o", table).code == 0
+    bare.write_text("".join(table.read_text(encoding="utf-8").splitlines(keepends=True)[1:]), encoding="utf-8")
+    modes = []
+    for data in (None, table, bare):
+        log, limit = (path, ("--to", 70)) if data is None else (data.with_suffix(".mcap"), ())
+        if data is not None:
+            assert modalwatch("import", data, "-o", log).code == 0
+        done = modalwatch("identify", log, "--window", 60, "--json", tmp_path / "modes.json", *limit)
+        assert (done.code, "channels are not synchronous" in done.out) == (0, False)
+        modes.append(json.loads((tmp_path / "modes.json").read_text())["modes"])
+    expected, *others = modes
+    for found in others:
+        for a, b in zip(found, expected, strict=True):
+            assert abs(a["frequency"]["value"] - b["frequency"]["value"]) < b["frequency"]["std"]
+            if b["quality"]["mpc"] > 0.7:  # two close modes that mix have no certain one
+                assert abs(a["quality"]["mpc"] - b["quality"]["mpc"]) < 0.02
+    devices = [{channel.device for channel in log_channels(one)} for one in (path, table.with_suffix(".mcap"))]
+    assert devices[0] == devices[1]
+    assert len(devices[0]) == 6

@@ -1,0 +1,65 @@
+"""Commands as a user types them: exit codes and one-line errors."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.support.monitor.cli import Commands, assert_refused
+
+MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
+
+
+def as_process(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*MODALWATCH, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_help_lists_the_commands() -> None:
+    done = as_process("--help")
+    assert done.returncode == 0
+    assert all(name in done.stdout for name in ("demo", "rig", "run", "replay"))
+
+
+def test_version_is_that_of_the_package(modalwatch: Commands) -> None:
+    text = (Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8")
+    done = modalwatch("--version")
+    assert (done.code, done.out.strip()) == (0, f"modalwatch {tomllib.loads(text)['project']['version']}")
+
+
+@pytest.mark.parametrize(
+    "arguments", [("replay",), ("nonsense",), ("demo", "--speed", "1000")], ids=["missing", "unknown", "range"]
+)
+def test_wrong_arguments_exit_2(modalwatch: Commands, arguments: tuple[str, ...]) -> None:
+    assert modalwatch(*arguments).code == 2
+
+
+@pytest.mark.parametrize(
+    ("command", "name"), [("replay", "none.mcap"), ("replay", "log.mcap"), ("run", "site.toml"), ("rig", "none.toml")]
+)
+def test_bad_input_exits_2_with_one_line_that_names_the_file(
+    tmp_path: Path, modalwatch: Commands, command: str, name: str
+) -> None:
+    (tmp_path / "log.mcap").write_bytes(b"not a log")
+    (tmp_path / "site.toml").write_text("structure = 1\n", encoding="utf-8")
+    assert_refused(modalwatch(command, tmp_path / name), f"error: {tmp_path / name}: ")
+
+
+def test_a_device_that_does_not_answer_exits_3(tmp_path: Path) -> None:
+    from updater import t_structure_toml
+
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    site = f"""structure = "t_structure.toml"
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "{tmp_path}/no-such-port"
+channels = {{y = "beam_left_y"}}
+"""
+    (tmp_path / "site.toml").write_text(site, encoding="utf-8")
+    done = as_process("run", tmp_path / "site.toml")
+    assert done.returncode == 3, done.stderr
+    assert "beam_left" in done.stderr
+    assert "no-such-port" in done.stderr
+    assert "Traceback" not in done.stderr

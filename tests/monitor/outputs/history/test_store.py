@@ -1,0 +1,196 @@
+"""What is logged stands in the history once, in full, and is found through an index."""
+
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from sqlalchemy import create_engine
+from sqlalchemy.dialects import sqlite
+
+from daq import Event
+from monitor.outputs.history import HistoryError, HistoryStore, Reader, Span, schema
+from monitor.outputs.history.migrations import NEWEST, STEPS
+from monitor.outputs.history.queries import daily_trend_query, events_query, trend_query, windows_query
+from tests.support.monitor.history import HOUR, START, change, rows, run_events, sqlite_url, write_years
+
+EVENTS = run_events()
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    return sqlite_url(tmp_path)
+
+
+def write(url: str, *batches: list) -> None:  # type: ignore[type-arg]
+    with HistoryStore(url) as store:
+        for batch in batches:
+            store.write(batch)
+
+
+def everything(url: str) -> dict[str, list[object]]:
+    return {name: [tuple(row.values()) for row in rows(url, name)] for name in schema.metadata.tables}
+
+
+def test_run_is_there_in_full_however_often_it_is_brought(url: str) -> None:
+    write(url, EVENTS)
+    once = everything(url)
+    write(url, EVENTS[:9], EVENTS, list(reversed(EVENTS[:5])))
+    assert {name: sorted(map(str, found)) for name, found in everything(url).items()} == {
+        name: sorted(map(str, found)) for name, found in once.items()
+    }
+    assert len(once["windows"]) == 20
+    assert len(once["modes"]) == 11 * 6 - 1  # twelve watched windows; one without modes, one that misses one
+    assert len(once["events"]) == 1
+    with Reader(url) as reader:
+        assert reader.reference() is not None
+        assert reader.state() == "alarm"
+        assert reader.modes() == [1, 2, 3, 4, 5, 6]
+
+
+def test_figures_of_a_day_are_those_of_its_windows(url: str) -> None:
+    n = write_years(url, years=0.02, step=HOUR, n_modes=2)
+    with Reader(url) as reader:
+        span = reader.span()
+        assert span is not None
+        fine, coarse = reader.trend(2, span, "window"), reader.trend(2, span, "day")
+        days, windows = reader.days(span), reader.windows(span)
+    assert sum(day.n for day in days) == len(windows) == len(fine) == n
+    for point in coarse:
+        own = [p.frequency for p in fine if p.time // schema.DAY == point.time // schema.DAY]
+        assert point.n == len(own)
+        assert point.frequency == pytest.approx(sum(own) / len(own), rel=1e-12)
+        assert (point.lowest, point.highest) == (min(own), max(own))
+    levels = [w.t2 / w.limit for w in windows if w.t2 and w.limit]
+    assert max(day.level or 0 for day in days) == pytest.approx(max(levels))
+
+
+def test_alarm_is_one_row_from_raised_to_cleared(url: str) -> None:
+    """Raised, acknowledged, cleared after 2 h, on again, cleared for good; then a second one that stands."""
+    at = [START + i * HOUR for i in range(10)]
+    story = [
+        change(at[0], "watch"),
+        change(at[1], "alarm", "first"),
+        change(at[2], "alarm", kind="acknowledged"),
+        change(at[3], "normal", lasted=7200.0),
+        change(at[4], "alarm", kind="reopened", quiet=True),
+        change(at[5], "normal", lasted=14400.0),
+        change(at[7], "alarm", "second"),
+        change(at[8], "alarm", kind="flapping"),
+    ]
+    write(url, story, story)
+    with Reader(url) as reader:
+        first, second = reader.alarms(Span(start=at[0], end=at[9]))
+        assert [alarm.text for alarm in reader.alarms(Span(start=at[6], end=at[9]))] == ["second"]
+    assert (first.raised, first.acknowledged, first.cleared, first.lasted) == (at[1], at[2], at[5], 14400.0)
+    assert (first.text, first.reopened) == ("first", 1)
+    assert (second.raised, second.cleared, second.reopened) == (at[7], None, 0)
+
+
+def explained(time: int, cause: str) -> Event:
+    """Return a window in alarm that names a cause."""
+    window = next(e for e in EVENTS if e.payload.get("phase") == "alarm")
+    found = {"cause": cause, "probability": 1.0, "where": None, "cannot_be_told_from": []}
+    found |= {"parameters": {"mass": {"value": 0.2, "std": 0.01, "unit": "kg"}}}
+    diagnosis = {"verdict": "explained", "causes": [found], "rejected": [], "modes": [], "gain": None}
+    diagnosis |= {"extended_model": None, "next_measurement": ""}
+    return replace(window, time=time, payload=window.payload | {"end": time, "diagnosis": diagnosis})
+
+
+def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str) -> None:
+    """It is analysed, and stands in the log, before the alarm that it raises."""
+    at = [START + i * HOUR for i in range(6)]
+    story = [change(at[0], "alarm", "first"), explained(at[1], "added_mass")]
+    story += [change(at[2], "normal", kind="accepted", text="accepted as 'pump'", lasted=7200.0)]
+    story += [explained(at[3], "sensor_dead"), change(at[3], "alarm", "second"), explained(at[4], "added_mass")]
+    write(url, story)
+    with Reader(url) as reader:
+        first, second = reader.alarms(Span(start=at[0], end=at[5]))
+    assert first.text == "accepted as 'pump'"
+    assert "200 ± 10 g" in second.text
+
+
+def test_item_that_no_database_takes_keeps_out_no_other(url: str) -> None:
+    """A time beyond 64 bits: what came with it, and after it, is there."""
+    events = [Event(topic="/event/gap", time=time, payload={"device": "left"}) for time in (1, 2**70, 3)]
+    with HistoryStore(url) as store:
+        assert store.write(events) == 1
+        assert store.write(events[:1]) == 0
+    assert [row["time"] for row in rows(url, "events")] == [1, 3]
+
+
+def test_older_history_is_brought_up_to_date(url: str) -> None:
+    """A database of the first version, before there were figures by the day."""
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        STEPS[0](connection)
+        connection.execute(schema.versions.insert().values(version=1))
+        row = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 0}
+        connection.execute(schema.windows.insert(), [row | {"t2": 9.0, "limit": 4.5, "problem": None}])
+    engine.dispose()
+    with Reader(url) as reader:
+        [day] = reader.days(Span(start=START, end=START + HOUR))
+    assert (day.day, day.n, day.n_over, day.level) == (START // schema.DAY, 1, 1, 2.0)
+    assert [row["version"] for row in rows(url, "schema_version")] == [1, NEWEST]
+
+
+def test_history_of_a_later_program_is_refused(url: str) -> None:
+    write(url, EVENTS[:2])
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(schema.versions.insert().values(version=NEWEST + 1))
+    engine.dispose()
+    for opened in (HistoryStore, Reader):
+        with pytest.raises(HistoryError, match=f"is of schema version {NEWEST + 1}, this program knows up to {NEWEST}"):
+            opened(url)
+
+
+@pytest.mark.parametrize(
+    ("url", "says"),
+    [
+        ("nonsense", "expected sqlite:///FILE or postgresql://"),
+        ("oracle9://x", "expected sqlite:///FILE or postgresql://"),
+        ("sqlite:////proc/nowhere/h.sqlite", "/proc/nowhere"),
+        ("postgresql://me:secret@127.0.0.1:1/none", "127.0.0.1"),
+    ],
+)
+def test_address_that_leads_nowhere_is_named_without_its_password(url: str, says: str) -> None:
+    with pytest.raises(HistoryError) as caught:
+        HistoryStore(url)
+    assert says in str(caught.value)
+    assert "secret" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("waiting", [True, False])
+def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.MonkeyPatch, waiting: bool) -> None:
+    """Another user's, or a copy on a disk that takes nothing: what SQLite says there, whoever runs this test."""
+
+    def refuse(*_: object) -> None:
+        raise sqlite3.OperationalError("attempt to write a readonly database")
+
+    store = HistoryStore(url)
+    store.write(EVENTS)
+    if not waiting:
+        store.__exit__()
+    monkeypatch.setattr("monitor.outputs.history.engines._set_pragmas", refuse)
+    with Reader(url) as reader:
+        assert len(reader.modes()) == 6
+    store.__exit__()
+
+
+def test_year_of_windows_is_asked_through_an_index(url: str) -> None:
+    """No question reads a table from end to end, by the database's own account; by the day, a year is 366 rows."""
+    n = write_years(url, years=1.0, step=HOUR, n_modes=3)
+    span = Span(start=START, end=START + n * HOUR)
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        for query in (windows_query(span), trend_query(2, span), daily_trend_query(2, span), events_query(span)):
+            text = str(query.compile(dialect=sqlite.dialect(), compile_kwargs={"literal_binds": True}))
+            plan = [str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}")]
+            assert plan, text
+            assert all(step.startswith("SEARCH") and "INDEX" in step for step in plan), (text, plan)
+    engine.dispose()
+    with Reader(url) as reader:
+        assert len(reader.trend(2, span)) == 366
+        assert sum(point.n for point in reader.trend(2, span)) == n

@@ -1,0 +1,332 @@
+"""Notices reach a real server, a program, an MQTT connection; what cannot be delivered now is delivered later."""
+
+import json
+import socket
+import struct
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from email.utils import formatdate
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from daq import Event
+from monitor.outputs.notices import Courier, News, NoticeError, make_sender
+from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
+from monitor.settings import NotifySettings
+from tests.support.daq.blocks import make_block
+from tests.support.monitor.history import change, run_events
+from tests.support.monitor.notices import ALARM, NOTICE, Server, until
+
+LOST = Event(topic="/event/device_lost", time=1, payload={"device": "left"})
+LAST: dict[str, Any] = {"extended_model": None, "next_measurement": ""}
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server().running() as made:
+        yield made
+
+
+def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
+    """A run that learns, watches and finds a mass; without a diagnosis there is nothing to add to the alarm."""
+    news = News("bridge")
+    told = [notice for event in run_events() if (notice := news.of(event))]
+    assert [(notice.kind, notice.alarm == notice.time) for notice in told] == [("alarm", True)]
+
+
+def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
+    """The window that raises the alarm comes before it and is told by it; then a figure, then the cause changes."""
+    alarmed = next(e for e in run_events() if e.payload.get("phase") == "alarm")
+
+    def window(cause: str, mass: float) -> Event:
+        found = {"cause": cause, "probability": 1.0, "where": None, "cannot_be_told_from": []}
+        found |= {"parameters": {"mass": {"value": mass, "std": 0.01, "unit": "kg"}}}
+        diagnosis = {"verdict": "explained", "causes": [found], "rejected": [], "modes": [], "gain": None}
+        return replace(alarmed, payload=alarmed.payload | {"diagnosis": diagnosis | LAST})
+
+    news = News("bridge")
+    events = [window("added_mass", 0.2), ALARM, window("added_mass", 0.21), window("distributed_mass", 0.2)]
+    assert [notice.kind for event in events if (notice := news.of(event))] == ["alarm", "update"]
+    resumed = change(20, "alarm", kind="resumed", quiet=True, since=10)  # by another analysis, or after a restart
+    events = [resumed, window("distributed_mass", 0.21), window("added_mass", 0.2)]
+    for told in (news, News("bridge")):
+        assert [notice.kind for event in events if (notice := told.of(event))] == ["update"]
+
+
+@pytest.mark.parametrize(
+    ("events", "kinds"),
+    [
+        ([change(1, "watch"), change(2, "normal")], []),
+        ([change(1, "normal", "baseline learnt")], []),
+        ([change(1, "alarm"), change(2, "normal", lasted=1.0)], ["alarm", "recovery"]),
+        (
+            [change(1, "alarm"), change(2, "alarm", kind="latched"), change(3, "normal")],
+            ["alarm", "recovery", "recovery"],
+        ),
+        ([change(1, "alarm"), change(2, "alarm", kind="acknowledged")], ["alarm", "acknowledged"]),
+        ([change(1, "alarm", quiet=True), change(2, "normal", lasted=1.0, quiet=True)], []),
+        ([change(1, "alarm"), change(2, "alarm", kind="reopened", quiet=True)], ["alarm"]),
+        ([change(1, "alarm", kind="flapping"), change(2, "normal", kind="steady")], ["flapping", "flapping"]),
+        ([LOST], ["trouble"]),
+        ([Event(topic="/event/gap", time=1, payload={"device": "left"}), make_block("left", 0)], []),
+    ],
+)
+def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
+    news = News("bridge")
+    assert [notice.kind for event in events if (notice := news.of(event))] == kinds
+
+
+def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
+    """Sensors that hang on nothing send data all the while: no device is lost, and no window overdue."""
+    good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
+    bad = replace(good, payload=good.payload | {"novelty": None, "modes": [], "problem": "no resonance stands out"})
+    news = News("bridge")
+    told = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
+    assert [i for i, notice in enumerate(told) if notice] == [6, 9]
+    assert "no usable result from the last 3 windows: no resonance stands out" in told[6].text  # type: ignore[union-attr]
+    assert "again, after 5 without" in told[9].text  # type: ignore[union-attr]
+
+
+def test_failure_beside_the_verdict_is_told_once() -> None:
+    news = News("bridge")
+    events = [change(k, "alarm", text, kind="failed", quiet=True) for k, text in enumerate("aab")]
+    assert [bool(news.of(event)) for event in events] == [True, False, True]
+
+
+def test_webhook_gets_json_with_headers(server: Server) -> None:
+    make_sender(NotifySettings(webhook=server.url, headers={"Authorization": "Bearer x"}))([NOTICE, NOTICE], 0)
+    [got] = server.got
+    assert (got["text"], got["kind"], got["alarm"]) == ("bridge, then: 200 g\nbridge, then: 200 g", "alarm", 4)
+    assert len(got["notices"]) == 2
+    assert server.headers[0]["Authorization"] == "Bearer x"
+
+
+def test_command_gets_text_and_fields(tmp_path: Path) -> None:
+    script = "import os, sys; open(sys.argv[1], 'w').write(os.environ['MODALWATCH_KIND'] + '|' + sys.stdin.read())"
+    target = NotifySettings(
+        command=(sys.executable, "-c", script, str(tmp_path / "got")), template="{{ notice.text }}!"
+    )
+    make_sender(target)([NOTICE], 0)
+    assert (tmp_path / "got").read_text() == "alarm|200 g!"
+
+
+def broker(answer: bool, got: list[bytes], refusal: int = 0) -> tuple[int, threading.Thread]:
+    """Speak as much MQTT 3.1.1 as one message at QoS 1 needs: CONNACK, with a reason to refuse or none, and PUBACK."""
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = listener.accept()
+        connection.settimeout(5.0)
+        with listener, connection, connection.makefile("rb") as stream:
+            while kind := stream.read(1):
+                length, shift = 0, 0
+                while True:
+                    byte = stream.read(1)[0]
+                    length |= (byte & 0x7F) << shift
+                    shift += 7
+                    if byte < 0x80:
+                        break
+                body = stream.read(length)
+                if kind[0] >> 4 == 1:
+                    connection.sendall(bytes((0x20, 2, 0, refusal)))
+                elif kind[0] >> 4 == 3 and answer:
+                    topic = struct.unpack(">H", body[:2])[0]
+                    got.extend([body[2 : 2 + topic], body[4 + topic :]])
+                    connection.sendall(b"\x40\x02" + body[2 + topic : 4 + topic])
+
+    listener.settimeout(5.0)
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    return listener.getsockname()[1], thread
+
+
+def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
+    got: list[bytes] = []
+    port, thread = broker(answer=True, got=got)
+    make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/site/alarms"))([NOTICE], 0)
+    thread.join(5.0)
+    assert got[0] == b"site/alarms"
+    assert json.loads(got[1])["text"] == "bridge, then: 200 g"
+
+
+def test_mqtt_broker_that_never_answers_is_given_up() -> None:
+    port, thread = broker(answer=False, got=[])
+    with pytest.raises(NoticeError, match=r"not delivered within 0\.3 s|has not taken it"):
+        make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE], 0)
+    thread.join(5.0)
+
+
+def test_mqtt_broker_that_refuses_says_why() -> None:
+    port, thread = broker(answer=False, got=[], refusal=5)
+    with pytest.raises(NoticeError, match="mqtt: the broker refuses: Not authorized"):
+        make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=2.0))([NOTICE], 0)
+    thread.join(5.0)
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [
+        (NotifySettings(webhook="http://127.0.0.1:1/x"), "webhook: ConnectError"),
+        (NotifySettings(command=("/nowhere/program",)), "command: cannot be started: No such file"),
+        (NotifySettings(command=(sys.executable, "-c", "raise SystemExit(3)")), "command: exit status 3"),
+        (
+            NotifySettings(
+                command=(sys.executable, "-c", "input() or 1; import time; time.sleep(9)"), timeout_seconds=0.2
+            ),
+            "timed out",
+        ),
+        (NotifySettings(mqtt="mqtt://127.0.0.1:1/x"), "mqtt: .*refused"),
+    ],
+)
+def test_what_cannot_be_delivered_says_why(target: NotifySettings, says: str) -> None:
+    with pytest.raises(NoticeError, match=says):
+        make_sender(target)([NOTICE], 0)
+
+
+def test_server_that_is_down_gets_everything_later_in_one_message(server: Server, tmp_path: Path) -> None:
+    server.answer = 503
+    target, spool = NotifySettings(webhook=server.url), tmp_path / "notices.jsonl"
+    with Courier(target, spool, "bridge", retry_seconds=0.05) as courier:
+        courier.put(ALARM)
+        until(lambda: courier.problem)
+        courier.put(change(20, "normal", "over", lasted=10.0))
+        until(lambda: len(spool.read_text().splitlines()) == 2)
+        server.answer = 200
+        until(lambda: courier.problem is None)
+    [got] = server.got
+    assert [notice["text"] for notice in got["notices"]] == ["ALARM: a mass", "over"]
+    assert [(topic, said.get("why")) for topic, said in courier.said()] == [
+        (TOPIC_FAILED, "webhook: 503 Service Unavailable"),
+        (TOPIC_BACK, None),
+    ]
+    assert not spool.exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "seconds"),
+    [
+        ("120", 120.0),
+        ("a date", 1800.0),
+        ("9" * 400, 3600.0),  # an hour at most
+        ("Wed, 21 Oct 99999999999 07:28:00 GMT", 0.0),
+        ("Wed, 21 Oct 0001 07:28:00 -0000", 0.0),
+        ("soon", 0.0),
+        ("", 0.0),
+    ],
+)
+def test_webhook_that_asks_to_wait_is_not_asked_before(
+    server: Server, tmp_path: Path, asked: str, seconds: float
+) -> None:
+    """But an alarm is tried at once all the same."""
+    date = formatdate(time.time() + seconds, usegmt=True)
+    server.answer, server.retry_after = 429, date if asked == "a date" else asked
+    with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as courier:
+        courier.put(LOST)
+        until(lambda: courier.problem)
+        left = courier.others.due - time.monotonic()
+        assert seconds - 30.0 < left <= max(seconds, 5.0)
+        refused = server.refused
+        courier.put(ALARM)
+        until(lambda: server.refused > refused)
+    assert courier.problem == "webhook: 429 Too Many Requests"
+
+
+def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server: Server, tmp_path: Path) -> None:
+    spool = tmp_path / "notices.jsonl"
+    with Courier(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as courier:
+        courier.put(ALARM)
+    assert spool.exists()
+    with spool.open("a") as file:
+        file.write('{"of": "another version"}\n{"cut')
+    with Courier(NotifySettings(webhook=server.url), spool, "bridge") as courier:
+        until(lambda: server.got)
+    assert list(courier.said()) == [(TOPIC_BACK, {"to": "webhook"})]
+    assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
+
+
+def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path: Path) -> None:
+    """Troubles of an earlier run that still wait for the hour make no alarm report a recovery."""
+    spool = tmp_path / "n_other.jsonl"
+    spool.write_text(json.dumps(asdict(replace(NOTICE, kind="trouble"))) + "\n", encoding="utf-8")
+    with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+        courier.others.due = time.monotonic() + 60.0
+        courier.put(ALARM)
+        until(lambda: server.got)
+        until(lambda: not (tmp_path / "n.jsonl").exists())
+    assert list(courier.said()) == []
+
+
+def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
+    with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+        courier.put(LOST)
+        until(lambda: len(server.got) == 1)
+        courier.put(LOST)
+        until(lambda: (tmp_path / "n_other.jsonl").exists())
+        time.sleep(0.5)  # two looks at what waits
+        assert len(server.got) == 1
+        courier.put(ALARM)
+        until(lambda: len(server.got) == 2)
+    assert [notice["kind"] for notice in server.got[1]["notices"]] == ["alarm"]
+
+
+def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Path) -> None:
+    target = NotifySettings(webhook=server.url, on=("alarm",))
+    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+        courier.put(LOST)
+        courier.put(ALARM)
+        until(lambda: server.got)
+    assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["alarm"]
+
+
+def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Server, tmp_path: Path) -> None:
+    """What the one before is about to send would be sent twice from the same files; here each has its own."""
+    target = NotifySettings(webhook=server.url)
+    with Courier(target, tmp_path / "before.jsonl", "bridge") as before:
+        after = Courier(target, tmp_path / "after.jsonl", "bridge")
+        after.go_on_from(before)
+        with after:
+            after.put(LOST)
+            time.sleep(0.6)  # more than two looks at what waits
+            assert server.got == []
+            before.stop()
+            until(lambda: server.got)
+    assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["trouble"]
+
+
+def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
+    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
+    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+        time.sleep(0.5)
+        assert server.got == []
+        courier.put(make_block("left", 0))
+        until(lambda: len(server.got) >= 2)
+    assert {got["kind"] for got in server.got} == {"heartbeat"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({}, "expected one of `webhook`, `command` and `mqtt`, found none"),
+        ({"webhook": "http://a/b", "mqtt": "mqtt://a/b"}, "found webhook and mqtt"),
+        ({"webhook": "ftp://a/b"}, "expected http://HOST"),
+        ({"mqtt": "a/b"}, "expected mqtt://HOST"),
+        ({"webhook": "http://a/b", "template": "{{ notice.nothing }}"}, "has no attribute 'nothing'"),
+        (
+            {"webhook": "http://a/b", "template": "{% if notice.kind == 'recovery' %}{{ notice.no }}{% endif %}"},
+            "has no attribute 'no'",
+        ),
+        ({"webhook": "http://a/b", "template": "{% if %}"}, "expected a jinja2 template"),
+        ({"webhook": "http://a/b", "on": ["alarms"]}, "'alarm'"),
+        ({"command": []}, "at least 1"),
+    ],
+)
+def test_settings_that_would_fail_at_night_fail_at_once(fields: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        NotifySettings.model_validate(fields)
+    assert says in str(caught.value)

@@ -1,0 +1,141 @@
+"""Notices after years: templates that fail, targets that were away for long, answers that never end."""
+
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daq import Event
+from monitor.outputs.notices import Courier, make_sender
+from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
+from monitor.settings import NotifySettings
+from monitor.text.notice_template import TemplateFailure
+from monitor.text.notices import message, render
+from tests.support.daq.blocks import make_block
+from tests.support.monitor.history import change
+from tests.support.monitor.notices import ALARM, NOTICE, Server, until
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server().running() as made:
+        yield made
+
+
+def test_template_sees_no_program() -> None:
+    """It is text from a file: it may not reach into the interpreter."""
+    with pytest.raises(TemplateFailure, match="unsafe"):
+        render([NOTICE], "{{ notices.__class__.__mro__ }}")
+
+
+def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Server, tmp_path: Path) -> None:
+    """That comes for the first time years after the settings were read: the notice is what counts."""
+    server.answer = 503
+    template = "{% if notices|length > 1 %}{{ notice.nothing }}{% else %}{{ notice.text }}{% endif %}"
+    target = NotifySettings(webhook=server.url, template=template)
+    with Courier(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
+        courier.put(ALARM)
+        courier.put(change(20, "normal", "over", lasted=10.0))
+        until(lambda: (tmp_path / "n.jsonl").exists() and len((tmp_path / "n.jsonl").read_text().splitlines()) == 2)
+        server.answer = 200
+        until(lambda: server.got)
+    assert "ALARM: a mass" in server.got[0]["text"]
+    assert "has no attribute 'nothing'" in server.got[0]["text"]
+
+
+def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> None:
+    """A name with a zero byte fits into no environment of a program."""
+    script = "import os, sys; open(sys.argv[1], 'a').write(os.environ['MODALWATCH_TEXT'] + '|')"
+    target = NotifySettings(command=(sys.executable, "-c", script, str(tmp_path / "got")))
+    with Courier(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
+        courier.put(change(10, "alarm", "ALARM: a \0 mass"))
+        until(lambda: courier.problem)
+        courier.put(change(20, "normal", "over", lasted=10.0))
+        until(lambda: (tmp_path / "got").exists() and "over" in (tmp_path / "got").read_text())
+
+
+@pytest.mark.parametrize(
+    ("kinds", "index"),
+    [
+        (["alarm", "update", "trouble"], 0),
+        (["alarm", "update", "recovery", "trouble"], 2),
+        (["trouble", "update", "trouble"], 1),
+        (["trouble", "trouble"], 1),
+    ],
+)
+def test_fields_of_a_message_are_those_of_what_matters_most(kinds: list[Any], index: int) -> None:
+    """A program that pages somebody on `kind` alone, or a template of `notice` alone, is not to miss the alarm."""
+    said = message([replace(NOTICE, kind=kind, text=str(k)) for k, kind in enumerate(kinds)], "{{ notice.text }}")
+    assert (said.foremost.text, said.text) == (str(index), str(index))
+
+
+def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:
+    """Nothing else may have to be told for years: the page would say all the while that notices are in trouble."""
+    server.answer = 503
+    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
+    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+        courier.put(make_block("left", 0))
+        until(lambda: courier.problem)
+        server.answer = 200
+        until(lambda: courier.problem is None)
+    assert [topic for topic, _ in courier.said()] == [TOPIC_FAILED, TOPIC_BACK]
+
+
+def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:
+    server.answer = 503
+    with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0) as courier:
+        courier.put(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
+        until(lambda: courier.problem)
+        server.answer = 200
+        courier.put(ALARM)
+        until(lambda: server.got)
+
+
+def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(server: Server, tmp_path: Path) -> None:
+    """Chat servers refuse long texts: one that grew while they were away would never be taken."""
+    server.answer = 503
+    spool = tmp_path / "n.jsonl"
+    with Courier(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as courier:
+        for k in range(20_000):
+            courier.put(Event(topic="/event/device_lost", time=k, payload={"device": "left"}))
+            if k == 7:
+                courier.put(ALARM)
+        until(lambda: courier.others.dropped)
+        server.answer = 200
+        until(lambda: courier.problem is None)
+    alarm, got = sorted(server.got, key=lambda message: message["kind"])
+    assert [notice["text"] for notice in alarm["notices"]] == ["ALARM: a mass"]
+    assert len(got["text"]) < 4000
+    told = len(got["notices"])
+    assert told <= 200
+    assert f"{20_000 - told} others" in got["text"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_webhook_whose_answer_never_ends_has_taken_it() -> None:
+    """Its status says so; what else it says nobody reads."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    release = threading.Event()
+
+    def drip() -> None:
+        connection, _ = listener.accept()
+        with listener, connection:
+            connection.recv(65536)
+            connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n")
+            while not release.wait(0.02):
+                connection.sendall(b"x")
+
+    thread = threading.Thread(target=drip, daemon=True)
+    thread.start()
+    begun = time.monotonic()
+    target = NotifySettings(webhook=f"http://127.0.0.1:{listener.getsockname()[1]}/", timeout_seconds=1.0)
+    make_sender(target)([NOTICE], 0)
+    assert time.monotonic() - begun < 5.0
+    release.set()
+    thread.join(5.0)

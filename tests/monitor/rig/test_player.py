@@ -1,0 +1,300 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daq import (
+    EPSON_SCALE,
+    Block,
+    CanAddress,
+    DeviceReader,
+    Driver,
+    Event,
+    HostClock,
+    Item,
+    ScaledClock,
+    SystemClock,
+    make_driver,
+)
+from monitor.errors import SettingsError, StartError
+from monitor.rig import Place, PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
+from tests.support.monitor.rig import ORIGIN, nominal, t_frame
+from updater import Body
+
+pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]  # one after the other: they keep a processor busy
+
+SPEED = 10.0
+RUN = "import sys; from pathlib import Path; from monitor.rig import run_rig; a = sys.argv; "
+RUN += "run_rig(Path(a[1]), speed=float(a[2]), ports=Path(a[3]), report=Path(a[4]))"
+_READY_SECONDS = 30.0
+
+
+class RigProcess:
+    """A rig in a process of its own."""
+
+    def __init__(self, folder: Path, scenario: Scenario) -> None:
+        self._ports, self._report = folder / "ports.json", folder / "rig.json"
+        (folder / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
+        self._ports.write_text("a stale file of an earlier rig", encoding="utf-8")
+        command = [sys.executable, "-c", RUN, str(folder / "scenario.toml"), str(SPEED), str(self._ports)]
+        quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen([*command, str(self._report)], env=quiet, stderr=subprocess.PIPE, text=True)
+
+    def ready(self) -> dict[str, Any]:
+        end = time.monotonic() + _READY_SECONDS
+        while time.monotonic() < end and self.process.poll() is None:
+            text = self._ports.read_text(encoding="utf-8") if self._ports.exists() else ""
+            if text.startswith("{"):
+                found: dict[str, Any] = json.loads(text)
+                return found
+            time.sleep(0.02)
+        raise AssertionError(f"the rig did not get ready: {self.process.communicate()[1]}")
+
+    def report(self) -> dict[str, Any]:
+        _, said = self.process.communicate(timeout=20)
+        assert (self.process.returncode, said) == (0, "")
+        found: dict[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
+        return found
+
+
+@contextmanager
+def rig(folder: Path, scenario: Scenario) -> Iterator[RigProcess]:
+    started = RigProcess(folder, scenario)
+    try:
+        yield started
+    finally:
+        started.process.kill()
+        started.process.communicate()
+
+
+def driver_of(place: Place | dict[str, Any]) -> Driver:
+    """Return the driver of a device, from where the rig or its file says it is."""
+    if isinstance(place, dict):
+        place = CanAddress(**place)
+    return make_driver("epson-can" if isinstance(place, CanAddress) else "epson-uart", place, 1000.0)
+
+
+@contextmanager
+def reading(ports: Mapping[str, Place | dict[str, Any]], clock: HostClock) -> Iterator[list[Item]]:
+    """Read all ports with the driver until the end of the block."""
+    items: list[Item] = []
+    readers = [DeviceReader(name, driver_of(place), 1000.0, clock, items.append) for name, place in ports.items()]
+    for reader in readers:
+        reader.connect()
+        reader.start()
+    try:
+        yield items
+    finally:
+        for reader in readers:
+            reader.stop()
+        for reader in readers:
+            reader.join()
+
+
+def scans(items: list[Item], device: str) -> list[Block]:
+    return [item for item in items if isinstance(item, Block) and item.device == device]
+
+
+def n_missing(blocks: list[Block]) -> int:
+    """Count the scans that blocks skip."""
+    ends = [block.first_index + len(block.counts) for block in blocks]
+    return sum(block.first_index - end for block, end in zip(blocks[1:], ends[:-1], strict=True))
+
+
+def _reached(items: list[Item], device: str, n_scans: int) -> bool:
+    blocks = scans(items, device)
+    return bool(blocks) and blocks[-1].end_index >= n_scans
+
+
+def played(folder: Path, scenario: Scenario, n_scans: int) -> tuple[dict[str, Any], list[Item], ScaledClock]:
+    """Play a scenario until each device has been read n_scans times, then end it by a signal."""
+    with rig(folder, scenario) as process:
+        found = process.ready()
+        clock = ScaledClock(**found["clock"])
+        with reading(found["ports"], clock) as items:
+            end = time.monotonic() + _READY_SECONDS
+            while time.monotonic() < end and not all(_reached(items, name, n_scans) for name in found["ports"]):
+                time.sleep(0.1)
+        process.process.send_signal(signal.SIGTERM)
+        return process.report(), items, clock
+
+
+def test_serial_and_can_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(
+    tmp_path: Path,
+) -> None:
+    scenario = draw_t_frame("t_structure", 31, duration=0, between=(6.0, 7.0))
+    for _ in range(3):  # a port holds 170 ms; neighbours on this machine may take it for longer, though not every time
+        report, items, _ = played(tmp_path, scenario, 30_000)
+        if not report["dropped"]:
+            break
+    assert report["dropped"] == 0
+    assert report["dropped_by_device"] == {device.name: 0 for device in scenario.device}
+    received = 0
+    for device in scenario.device:
+        blocks = scans(items, device.name)
+        assert n_missing(blocks) == 0
+        data = np.concatenate([block.counts for block in blocks]) * EPSON_SCALE
+        assert len(data) >= 30_000
+        assert 0.002 < data.std(0).max() < 0.1
+        received += len(data)
+    # what was under way when the readers stopped: in ports, in devices, in a block not full; 0.5 s of wall time or less
+    assert 0 <= report["sent"] - received < 6 * 5000
+    opened = [item.time for item in items if isinstance(item, Event) and item.topic == "/event/device_open"]
+    assert len(report["events"]) == 1
+    late = (report["events"][0] - max(opened)) * 1e-9 - scenario.event[0].at
+    assert abs(late) < 5.0  # 0.5 s of wall time, if others have the machine, from driver to rig or back
+
+
+def test_both_sides_share_one_time_scale(tmp_path: Path) -> None:
+    report, items, clock = played(tmp_path, nominal(5), 20_000)
+    assert clock.speed == SPEED
+    assert report["events"] == []
+    for blocks in (scans(items, device) for device in ("col_037", "beam_right")):
+        first, last = blocks[0], blocks[-1]
+        seconds = (last.pair_time - first.pair_time) * 1e-9
+        # others may have the machine for a while and make arrivals late; a scale that is not shared is off by ten
+        assert (last.pair_index - first.pair_index) / 1000 == pytest.approx(seconds, rel=0.5)
+
+
+def test_a_rig_ends_by_itself_when_its_duration_is_over(tmp_path: Path) -> None:
+    scenario = nominal(6).model_copy(update={"duration": 5.0})
+    with rig(tmp_path, scenario) as process:
+        found = process.ready()
+        with reading(found["ports"], ScaledClock(**found["clock"])):
+            report = process.report()
+    assert report["sent"] + report["dropped"] >= 6 * 5000
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_a_rig_that_nobody_reads(tmp_path: Path, number: signal.Signals) -> None:
+    with rig(tmp_path, nominal(7)) as process:
+        process.ready()
+        process.process.send_signal(number)
+        assert process.report()["sent"] == 0
+
+
+@pytest.fixture
+def _own_signals() -> Iterator[None]:
+    old = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    yield
+    for number, handler in old.items():
+        signal.signal(number, handler)
+
+
+class HandClock:
+    """A clock that is set by hand."""
+
+    def __init__(self, speed: float) -> None:
+        self.speed, self.time, self.asked = speed, ORIGIN, 0
+
+    def now(self) -> int:
+        self.asked += 1
+        return self.time
+
+    def jump(self, seconds: float) -> None:
+        """Set the time, once the rig has heard all commands, which a busy kernel hands on some servings late.
+
+        A serving asks less than 30 times.
+        """
+        end = self.asked + 150  # not many more: a reader that hears nothing for 2 s opens its port anew
+        while self.asked < end:
+            time.sleep(0.005)
+        self.time += round(seconds * 1e9)
+
+
+@dataclass
+class Playing:
+    """A rig in a thread of this process, its time set by hand."""
+
+    clock: HandClock
+    ports: dict[str, Place]
+    stop: threading.Event
+    done: list[PlayReport]
+    thread: threading.Thread
+
+    def report(self) -> PlayReport:
+        """Wait until the scenario's duration is over."""
+        self.thread.join(_READY_SECONDS)
+        assert len(self.done) == 1
+        return self.done[0]
+
+
+@contextmanager
+def playing(scenario: Scenario, speed: float = 1.0) -> Iterator[Playing]:
+    clock, stop, asked = HandClock(speed), threading.Event(), threading.Event()
+    ports, done = dict[str, Place](), list[PlayReport]()
+
+    def ready(found: dict[str, Place]) -> None:
+        ports.update(found)
+        asked.set()
+
+    def run() -> None:
+        done.append(play(t_frame(), scenario, clock, ready, stop))
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert asked.wait(_READY_SECONDS)
+    try:
+        yield Playing(clock, ports, stop, done, thread)
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_a_stall_of_the_rig_loses_nothing() -> None:
+    scenario = nominal(8, bodies=((3.0, Body(at=(0.1, 0, 1.48), mass=0.2)),)).model_copy(update={"duration": 3.9})
+    # the host did not sleep, only the rig: 4 s are made up for, 250 servings of 384 bytes a device
+    with playing(scenario) as rig, reading(rig.ports, SystemClock()) as items:
+        rig.clock.jump(4.0)
+        report = rig.report()
+    assert report.dropped == 0
+    assert report.events == (ORIGIN + 3_000_000_000,)
+    assert 6 * (3900 - 64) <= report.sent <= 6 * 4001  # the filters still hold the last 64 ms
+    assert all(n_missing(scans(items, name)) == 0 for name in rig.ports)
+
+
+def test_what_a_host_does_not_fetch_is_dropped_and_counted() -> None:
+    scenario = nominal(9).model_copy(update={"duration": 59.5})
+    with playing(scenario, speed=20.0) as rig:
+        drivers = [driver_of(place) for place in rig.ports.values()]
+        for driver in drivers:
+            driver.open()
+        rig.clock.jump(60.0)
+        report = rig.report()
+    held = 6 * (20 * 4096 + 640 * 1024) // 24  # frames in the devices' buffers, and in ports of kernels that hold most
+    assert 0 < report.sent <= held
+    assert 6 * (59_500 - 64) <= report.sent + report.dropped <= 6 * 60_001
+    assert sum(report.dropped_by_device.values()) == report.dropped
+    assert min(report.dropped_by_device.values()) > 0
+
+
+def test_a_bad_speed_or_scenario_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    files = {"ports": tmp_path / "ports.json", "report": tmp_path / "rig.json"}
+    path.write_text(dump_scenario(nominal()), encoding="utf-8")
+    with pytest.raises(ValueError, match="speed: expected a positive number, found 0"):
+        run_rig(path, speed=0.0, **files)
+    path.write_text("seed = 'one'", encoding="utf-8")
+    with pytest.raises(SettingsError, match="structure: Field required"):
+        run_rig(path, speed=1.0, **files)
+    assert not files["ports"].exists()
+
+
+@pytest.mark.usefixtures("_own_signals")
+def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    path.write_text(dump_scenario(nominal()), encoding="utf-8")
+    missing = tmp_path / "none" / "ports.json"
+    with pytest.raises(StartError, match=r"ports\.json: cannot be written: No such file"):
+        run_rig(path, speed=1.0, ports=missing, report=tmp_path / "rig.json")

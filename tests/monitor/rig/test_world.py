@@ -1,0 +1,275 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from daq import EPSON_SCALE, FloatArray
+from monitor.rig import Scenario, World, draw_t_frame, make_sources, true_structure
+from tests.support.monitor.rig import ORIGIN, nominal, t_frame
+from tests.support.thorough import few_of
+from updater import Body, Model, Modes, build_model, parse_structure
+
+MODES = range(8)
+HEAVY = Body(at=(0.25, 0.0, 1.48), mass=0.304)
+SENSORS = [(0, "xy"), (1, "xy"), (2, "xy"), (3, "xy"), (4, "yz"), (5, "yz")]  # device number, analysed axes
+
+
+def true_model(scenario: Scenario, *bodies: Body) -> Model:
+    structure = true_structure(t_frame(), scenario).with_bodies(bodies)
+    return build_model(structure, shear_flexible=True, mass="consistent")
+
+
+def columns() -> list[int]:
+    return [3 * device + "xyz".index(axis) for device, axes in SENSORS for axis in axes]
+
+
+def record(scenario: Scenario, seconds: float, *, begin: int | None = None) -> FloatArray:
+    """Return what the devices measure (n, 18) [m/s2], all started at ORIGIN."""
+    world, sources = make_sources(t_frame(), scenario)
+    for source, device in zip(sources, scenario.device, strict=True):
+        source.start(ORIGIN, scenario.rate * (1 + device.clock_error))
+    if begin is not None:
+        world.begin(begin)
+    steps = range(0, round(seconds * scenario.rate), 250)
+    return np.concatenate([np.hstack([s.read(k, 250) for s in sources]) for k in steps]) * EPSON_SCALE
+
+
+@dataclass(frozen=True)
+class Peak:
+    frequency: float  #: [Hz]
+    damping: float  #: [-]
+
+
+def whittle(signal: FloatArray, rate: float, near: float, damping: float) -> Peak:
+    """Fit one mode's spectrum to a periodogram by maximum likelihood within 6 half-power bandwidths of `near`."""
+    power = np.abs(np.fft.rfft(signal)) ** 2
+    frequency = np.fft.rfftfreq(len(signal), 1 / rate)
+    band = np.abs(frequency - near) < 12 * damping * near
+    f, p = frequency[band], power[band]
+
+    def cost(q: FloatArray) -> float:
+        f0, zeta = near * (1 + q[0] * damping), damping * np.exp(q[1])
+        shape = 1 / ((1 - (f0 / f) ** 2) ** 2 + (2 * zeta * f0 / f) ** 2)  # of an acceleration
+        density = np.exp(q[2]) * shape + np.exp(q[3])
+        return float(np.sum(np.log(density) + p / density))
+
+    level = np.log(p.mean())
+    start = np.array([0.0, 0.0, np.log(p.max()) + 2 * np.log(2 * damping), level - 7])
+    best = minimize(cost, start, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-4, "fatol": 1e-4})
+    return Peak(near * (1 + best.x[0] * damping), damping * float(np.exp(best.x[1])))
+
+
+def frequency_std(frequency: float, damping: float, seconds: float) -> float:
+    """Return the least standard deviation of a mode's frequency from its ambient response (Au 2014, long data)."""
+    return frequency * float(np.sqrt(damping / (2 * np.pi * frequency * seconds)))
+
+
+def alone(data: FloatArray, model: Model, modes: Modes, k: int, scenario: Scenario) -> FloatArray:
+    """Return what moves in one mode (n,), by the shapes of ten at the analysed columns.
+
+    In a single column modes far away move with the same forces and slant a mode's peak: by six deviations at
+    beam_left_z, while beam_right_z, which moves as much, has it right.
+    """
+    read = np.concatenate([model.read(np.array(device.at))[:3] for device in scenario.device])
+    return np.asarray(data[:, columns()] @ np.linalg.pinv(read[columns()] @ modes.shape[:, :10])[k])
+
+
+@pytest.mark.parametrize("seed", few_of([11, 12]))
+def test_the_devices_feel_the_true_models_modes(seed: int) -> None:
+    scenario = draw_t_frame("t_structure", seed, duration=0, between=None)
+    model, seconds = true_model(scenario), 120.0
+    modes = model.modes(24)
+    data = record(scenario, seconds)
+    for k in MODES:
+        damping = scenario.truth.damping[k]
+        rate = scenario.rate  # clocks are off by 20 ppm at most, the tolerance is hundreds of ppm
+        peak = whittle(alone(data, model, modes, k, scenario), rate, modes.frequency[k], damping)
+        std = frequency_std(modes.frequency[k], damping, seconds)
+        assert abs(peak.frequency - modes.frequency[k]) < 5 * std, f"mode {k}"
+        # var(zeta)/zeta^2 = 1 / (2 pi zeta f T) for long data (Au 2014)
+        assert abs(np.log(peak.damping / damping)) < 5 / np.sqrt(2 * np.pi * damping * modes.frequency[k] * seconds)
+
+
+def test_frequencies_drop_where_a_body_is_added() -> None:
+    seconds, at = 40.0, 2.0
+    scenario = nominal(3, bodies=((at, HEAVY),))
+    before, after = true_model(scenario).modes(8).frequency, true_model(scenario, HEAVY).modes(8).frequency
+    model = true_model(scenario, HEAVY)
+    data, modes = record(scenario, seconds + 2 * at, begin=ORIGIN)[round(2 * at * 1000) :], model.modes(24)
+    for k in (2, 3, 6):  # 38.8 -> 36.7, 68.8 -> 66.4, 253 -> 241 Hz: the ones it moves most
+        peak = whittle(alone(data, model, modes, k, scenario), 1000.0, after[k], 0.005)
+        std = frequency_std(after[k], 0.005, seconds)
+        assert abs(peak.frequency - after[k]) < 5 * std
+        assert abs(peak.frequency - before[k]) > 20 * std
+
+
+def test_the_structure_changes_at_the_very_sample_and_goes_on_moving() -> None:
+    at = 3.123  # in the middle of what is simulated at once
+    calm = World(t_frame(), nominal(4))
+    world = World(t_frame(), nominal(4, bodies=((at, HEAVY),)))
+    assert world.begin(ORIGIN) == (ORIGIN + 3_123_000_000,)
+    change = round(world.sample(ORIGIN + 3_123_000_000))
+    first, last = change - 2000, change + 2000
+    changed, unchanged = world.motion(first, last, 5), calm.motion(first, last, 5)
+    np.testing.assert_array_equal(changed[:2000], unchanged[:2000])
+    assert np.abs(changed[2000] - unchanged[2000]).max() > 1e-4  # accelerations jump at once ...
+    # ... but the heavier structure goes on under the same forces: neither at rest nor thrown
+    assert 0.5 < changed[2000:].std() / unchanged[2000:].std() < 2
+
+
+def test_two_bodies_are_added_one_after_the_other() -> None:
+    second = Body(at=(0.0, 0.0, 0.92), mass=0.152)
+    world = World(t_frame(), nominal(4, bodies=((2.6, second), (2.51, HEAVY))))
+    one = World(t_frame(), nominal(4, bodies=((2.51, HEAVY),)))
+    start = ORIGIN + 7
+    assert [t - start for t in world.begin(start)] == [2_510_000_000, 2_600_000_000]
+    one.begin(start)
+    change = round(world.sample(start + 2_600_000_000))
+    both, first = world.motion(change - 100, change + 1000, 1), one.motion(change - 100, change + 1000, 1)
+    np.testing.assert_array_equal(both[:100], first[:100])
+    assert np.abs(both[100:] - first[100:]).max() > 1e-4
+
+
+@pytest.mark.parametrize("seed", [21])
+def test_signals_do_not_depend_on_how_they_are_asked_for(seed: int) -> None:
+    scenario = draw_t_frame("t_structure", seed, duration=0, between=(2.1, 2.9))
+    n = 6000
+    world, sources = make_sources(t_frame(), scenario)
+    for source in sources:
+        source.start(ORIGIN, 1000.0)
+    world.begin(ORIGIN)
+    whole = [np.concatenate([s.read(k, 500) for k in range(0, n, 500)]) for s in sources[:1]]
+    again, others = make_sources(t_frame(), scenario)
+    again.keep_up(ORIGIN)
+    for source in others:
+        source.start(ORIGIN, 1000.0)
+    again.begin(ORIGIN)
+    random, have, pieces = np.random.default_rng(seed), [0] * 6, []
+    while min(have) < n:
+        for i in random.permutation(6):
+            size = int(min(random.integers(0, 300), n - have[i]))
+            piece = others[i].read(have[i], size)
+            have[i] += size
+            if i == 0:
+                pieces.append(piece)
+    np.testing.assert_array_equal(np.concatenate(pieces), whole[0])
+
+
+def test_seeds_differ_and_repeat() -> None:
+    one, same, other = (record(nominal(seed), 1.0) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert abs(float(np.corrcoef(one[:, 1], other[:, 1])[0, 1])) < 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_level_is_that_of_a_floor_nobody_walks_on(seed: int) -> None:
+    data = record(draw_t_frame("t_structure", seed, duration=0, between=None), 10.0)[:, columns()]
+    rms = data.std(0)
+    assert rms.min() > 0.002
+    assert 0.005 < np.median(rms) < 0.02
+    assert rms.max() < 0.05
+
+
+#: the reference structure by definition: 10 mm Timoshenko mesh, consistent mass, clamped foot, rigid joint
+@pytest.mark.parametrize(
+    ("bodies", "frequencies"),
+    [
+        ((), (10.78, 10.97, 38.84, 68.77, 92.53, 158.02, 253.11, 270.96)),
+        ((HEAVY,), (10.36, 10.55, 36.65, 66.37, 91.93, 153.98, 241.08, 269.60)),
+        ((Body(at=(0, 0, 0.92), mass=0.152),), (10.74, 10.92, 38.84, 67.68, 89.90, 156.55, 253.08, 269.68)),
+    ],
+)
+def test_without_deviations_the_truth_is_the_reference_structure(
+    bodies: tuple[Body, ...], frequencies: tuple[float, ...]
+) -> None:
+    found = true_model(nominal(), *bodies).modes(8).frequency
+    # the table stems from another Timoshenko element, whose consistent mass differs in the order of (h/L)^2 = 5e-5
+    np.testing.assert_allclose(found, frequencies, rtol=1e-4, atol=0.005)  # and is rounded to 0.01 Hz
+
+
+@pytest.mark.parametrize(("name", "flexibility"), [("foot_flexibility", 0.01), ("joint_flexibility", 0.01)])
+def test_flexibility_lowers_frequencies_by_the_order_of_a_per_cent(name: str, flexibility: float) -> None:
+    rigid = true_model(nominal()).modes(8).frequency
+    soft = true_model(nominal(0, {name: (flexibility,) * 3})).modes(8).frequency
+    drop = 1 - soft / rigid
+    assert np.all(drop > -1e-9)
+    assert 0.005 < drop.max() < 0.03
+
+
+def test_foot_flexibility_drops_the_first_mode_as_a_rotational_spring_does() -> None:
+    # a point mass at the tip of a massless cantilever: compliance L^3/3EI grows by c L^3/EI, the frequency by
+    # (1 + 3 c)^-1/2; the crossbeam and the column's own mass change the factor 3 by some tenths
+    c = 0.005
+    rigid = true_model(nominal()).modes(2).frequency
+    soft = true_model(nominal(0, {"foot_flexibility": (c, c, c)})).modes(2).frequency
+    np.testing.assert_allclose((rigid / soft) ** 2 - 1, 3 * c, rtol=0.15)
+
+
+FRAME = """
+name = "portal"
+[material.a]
+youngs_modulus = 70e9
+shear_modulus = 26e9
+density = 2700
+[section.s]
+area = 3e-4
+second_moment = [4e-8, 4e-8]
+torsion_constant = 6e-8
+[[member]]
+name = "beam"
+from = [0, 0, 1]
+to = [1.2, 0, 1]
+material = "a"
+section = "s"
+elements = 4
+[[member]]
+name = "left"
+from = [0, 0, 0]
+to = [0, 0, 1]
+material = "a"
+section = "s"
+elements = 4
+[[member]]
+name = "right"
+from = [1.2, 0, 0]
+to = [1.2, 0, 1]
+material = "a"
+section = "s"
+elements = 4
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+[[support]]
+at = [1.2, 0, 0]
+fixed = ["x", "y", "z", "ry"]
+"""
+
+
+def test_any_frame_can_be_played() -> None:
+    structure = parse_structure(FRAME)
+    soft = nominal(0, {"foot_flexibility": (0.01,) * 3, "joint_flexibility": (0.01,) * 3, "stiffness_factor": 0.98})
+    truth = true_structure(structure, soft)
+    assert {(joint.member, joint.at) for joint in truth.joint} == {("left", (0, 0, 1)), ("right", (1.2, 0, 1))}
+    assert [sorted(support.stiffness) for support in truth.support] == [["rx", "ry", "rz"], ["ry"]]
+    devices = tuple(d.model_copy(update={"at": (0.3, 0.0, 1.0)}) for d in soft.device[:2])
+    world = World(structure, soft.model_copy(update={"device": devices}))
+    motion = world.motion(0, 4000, 0)
+    np.testing.assert_array_equal(motion, world.motion(0, 4000, 1))
+    assert motion.std() > 0
+
+
+def test_what_is_long_past_is_forgotten() -> None:
+    world = World(t_frame(), nominal())
+    world.keep_up(ORIGIN)
+    world.keep_up(ORIGIN + 20_000_000_000)
+    with pytest.raises(ValueError, match=r"motion: expected samples from \d+ on, found 4000"):
+        world.motion(4000, 4100, 0)
+
+
+def test_an_event_in_the_past_is_refused() -> None:
+    world = World(t_frame(), nominal(bodies=((2.0, HEAVY),)))
+    world.keep_up(ORIGIN)
+    world.keep_up(ORIGIN + 3_000_000_000)
+    with pytest.raises(ValueError, match=r"event at sample 12000: expected one from 16000 on"):
+        world.begin(ORIGIN)

@@ -1,0 +1,148 @@
+"""What a person tells a running monitor arrives once, whole, and reaches the alarm."""
+
+import errno
+import os
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daq import Event, SystemClock
+from monitor.detection.alarm import Alarm, AlarmRules, Change
+from monitor.results.events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
+from monitor.results.windows import AlarmResult
+from monitor.service.operator_commands import Acknowledgement, Inbox, leave
+from monitor.service.status import NAME, Pace, Vitals
+from monitor.settings import parse_settings
+from monitor.text.alarms import acknowledged_said
+from monitor.text.quantities import duration_text
+from monitor.watch.pipeline import Pipeline
+from tests.support.monitor.cli import Commands, assert_refused
+from updater import parse_structure, t_structure_toml
+
+SITE = """
+structure = "t_structure.toml"
+
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "/dev/ttyUSB0"
+channels = {y = "beam_left_y", z = "beam_left_z"}
+"""
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(SITE, encoding="utf-8")
+    return tmp_path / "site.toml"
+
+
+def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path) -> None:
+    assert list(Inbox(site.parent / "state").taken()) == []
+    done = modalwatch("acknowledge", site, "--by", "Ada", "--note", "a crane")
+    assert done.code == 0, done.err
+    expected = [(TOPIC_ACKNOWLEDGE, {"by": "Ada", "note": "a crane"})]
+    assert list(Inbox(site.parent / "state").taken()) == expected
+    assert list(Inbox(site.parent / "state").taken()) == []
+
+
+@pytest.mark.parametrize("text", ["", "not json", "[1, 2]", '{"by": 5}', '{"who": "x"}', "9" * 5000, "\udcff\x00"])
+def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, text: str) -> None:
+    path = leave(tmp_path, Acknowledgement())
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    [(topic, payload)] = Inbox(tmp_path).taken()
+    assert (topic, payload["file"]) == (TOPIC_REFUSED, path.name)
+    assert not path.exists()
+
+
+def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
+    """A zero byte would be refused by PostgreSQL, with everything that waits behind it, for good."""
+    leave(tmp_path, Acknowledgement(by="Ada\0", note="a crane\n2026 ALARM \u00e4"))
+    [(_, payload)] = Inbox(tmp_path).taken()
+    assert payload == {"by": "Ada", "note": "a crane 2026 ALARM \u00e4"}
+
+
+def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
+    """Accepted, undone, accepted again while no monitor ran: in another order something else would stand."""
+    for k in range(12):
+        leave(tmp_path, Acknowledgement(by=str(k)))
+    assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
+
+
+def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else's folder: obeyed each time it would do what nobody said, and unheard nobody would know why."""
+
+    def forbidden(_: Path) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    path, inbox = leave(tmp_path, Acknowledgement()), Inbox(tmp_path)
+    monkeypatch.setattr(Path, "unlink", forbidden)
+    assert list(inbox.taken()) == [(TOPIC_REFUSED, {"file": path.name, "why": "it cannot be taken: Permission denied"})]
+    assert list(inbox.taken()) == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives files away")
+def test_what_the_superuser_says_belongs_to_whom_the_state_does(tmp_path: Path) -> None:
+    os.chown(tmp_path, 1234, 1234)
+    path = leave(tmp_path, Acknowledgement())
+    assert {path.stat().st_uid, path.parent.stat().st_uid} == {1234}
+
+
+def test_folder_that_takes_no_word_is_told_in_a_line(
+    modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (site.parent / "state").write_text("a file stands where the folder should")
+    assert_refused(modalwatch("acknowledge", site), "state: ", "expected a user who may write there")
+
+
+def test_command_waits_until_the_word_is_taken(
+    modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A monitor that runs takes it at once; one that stands still is told of."""
+    state = site.parent / "state"
+    Vitals(state / NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write({})
+    monkeypatch.setattr("monitor.cli.site.send._WAIT", 0.2)
+    assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
+    monkeypatch.setattr("monitor.cli.site.send._WAIT", 10.0)
+    stop, inbox = threading.Event(), Inbox(state)
+
+    def take() -> None:
+        while not stop.wait(0.01):
+            list(inbox.taken())
+
+    thread = threading.Thread(target=take)
+    thread.start()
+    try:
+        assert "the monitor has taken it" in modalwatch("acknowledge", site).out
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
+    structure, settings = parse_structure(t_structure_toml()), parse_settings(SITE)
+    pipeline = Pipeline(structure, settings)
+    event = Event(topic=TOPIC_ACKNOWLEDGE, time=7, payload={"by": "Ada", "note": "a crane"})
+    assert list(pipeline.push(event)) == []  # of no alarm
+    raised = Alarm(rules=AlarmRules(), condition="alarm", raised=5)
+    pipeline = Pipeline(structure, settings, replace(pipeline.memory, alarm=raised))
+    [result] = pipeline.push(event)
+    assert isinstance(result, AlarmResult)
+    assert (result.time, result.state, result.kind) == (7, "alarm", "acknowledged")
+    assert result.text == "acknowledged by Ada: a crane"
+    assert list(pipeline.push(event)) == []
+
+
+def test_end_by_acknowledgement_says_how_long_it_was() -> None:
+    said = acknowledged_said(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), {})
+    assert said == "acknowledged, back to normal after 3 h 20 min of alarm"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.0, "0 s"), (59.0, "59 s"), (60.0, "1 min"), (3599.0, "59 min 59 s"), (7200.0, "2 h"), (90000.0, "1 d 1 h")],
+)
+def test_durations_are_told_in_two_units(seconds: float, text: str) -> None:
+    assert duration_text(seconds) == text

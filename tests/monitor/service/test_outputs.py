@@ -1,0 +1,110 @@
+"""Who is told of a run goes on being told: a view that dies comes back, a courier knows what another one told."""
+
+import json
+import multiprocessing
+import os
+import socket
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from daq import Item
+from monitor.outputs.notices import Courier
+from monitor.service.outputs import Outlets
+from monitor.service.servers.live_view import LiveView
+from monitor.service.site import Site, load_site
+from monitor.settings import NotifySettings
+from tests.support.monitor.history import change
+from updater import t_structure_toml
+
+SITE = """structure = "t_structure.toml"
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "/dev/none"
+channels = {y = "beam_left_y"}
+"""
+START = 1_767_225_600_000_000_000
+
+
+class View:
+    """A live view that dies when it is told to, and cannot come back while its port is taken."""
+
+    def __init__(self) -> None:
+        self.problem: str | None = None
+        self.port_taken = False
+        self.shown: list[Item] = []
+
+    def show(self, item: Item) -> None:
+        self.shown.append(item)
+
+    def restart(self, *_: object) -> None:
+        self.problem = "port 9876 is in use" if self.port_taken else None
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (tmp_path / "site.toml").write_text(SITE, encoding="utf-8")
+    return load_site(tmp_path / "site.toml")
+
+
+def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
+    view = View()
+    outlets = Outlets(site, cast("LiveView", view))
+    assert list(outlets.said()) == []
+    view.problem, view.port_taken = "its process ended with code -9", True
+    assert list(outlets.said()) == [("/event/no_viewer", {"why": "its process ended with code -9"})]
+    assert list(outlets.said()) == []
+    now += 61.0
+    assert list(outlets.said()) == []  # tried, in vain
+    assert outlets.problems["viewer"] == "port 9876 is in use"
+    view.port_taken = False
+    now += 61.0
+    assert list(outlets.said()) == [("/event/viewer_back", {})]
+    assert outlets.problems["viewer"] is None
+
+
+def test_view_that_nobody_asked_for_is_not_said_to_be_new(site: Site) -> None:
+    outlets = Outlets(site, cast("LiveView", View()))
+    assert list(outlets.renew(site, analysed_alike=False)) == []
+    site.path.write_text(f"{SITE}[viewer]\n", encoding="utf-8")
+    for _ in range(2):  # it is asked for; then it is to show another analysis
+        assert list(outlets.renew(load_site(site.path), analysed_alike=False)) == ["viewer"]
+
+
+@pytest.mark.live
+def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    port = 22_000 + os.getpid() % 20_000
+    site.path.write_text(f"{SITE}[web]\nport = {port}\n", encoding="utf-8")
+    now = 100.0
+    monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
+    with Outlets(load_site(site.path), None) as outlets:
+        [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
+        server.kill()
+        server.join()
+        assert list(outlets.said()) == [("/event/no_web", {"why": "its process ended with code -9"})]
+        now += 61.0
+        assert list(outlets.said()) == [("/event/web_back", {})]
+        assert outlets.problems["web"] is None
+        socket.create_connection(("127.0.0.1", port), 5.0).close()
+
+
+def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> None:
+    """An alarm that the old one has told of ends: the new one tells of that end, and of which alarm's."""
+    over, waiting = change(START + 10**9, "normal", lasted=1.0), {}
+    old = Courier(NotifySettings(command=("true",)), tmp_path / "old.jsonl", "bridge")
+    old.put(change(START, "alarm"))
+    for before in (old, None):
+        spool = tmp_path / f"{before is old}.jsonl"
+        courier = Courier(NotifySettings(command=("false",)), spool, "bridge")  # which delivers nothing
+        if before:
+            courier.go_on_from(before)
+        with courier:
+            courier.put(over)
+        waiting[before is old] = [json.loads(line) for line in spool.read_text().splitlines()] if spool.exists() else []
+    assert waiting[False] == []  # one that knows of no alarm has no end to tell of
+    assert [(notice["kind"], notice["alarm"]) for notice in waiting[True]] == [("recovery", START)]

@@ -1,0 +1,87 @@
+"""Settings read again while a site is watched: what they do not change goes on without a gap."""
+
+import json
+import signal
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from daq import Flag
+from monitor.service.daemon import reload_on_signal
+from tests.support.monitor.runs import QuietWorker, Watched, blocks, watched_site
+from tests.support.monitor.service_manager import Listener
+from tests.support.processes import script_process
+
+
+@pytest.fixture
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+    return watched_site(tmp_path, monkeypatch)
+
+
+@pytest.mark.live
+def test_what_is_not_changed_loses_no_scan(watched: Watched, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device moves to another port, gets another rate; a bad file is refused; the other one streams on.
+
+    The service manager hears of it; the analysis that dies, and the one that falls behind, give way to others.
+    """
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("WATCHDOG_USEC", "400000")
+    script, heard = (
+        Path(__file__).parents[2] / "support" / "daq" / "emulated_ports.py",
+        Listener(str(tmp_path / "notify")),
+    )
+    now = time.time_ns()
+    with script_process(script, 3, 1, now, now) as (_, said):
+        left, right, spare = json.loads(said)
+        watched.write({"beam_left": (left, 500.0), "beam_right": (right, 500.0)})
+        with watched.running() as ended:
+            watched.until(lambda: watched.scans("beam_left") and watched.scans("beam_right"))
+            for place, rate, told in ((spare, 500.0, 1), (spare, -1.0, 1), (spare, 200.0, 2)):
+                watched.write({"beam_left": (left, 500.0), "beam_right": (place, rate)})
+                watched.reload()
+                what = "reloaded" if rate > 0 else "reload_refused"
+                watched.until_told(what, told)
+                watched.flows("beam_right")
+            QuietWorker.made[-1].died = True
+            watched.until(lambda: len(QuietWorker.made) == 3)
+            QuietWorker.made[-1].waiting = 60_001  # ten windows of ten minutes of two devices
+            watched.until(lambda: len(QuietWorker.made) == 4)
+            watched.flows("beam_right")
+            watched.stop()
+            report = ended.result()
+        assert heard.heard("STOPPING=1", 5.0)
+    _assert_told(watched)
+    assert len(report.logs) == 4  # another rate takes another log, and so does another analysis
+    steady = blocks(report.logs, "beam_left")
+    assert [b.first_index for b in steady] == [0, *(b.end_index for b in steady[:-1])]  # every scan, once, in order
+    assert not any(block.flags & Flag.RESTARTED for block in steady)
+    first = blocks(report.logs[:1], "beam_right")
+    assert len([block for block in first if block.flags & Flag.RESTARTED]) == 1
+    assert all(b.first_index >= a.end_index for a, b in pairwise(first))
+    assert {block.rate for block in blocks(report.logs[1:], "beam_right")} == {200.0}
+    assert [said.split("=")[0] for said in heard.said if said.startswith(("READY", "REL"))] == ["READY", *_ANEW, *_ANEW]
+    assert {"WATCHDOG=1", "STATUS=no window yet; 2 of 2 devices"} <= set(heard.said)
+
+
+_ANEW = ("RELOADING", "READY")
+
+
+def _assert_told(watched: Watched) -> None:
+    """Assert that the log says what was done, and that only the device that was moved has a gap."""
+    moved, rated = (event.payload for event in watched.events("reloaded"))
+    assert moved == {"changed": "device beam_right"}
+    assert rated == {"changed": "device beam_right, log and analysis"}
+    [refused] = watched.events("reload_refused")
+    assert "site.toml: device.1.rate: expected greater than or equal to 0.001" in refused.payload["why"]
+    assert [event.payload["device"] for event in watched.events("gap")] == ["beam_right"]
+    assert [event.payload["left_out_s"] for event in watched.events("analysis_behind")] == [6000.1]
+    assert [event.payload["again_in_s"] for event in watched.events("analysis_died")] == [1.0]
+
+
+def test_hangup_asks_for_it_once() -> None:
+    with reload_on_signal() as asked:
+        assert not asked.is_set()
+        signal.raise_signal(signal.SIGHUP)
+        assert asked.is_set()

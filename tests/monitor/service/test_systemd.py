@@ -1,0 +1,166 @@
+"""What systemd is told, over a real socket, and the unit that it reads."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from monitor.service.systemd.notify import ServiceManager, SignsOfLife
+from tests.support.monitor.cli import Commands, assert_refused
+from tests.support.monitor.service_manager import Listener
+from updater import t_structure_toml
+
+WELL = SignsOfLife(data=0.1, disk=0.1, losing=False)
+SITE = """structure = "t_structure.toml"
+[recorder]
+min_free_gb = 0
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "{port}"
+channels = {{y = "beam_left_y"}}
+"""
+
+
+@pytest.fixture(params=["file", "abstract"])
+def listener(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Listener, str]:
+    path = str(tmp_path / "notify") if request.param == "file" else f"@modalwatch-{os.getpid()}"
+    return Listener(path.replace("@", "\0")), path
+
+
+def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
+    heard, path = listener
+    manager = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "60000000", "WATCHDOG_PID": str(os.getpid())})
+    manager.ready()
+    manager.feed(WELL)
+    manager.feed(WELL)  # not again before a quarter of the period
+    manager.status("watching\nand more")
+    manager.reloading()
+    manager.stopping()
+    assert heard.heard("STOPPING=1", 1.0)
+    assert heard.said[:3] == ["READY=1", "WATCHDOG=1", "STATUS=watching"]
+    assert heard.said[3].startswith("RELOADING=1\nMONOTONIC_USEC=")
+    assert len(heard.said) == 5
+
+
+@pytest.mark.parametrize(
+    ("signs", "says"),
+    [
+        (SignsOfLife(data=11.0, disk=0.1, losing=False), "no data for 11 s"),
+        (SignsOfLife(data=0.1, disk=12.0, losing=False), "the log has not been written for 12 s"),
+        (SignsOfLife(data=0.1, disk=0.1, losing=True), "memory is full"),
+    ],
+)
+def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfLife, says: str) -> None:
+    heard = Listener(str(tmp_path / "notify"))
+    manager = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "4"})
+    assert says in str(signs.standing)
+    manager.feed(signs)
+    manager.ready()
+    assert heard.heard("READY=1", 1.0)
+    assert heard.said == ["READY=1"]
+    manager.feed(WELL)
+    assert heard.heard("WATCHDOG=1", 1.0)
+    manager.stopping()  # ends the listener
+    assert heard.heard("STOPPING=1", 1.0)
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {},
+        {"NOTIFY_SOCKET": "/none/such"},
+        {"WATCHDOG_USEC": "4", "WATCHDOG_PID": "1", "NOTIFY_SOCKET": "/none"},
+        {"WATCHDOG_USEC": "soon"},
+    ],
+)
+def test_without_a_manager_nothing_is_said_and_nothing_fails(environment: dict[str, str]) -> None:
+    manager = ServiceManager(environment)
+    manager.ready()
+    manager.feed(WELL)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    path = tmp_path / "bridge 100%.toml"
+    path.write_text(SITE.format(port="/dev/none"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
+@pytest.mark.parametrize("scope", ["system", "user"])
+def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
+    """systemd's own check of it says nothing: every key is known, every path can be read."""
+    as_whom = ["--user"] if scope == "user" else ["--as", "daemon"]
+    text = modalwatch("install-service", site, "--print", *as_whom).out
+    unit = site.parent / "modalwatch-test.service"
+    unit.write_text(text)
+    command = ["systemd-analyze", "verify", "--man=no", f"--{scope}", str(unit)]
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(site.parent), "HOME": str(site.parent)}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert [line for line in done.stderr.splitlines() if unit.name in line] == []
+    assert done.returncode == 0, done
+    assert "Type=notify" in text
+    assert ("ProtectSystem=strict" in text) == (scope == "system")
+    assert "\nMemoryMax=" in text
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
+@pytest.mark.parametrize(
+    ("port", "devices", "most"),
+    [
+        ("/dev/serial/by-id/usb-x", {"DeviceAllow=char-ttyUSB rw", "DeviceAllow=char-ttyACM rw"}, 2.0),
+        ("/dev/ttyS3", {"DeviceAllow=char-ttyS rw"}, 2.0),
+        ("/dev/odd%1", {"DeviceAllow=/dev/odd%%1 rw"}, 2.0),
+        ("elsewhere", {"PrivateDevices=yes"}, 1.7),
+    ],
+)
+def test_unit_opens_the_ports_of_the_site_and_little_else(
+    modalwatch: Commands, site: Path, port: str, devices: set[str], most: float
+) -> None:
+    site.write_text(SITE.format(port=port), encoding="utf-8")
+    text = modalwatch("install-service", site, "--print", "--as", "daemon").out
+    assert {line for line in text.splitlines() if line.startswith(("DeviceAllow", "PrivateDevices"))} == devices
+    unit = site.parent / "modalwatch-test.service"
+    unit.write_text(text)
+    command = ["systemd-analyze", "security", "--offline=true", "--no-pager", str(unit)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    found = re.search(r"Overall exposure level for .*: ([\d.]+) ", said)
+    assert found is not None, said
+    assert float(found[1]) <= most, said
+
+
+def test_folder_of_roots_takes_a_user(modalwatch: Commands, site: Path) -> None:
+    if site.parent.stat().st_uid == 0:
+        assert_refused(modalwatch("install-service", site, "--print"), "belongs to root", "--as USER")
+        assert not (site.parent / "state").exists()
+    assert_refused(modalwatch("install-service", site, "--print", "--as", "nobody-of-that-name"), "--as")
+    assert_refused(modalwatch("install-service", site, "--print", "--as", "daemon", "--user"), "--as")
+    assert "\nUser=daemon\n" in modalwatch("install-service", site, "--print", "--as", "daemon").out
+
+
+def test_unit_is_written_anew_but_never_over_anothers(
+    modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(site.parent))
+    done = modalwatch("install-service", site, "--user")
+    [unit] = (site.parent / ".config/systemd/user").glob("*.service")
+    assert (done.code, str(unit) in done.out, "systemctl --user daemon-reload" in done.out) == (0, True, True)
+    assert (site.parent / "log").is_dir()
+    assert modalwatch("install-service", site, "--user").code == 0
+    unit.write_text("[Service]\n")
+    assert_refused(modalwatch("install-service", site, "--user"), str(unit), "not written by this program")
+    site.write_text("structure = 3")
+    assert_refused(modalwatch("install-service", site, "--user"), site, "structure")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives folders away")
+def test_unit_may_write_to_what_the_superuser_made(modalwatch: Commands, site: Path) -> None:
+    """It runs as the owner of the site's folder, whoever has installed it."""
+    os.chown(site.parent, 1234, 1234)
+    assert modalwatch("install-service", site, "--print").code == 0
+    assert {(site.parent / name).stat().st_uid for name in ("state", "log")} == {1234}

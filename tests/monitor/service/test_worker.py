@@ -1,0 +1,147 @@
+"""The analysis process and the signals that a group of processes is sent."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daq import Event
+from monitor.results.events import TOPIC_STOPPED
+from monitor.service.worker import AnalysisError, Told, Worker
+from tests.support.monitor.recorded_runs import START, site_toml
+from updater import t_structure_toml
+
+pytestmark = pytest.mark.live
+
+STOPPED = Event(topic=TOPIC_STOPPED, time=START, payload={})
+
+
+def worker() -> Worker:
+    return Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0))
+
+
+def pid() -> int:
+    (process,) = (p for p in multiprocessing.active_children() if p.name == "analysis")
+    return process.pid or 0
+
+
+def results(running: Worker) -> list[Told | None]:
+    """Wait for results, 40 s at the most."""
+    end = time.monotonic() + 40
+    while time.monotonic() < end:
+        if found := list(running.results(0.5)):
+            return found
+    raise AssertionError("nothing came within 40 s")
+
+
+def test_analysis_goes_on_when_the_group_is_told_to_stop() -> None:
+    """As a service manager and Ctrl-C do; what waits is still analysed, and the last item ends it."""
+    with worker() as running:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            os.kill(pid(), number)
+        running.feed(STOPPED)
+        assert results(running) == [None]
+
+
+def test_analysis_that_was_killed_is_an_error() -> None:
+    with worker() as running:
+        os.kill(pid(), signal.SIGKILL)
+        with pytest.raises(AnalysisError, match="ended with code -9"):
+            results(running)
+
+
+def test_nobody_waits_for_room_at_an_analysis_that_was_killed() -> None:
+    with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0), capacity=2) as running:
+        os.kill(pid(), signal.SIGKILL)
+        running.feed(STOPPED)
+        running.feed(STOPPED)
+        with pytest.raises(AnalysisError, match="ended with code -9"):
+            running.feed(STOPPED)
+
+
+def test_what_waits_for_an_analysis_that_was_killed_is_let_go() -> None:
+    """More than a pipe holds: the thread that hands it on would wait for good, with all of it."""
+    before = feeders()
+    with worker() as running:
+        os.kill(pid(), signal.SIGKILL)
+        with pytest.raises(AnalysisError, match="ended with code -9"):
+            results(running)
+        for _ in range(20):
+            running.feed(Event(topic="/event/long", time=START, payload={"text": "x" * 100_000}))
+        end = time.monotonic() + 20
+        while feeders() > before and time.monotonic() < end:
+            time.sleep(0.05)
+        assert feeders() == before
+
+
+def feeders() -> int:
+    """Return how many threads hand items on to other processes."""
+    return sum(thread.name == "QueueFeederThread" for thread in threading.enumerate())
+
+
+ROOT = Path(__file__).parents[3]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
+ORPHAN = """
+import os, signal
+from tests.support.monitor.recorded_runs import site_toml
+from monitor.service.worker import Worker
+from updater import t_structure_toml
+import multiprocessing
+if __name__ == "__main__":
+    with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0)):
+        print(multiprocessing.active_children()[0].pid, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_analysis_ends_when_its_parent_was_killed(tmp_path: Path) -> None:
+    """Its end of the pipe says so, after a start of some seconds on a busy machine."""
+    (tmp_path / "orphan.py").write_text(ORPHAN, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "orphan.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=ENVIRONMENT,
+        timeout=60,
+    )
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    stat = Path(f"/proc/{int(done.stdout)}/stat")
+    end = time.monotonic() + 60
+    while stat.exists() and " Z " not in stat.read_text() and time.monotonic() < end:
+        time.sleep(0.2)
+    assert not stat.exists() or " Z " in stat.read_text()
+
+
+KILLED = """
+import os, signal, time
+from tests.support.monitor.recorded_runs import site_toml
+from daq import Event
+from monitor.service.worker import Worker
+from updater import t_structure_toml
+with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0)) as running:
+    print(running._process.pid, flush=True)
+    running.feed(Event(topic="/event/long", time=0, payload={"text": 10_000_000 * "x"}))
+    time.sleep(0.2)  # the pipe is full now: the child has yet to load numpy
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_analysis_ends_with_a_monitor_that_was_killed_amid_an_item() -> None:
+    with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as killed:
+        assert killed.stdout is not None
+        child = int(killed.stdout.readline())
+        assert killed.wait(30) == -signal.SIGKILL
+    end = time.monotonic() + 60
+    while psutil.pid_exists(child) and psutil.Process(child).status() != psutil.STATUS_ZOMBIE:
+        if time.monotonic() > end:
+            os.kill(child, signal.SIGKILL)
+            raise AssertionError("it still waits after 60 s")
+        time.sleep(0.1)

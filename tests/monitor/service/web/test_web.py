@@ -1,0 +1,296 @@
+"""Health, metrics and the status page: what is stale is named, and only who has the token may act."""
+
+import asyncio
+import json
+import math
+import os
+import re
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from daq import Event, SystemClock
+from monitor.errors import StartError
+from monitor.outputs.history import HistoryStore
+from monitor.service.operator_commands import Inbox
+from monitor.service.servers.web import Source, make_app, web_process
+from monitor.service.status import NAME, Vitals
+from tests.support.daq.blocks import make_block
+from tests.support.monitor.history import run_events, sqlite_url
+from tests.support.monitor.status import PACE, WELL
+
+PORT = 20_000 + os.getpid() % 20_000
+TOKEN = "0123456789abcdef"
+ACT = {"X-Modalwatch": "test", "Authorization": f"Bearer {TOKEN}"}
+EVENTS = run_events()
+
+
+@pytest.fixture(scope="module")
+def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the history of a run that has found a mass."""
+    folder = tmp_path_factory.mktemp("history")
+    with HistoryStore(sqlite_url(folder)) as store:
+        store.write([*EVENTS, Event(topic="/event/device_back", time=10**18, payload={"device": "<script>alert(1)"})])
+    return folder
+
+
+@pytest.fixture
+def source(tmp_path: Path, history: Path) -> Source:
+    """Return what a run leaves behind that goes on."""
+    shutil.copytree(history, tmp_path, dirs_exist_ok=True)
+    vitals = Vitals(tmp_path / NAME, ("left", "right"), PACE, SystemClock())
+    for name in ("left", "right"):
+        vitals.take(make_block(name, 0))
+    for event in EVENTS:
+        vitals.take(event)
+    vitals.write(WELL)
+    return Source(name="bridge <b>", state=tmp_path, url=sqlite_url(tmp_path))
+
+
+class Client:
+    """Asks the application without a port in between."""
+
+    def __init__(self, source: Source, *, open_to_look: bool = True) -> None:
+        self._app = make_app(source, token=TOKEN, open_to_look=open_to_look)
+
+    def ask(self, method: str, path: str, **how: Any) -> httpx.Response:
+        async def asked() -> httpx.Response:
+            transport = httpx.ASGITransport(self._app)
+            async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8765") as asking:
+                return await asking.request(method, path, **how)
+
+        return asyncio.run(asked())
+
+    def get(self, path: str, **how: Any) -> httpx.Response:
+        return self.ask("GET", path, **how)
+
+    def post(self, path: str, **how: Any) -> httpx.Response:
+        return self.ask("POST", path, **how)
+
+
+def changed(source: Source, **fields: Any) -> Source:
+    file = source.state / NAME
+    file.write_text(json.dumps(json.loads(file.read_text()) | fields))
+    return source
+
+
+def test_running_monitor_is_healthy(source: Source) -> None:
+    answer = Client(source).get("/healthz")
+    assert (answer.status_code, answer.json()) == (200, {"healthy": True, "problems": []})
+
+
+def test_events_of_the_page_have_the_alarm_and_what_was_left_out(source: Source) -> None:
+    """The alarm is raised after what else happened; whoever looks at the last events alone is to see it."""
+    with HistoryStore(source.url) as store:
+        store.write([Event(topic="/event/windows_left_out", time=EVENTS[-1].time - 1, payload={"why": "behind"})])
+    events = Client(source).get("/state").text.partition("<h2>Events</h2>")[2]
+    assert "<b>alarm</b> ALARM" in events
+    assert "<b>windows left out</b> why behind" in events
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"time": time.time() - 60}, "has not said anything for"),
+        (
+            {"window_age": 4000.0, "window_overdue": True},
+            "no window has been analysed for 4000 s; one is due every 600 s",
+        ),
+        ({"dropped": 3}, "3 items did not reach the log"),
+        ({"overload": "2 of the last 10 windows left out: the analysis has fallen behind"}, "2 of the last 10 windows"),
+        ({"threads": "notices_1: OverflowError (senders.py:9), 2 times"}, "threads: notices_1: OverflowError"),
+        ({"disk": "No space left"}, "disk: No space left"),
+        ({"history": "database is locked"}, "history: database is locked"),
+        ({"devices": {"left": {"lost": True, "silent": 9.0}}}, "device left is lost"),
+        ({"devices": {"left": {"lost": False, "silent": None}}}, "device left has sent nothing yet"),
+        ({"devices": {"left": {"lost": False, "silent": 9.0}}}, "device left has been silent for"),
+    ],
+)
+def test_what_is_stale_is_named(source: Source, fields: dict[str, Any], says: str) -> None:
+    answer = Client(changed(source, **fields)).get("/healthz")
+    assert answer.status_code == 503
+    [problem] = answer.json()["problems"]
+    assert says in problem
+
+
+def test_site_that_never_ran_has_a_page_all_the_same(tmp_path: Path) -> None:
+    looked = Client(Source(name="new", state=tmp_path, url=sqlite_url(tmp_path)))
+    assert looked.get("/healthz").json()["problems"] == ["no monitor has run here yet"]
+    assert "Learning the baseline" in looked.get("/").text
+    assert "modalwatch_healthy 0.0" in looked.get("/metrics").text
+
+
+def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> None:
+    """Data flow and windows are analysed, yet none says anything: that is worth as little as no watch."""
+    window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
+    unseen: dict[str, Any] = dict.fromkeys(("t2", "limit"), math.nan) | {"modes": [], "detectors": []}
+    vitals = Vitals(source.state / NAME, (), PACE, SystemClock())
+    for nothing, well in ((0, True), (2, True), (3, False), (0, True)):
+        vitals.take(replace(window, payload=window.payload | {"problem": None}))
+        for _ in range(nothing):
+            vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": unseen}))
+        vitals._due = 0.0
+        vitals.write(WELL)
+        found = Client(source).get("/healthz").json()
+        assert found["healthy"] == well, found
+        assert well or "no watched mode was identified" in found["problems"][0]
+
+
+def test_page_says_what_could_be_told_where_the_law_is_unsure(source: Source) -> None:
+    unsure = {"least_percent": 0.93, "temperature": 21.5, "coldest": 10.1, "warmest": None}
+    novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "unsure": unsure}
+    window = {"index": 30, "phase": "watching", "novelty": novelty}
+    page = Client(changed(source, state="normal", window=window)).get("/").text
+    assert "Normal, as far as can be told" in page
+    assert "at 21.5 degC of changes of all frequencies alike only those of more than 0.93 % could be told" in page
+    sure = window | {"novelty": novelty | {"unsure": None}}
+    assert "could be told" not in Client(changed(source, state="normal", window=sure)).get("/").text
+
+
+def test_smallest_detectable_change_stays_over_a_window_without_modes(source: Source) -> None:
+    window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
+    found = {"alike_percent": 0.57, "modes_percent": [1.0, 2.0], "thermometer": True}
+    novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "detectable": found}
+    vitals = Vitals(source.state / NAME, (), PACE, SystemClock())
+    vitals.take(replace(window, payload=window.payload | {"novelty": novelty}))
+    vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": None, "problem": "no modes"}))
+    vitals.write(WELL)
+    assert (
+        "smallest detectable change: a lasting change of all frequencies alike by 0.57 %"
+        in Client(source).get("/").text
+    )
+
+
+def test_page_says_how_far_learning_has_come(source: Source) -> None:
+    learning = changed(source, state="learning", window={"index": 6, "phase": "learning"})
+    assert "7 windows so far, nothing is judged yet" in Client(learning).get("/").text
+    assert "so far" not in Client(changed(source, state="normal")).get("/").text
+
+
+def test_history_that_is_down_is_not_said_to_be_empty(source: Source) -> None:
+    (source.state / "history.sqlite").unlink()
+    assert "the history says nothing yet" in Client(source).get("/").text
+    text = Client(changed(source, history="it is gone")).get("/").text
+    assert ("history: it is gone" in text, "says nothing yet" in text) == (True, False)
+
+
+def test_windows_of_a_clock_that_ran_ahead_are_not_the_last(source: Source) -> None:
+    shown = re.search("last window .*?,", Client(source).get("/").text)
+    ahead = next(event for event in reversed(EVENTS) if event.topic == "/result/window")
+    years = 5 * 365 * 86_400 * 10**9
+    later = {name: ahead.payload[name] + years for name in ("start", "end")}
+    with HistoryStore(source.url) as store:
+        store.write([replace(ahead, time=ahead.time + years, payload=ahead.payload | later)])
+    again = re.search("last window .*?,", Client(source).get("/").text)
+    assert shown is not None
+    assert again is not None
+    assert again[0] == shown[0]
+
+
+def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tmp_path: Path) -> None:
+    """It may be locked, or damaged, or behind: that is said, and no wrong state."""
+    looked = Client(Source(name="bridge", state=source.state, url="sqlite:////proc/nowhere/history.sqlite"))
+    page = looked.get("/").text
+    assert "ALARM: the structure has changed" in page
+    assert "Acknowledge" in page
+    assert 'modalwatch_state{state="alarm"} 1.0' in looked.get("/metrics").text
+
+
+def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
+    text = Client(source).get("/metrics").text
+    found = dict(re.findall(r"^(modalwatch_\S+) (\S+)$", text, re.MULTILINE))
+    assert found["modalwatch_healthy"] == "1.0"
+    assert found['modalwatch_device_lost{device="left"}'] == "0.0"
+    assert float(found["modalwatch_novelty"]) > float(found["modalwatch_novelty_limit"])
+    assert found["modalwatch_window_modes"] == "6.0"
+    assert sum(float(v) for k, v in found.items() if k.startswith("modalwatch_state")) == 1.0
+    assert found['modalwatch_queue_items{queue="analysis"}'] == "40.0"
+    assert found['modalwatch_bad_bytes{device="left"}'] == "21.0"
+    assert float(found["modalwatch_held_blocks"]) > 1e5
+    assert {"modalwatch_window_latency_seconds", "modalwatch_alarm_latency_seconds"} <= found.keys()
+
+
+def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> None:
+    answer = Client(source).get("/")
+    for text in ("bridge &lt;b&gt;", "<svg", "Acknowledge", "Novelty", "left", "gap"):
+        assert text in answer.text
+    assert "<script>alert" not in answer.text
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert "unsafe" not in answer.headers["content-security-policy"]
+    assert (answer.headers["x-content-type-options"], answer.headers["cache-control"]) == ("nosniff", "no-store")
+    for name in ("/page.css", "/page.js"):
+        assert Client(source).get(name).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("headers", "code"),
+    [
+        ({}, 401),
+        ({"X-Modalwatch": "test"}, 401),
+        ({"X-Modalwatch": "test", "Authorization": "Bearer wrong"}, 401),
+        ({"X-Modalwatch": "test", "Authorization": "Basic !"}, 401),
+        ({"Authorization": f"Bearer {TOKEN}"}, 403),  # a form on another site's page could do that
+        (ACT, 202),
+    ],
+)
+def test_acknowledging_takes_the_token(source: Source, headers: dict[str, str], code: int) -> None:
+    answer = Client(source).post("/acknowledge?by=Ada", headers=headers)
+    assert answer.status_code == code
+    assert [payload["by"] for _, payload in Inbox(source.state).taken()] == (["Ada"] if code == 202 else [])
+
+
+def test_password_of_any_user_is_the_token(source: Source) -> None:
+    answer = Client(source).post("/acknowledge", headers={"X-Modalwatch": "test"}, auth=("ada", TOKEN))
+    assert answer.status_code == 202
+    assert [payload["by"] for _, payload in Inbox(source.state).taken()] == ["ada"]
+
+
+def test_folder_that_takes_no_word_is_told(source: Source) -> None:
+    shutil.rmtree(source.state / "inbox", ignore_errors=True)
+    (source.state / "inbox").write_text("a file")
+    answer = Client(source).post("/acknowledge", headers=ACT)
+    assert (answer.status_code, "takes nothing" in answer.text) == (503, True)
+
+
+def test_beyond_this_machine_looking_takes_the_token_too(source: Source) -> None:
+    looked = Client(source, open_to_look=False)
+    assert {looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/page.js")} == {401}
+    assert looked.get("/", headers=ACT).status_code == 200
+
+
+def test_page_elsewhere_that_gives_us_its_name_is_refused(source: Source) -> None:
+    assert Client(source).get("/", headers={"Host": "evil.example"}).status_code == 421
+
+
+@pytest.fixture(scope="module")
+def served(history: Path) -> Iterator[str]:
+    """Return the address of a server in a process of its own; it waits until that has come up."""
+    source = Source(name="bridge", state=history, url=sqlite_url(history))
+    with web_process(source, "127.0.0.1", PORT, None) as server:
+        assert httpx.get(f"{server.url}/healthz", timeout=60.0).status_code == 503  # no monitor runs there
+        assert server.problem is None
+        yield server.url
+
+
+@pytest.mark.live
+def test_server_draws_a_token_that_only_its_owner_reads(served: str, history: Path) -> None:
+    token = history / "web_token"
+    assert token.stat().st_mode & 0o777 == 0o600
+    answer = httpx.post(f"{served}/acknowledge", headers={"X-Modalwatch": "x"}, auth=("", token.read_text().strip()))
+    assert answer.status_code == 202
+    assert len(list(Inbox(history).taken())) == 1
+
+
+@pytest.mark.live
+def test_port_in_use_stops_the_start(served: str, source: Source) -> None:
+    with (
+        pytest.raises(StartError, match=f"web: 127.0.0.1:{PORT}: .*in use"),
+        web_process(source, "127.0.0.1", PORT, None),
+    ):
+        pass

@@ -1,0 +1,80 @@
+"""The printed defaults: what they mean, and that they are the ones that the program reads."""
+
+import re
+import tomllib
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from monitor.settings import EXAMPLE, TemperatureSettings, annotated, parse_settings
+from monitor.settings.reading import section_of
+from monitor.settings.schema import Settings
+from tests.support.monitor.cli import Commands
+
+
+def test_printed_defaults_are_the_defaults(modalwatch: Commands) -> None:
+    text = modalwatch("settings").out
+    assert parse_settings(text) == EXAMPLE
+    given = tomllib.loads(text)
+    for name, field in Settings.model_fields.items():
+        section = section_of(field.annotation)
+        if section is not None and name not in {"device", "notify"} and field.default is not None:
+            assert section.model_validate(given[name]) == field.default
+    assert set(given["device"][0]) == {"name", "driver", "port", "rate", "channels"}
+
+
+def uncommented() -> dict[str, Any]:
+    return tomllib.loads(re.sub(r"^#(?=[\w\[])(?!:)", "", annotated(), flags=re.MULTILINE))
+
+
+def every_key(section: type[BaseModel], table: dict[str, Any], place: str) -> None:
+    """Assert that a table has all keys of its section, and those inside it theirs."""
+    assert set(table) == set(section.model_fields), place
+    for name, field in section.model_fields.items():
+        below = section_of(field.annotation)
+        if below is not None:
+            inner = table[name]
+            every_key(below, inner[0] if isinstance(inner, list) else inner, f"{place}.{name}")
+
+
+def test_every_setting_is_printed_though_not_given() -> None:
+    every_key(Settings, uncommented(), "SITE.toml")
+
+
+@pytest.mark.parametrize("section", ["recorder", "analysis", "history", "web", "viewer", "clock"])
+def test_examples_of_what_is_not_given_can_be_used(section: str) -> None:
+    model = section_of(Settings.model_fields[section].annotation)
+    assert model is not None
+    assert model.model_validate(uncommented()[section])
+
+
+@pytest.mark.parametrize("way", ["webhook", "command", "mqtt"])
+def test_each_way_of_notice_can_be_used(way: str) -> None:
+    [target] = uncommented()["notify"]
+    rest = {key: value for key, value in target.items() if key not in {"webhook", "command", "mqtt"}}
+    model = section_of(Settings.model_fields["notify"].annotation)
+    assert model is not None
+    assert model.model_validate({**rest, way: target[way]})
+
+
+@pytest.mark.parametrize("source", ["csv", "mqtt"])
+def test_each_source_of_temperature_can_be_used(source: str) -> None:
+    table = uncommented()["temperature"]
+    rest = {key: value for key, value in table.items() if key not in {"csv", "mqtt"}}
+    assert TemperatureSettings.model_validate({**rest, source: table[source]})
+
+
+@pytest.mark.parametrize("place", ["can", "log", "dbc"])
+def test_each_place_of_a_device_can_be_used(place: str) -> None:
+    [device] = uncommented()["device"]
+    keep = {"dbc": ("can", "dbc")}.get(place, (place,))
+    rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "log"}}
+    if place == "log":
+        del rest["delay_ms"]
+    places = {key: device[key] for key in keep}
+    if place == "dbc":
+        places["can"] = {key: value for key, value in device["can"].items() if key not in {"node", "sync"}}
+    settings = EXAMPLE.model_dump() | {"device": [{**rest, **places}]}
+    again = Settings.model_validate(settings)
+    assert parse_settings(annotated(again)) == again

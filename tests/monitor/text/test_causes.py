@@ -1,0 +1,216 @@
+"""Findings in words."""
+
+import numpy as np
+import pytest
+
+from monitor.results.comparison import BalanceResult
+from monitor.text.causes import (
+    cause_text,
+    change_gain_text,
+    change_texts,
+    fit_text,
+    gain_text,
+    left_over_text,
+    model_gain_text,
+    parameter_text,
+    where_text,
+)
+from monitor.text.quantities import number_text
+from monitor.text.verdicts import is_one_mass
+from monitor.views.viewer.cards import window_card
+from tests.support.monitor import answers
+from tests.support.monitor import results as made
+from updater import Cause, Gain, Pair, ParameterChange, Quantity, Where
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (10.7642, 0.0113, "10.764 ± 0.011"),
+        (10.7642, 0.0313, "10.76 ± 0.03"),
+        (173.4, 6.2, "173 ± 6"),
+        (173.4, 12.4, "173 ± 12"),
+        (254164.0, 10162.0, "254000 ± 10000"),
+        (254164.0, 9162.0, "254000 ± 9000"),
+        (0.5, 0.0, "0.5"),
+        (0.5, float("nan"), "0.5"),
+    ],
+)
+def test_a_value_is_rounded_by_its_standard_deviation(value: float, std: float, text: str) -> None:
+    assert number_text(value, std) == text
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "std", "unit", "texts"),
+    [
+        (None, 6.02e4, 2.9e3, "N m/rad", ("rigid", "60.2 ± 2.9 kN m/rad")),
+        (2.1e11, 2.031e11, 4e8, "Pa", ("210", "203.1 ± 0.4 GPa (-3.3 %)")),
+        (1.181e7, 2.15e9, 2.2e11, "N m/rad", ("11.81", "over 12.7 MN m/rad (95 %)")),
+    ],
+)
+def test_a_parameter_before_and_after(
+    before: float | None, after: float, std: float, unit: str, texts: tuple[str, str]
+) -> None:
+    """Of the bearing that locks only a lower bound is known."""
+    change = ParameterChange(
+        name="a", quantity="b", of="c", position=None, unit=unit, before=before, after=after, std=std
+    )
+    assert change_texts(change) == texts
+
+
+def test_what_fits_worse_than_any_noise_is_known_is_told_as_that() -> None:
+    site = made.Site()
+    answer = site.answer(site.mass * site.sensitivity[:, site.node(site.place)], 3)
+    assert fit_text(answer) == "fit p = 0.4 from 3 windows"
+    assert fit_text(answer.model_copy(update={"p_value": 2e-130, "n_windows": 1})) == "fit p under 1e-12 from 1 window"
+
+
+@pytest.mark.parametrize("explained", [False, True])
+def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained: bool) -> None:
+    run = made.whole_run(made.Site())
+    found = answers.diagnosis() if explained else None
+    window = run["windows"][-1].model_copy(update={"answer": None, "diagnosis": found})
+    card = window_card(window, made.story(run))
+    assert ("Where, the next windows will tell" in card) == (not explained)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "text"),
+    [
+        ("loss", Quantity(value=0.32, std=0.02, unit="-"), "32.0 ± 2.0 %"),
+        ("gain", Quantity(value=0.8, std=0.004, unit="-"), "0.800 ± 0.004"),
+        ("extent", Quantity(value=0.112, std=0.02, unit="m"), "112 ± 20 mm"),
+        ("delay", Quantity(value=4e-4, std=1e-5, unit="s"), "0.400 ± 0.010 ms"),
+        ("angle", Quantity(value=np.pi / 18, std=np.pi / 180, unit="rad"), "10.0 ± 1.0 degrees"),
+        ("force", Quantity(value=-1200.0, std=40.0, unit="N"), "-1.20 ± 0.04 kN"),
+        ("stiffness_rx", Quantity(value=1.55e6, std=2e5, unit="N m/rad"), "1.55 ± 0.20 MN m/rad"),
+        ("stiffness_x", Quantity(value=0.0, std=2.0, unit="N/m"), "0.0 ± 2.0 N/m"),
+        ("mass", Quantity(value=0.3, std=0.01, unit="kg"), "300 ± 10 g"),
+    ],
+)
+def test_parameters_are_told_in_the_units_that_are_spoken(name: str, quantity: Quantity, text: str) -> None:
+    assert parameter_text(name, quantity) == text
+
+
+def test_a_loss_about_one_axis_is_told_once() -> None:
+    """`loss`, the most of them, is in the JSON for those that ask no further."""
+    losses = {"loss": 0.4, "loss_about_local_y": 0.4, "loss_about_local_z": 0.1, "loss_in_twist": 0.2}
+    cause = Cause(
+        cause="local_stiffness",
+        probability=1.0,
+        where=None,
+        parameters={name: Quantity(value=value, std=0.03, unit="-") for name, value in losses.items()},
+        cannot_be_told_from=(),
+    )
+    expected = "loss about local y 40 ± 3 %, loss about local z 10 ± 3 %, loss in twist 20 ± 3 %"
+    assert cause_text(cause) == f"local stiffness: {expected}"
+
+
+@pytest.mark.parametrize(
+    ("std", "text"),
+    [
+        (1.03e-3, "on the arm at (0.020, 0.000, 12.346) m ± 1 mm"),
+        (0.037, "on the arm at (0.020, 0.000, 12.346) m ± 37 mm"),
+        (2.14, "on the arm at (0.020, 0.000, 12.346) m ± 2.1 m"),
+        (3e-4, "on the arm at (0.0200, 0.0000, 12.3457) m ± 0.3 mm"),
+        (2e-5, "on the arm at (0.02000, 0.00000, 12.34568) m ± 0.02 mm"),
+        (None, "on the arm at (0.020, 0.000, 12.346) m"),
+    ],
+)
+def test_a_place_is_told_as_finely_as_it_is_known(std: float | None, text: str) -> None:
+    assert where_text(Where(member="arm", position=(0.02, 0.0, 12.345678), position_std=std)) == text
+
+
+def test_a_gain_is_told_with_its_deviations_where_they_are_known() -> None:
+    pair, std = Pair(before=2.41534, after=0.0361), Pair(before=0.021, after=0.0052)
+    assert gain_text(pair, std, ".3f") == ("2.415 ± 0.021", "0.036 ± 0.005")
+    assert gain_text(pair, None, ".3f") == ("2.415", "0.036")
+    assert gain_text(Pair(before=None, after=None), None, ".3f") == ("", "")
+
+
+def test_the_gain_of_a_written_model_is_stated_over_all_modes() -> None:
+    gain = Gain(
+        heldout=True,
+        frequency_error_percent=Pair(before=5.83, after=0.131),
+        one_minus_mac=Pair(before=0.1, after=0.001),
+        log_likelihood=Pair(before=-100.0, after=50.0),
+        n_modes=9,
+        n_measured=10,
+        noise_percent=0.02,
+        exceeds_noise=True,
+    )
+    assert model_gain_text(gain, None) == (
+        "frequency error 5.830 -> 0.131 % rms over 9 of 10 modes, more than measurement noise (0.02 %), "
+        "1 - MAC 0.1 -> 0.001"
+    )
+    assert not change_gain_text(gain)
+    fitted = gain.model_copy(update={"heldout": False, "change_error_percent": Pair(before=5.8, after=0.13)})
+    text = "frequency changes mispredicted by 5.8 -> 0.13 % rms (cross-validated: each mode from the others)"
+    assert change_gain_text(fitted) == text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "cause", "others", "one"),
+    [
+        ("explained", "added_mass", (), True),
+        ("ambiguous", "distributed_mass", ("added_mass",), True),
+        ("ambiguous", "added_mass", ("support_stiffness",), False),
+        ("explained", "sensor_gain", (), False),
+        ("explained", "distributed_mass", (), False),
+    ],
+)
+def test_a_mass_is_claimed_only_where_nothing_but_a_mass_explains(
+    verdict: str, cause: str, others: tuple[str, ...], one: bool
+) -> None:
+    first = answers.diagnosis().causes[0].model_copy(update={"cause": cause, "cannot_be_told_from": others})
+    assert is_one_mass(answers.diagnosis().model_copy(update={"verdict": verdict, "causes": (first,)})) == one
+    assert not is_one_mass(answers.diagnosis().model_copy(update={"verdict": verdict, "causes": (first, first)}))
+
+
+@pytest.mark.parametrize(("other", "one"), [("sensor_delay", True), ("sensor_gain", False), ("joint_stiffness", False)])
+def test_a_mass_beside_a_late_clock_is_one_mass(other: str, one: bool) -> None:
+    mass, beside = answers.diagnosis().causes
+    mass, beside = (c.model_copy(update={"cannot_be_told_from": ()}) for c in (mass, beside))
+    causes = (mass, beside.model_copy(update={"cause": other}))
+    assert is_one_mass(answers.diagnosis().model_copy(update={"causes": causes})) == one
+
+
+def test_alternatives_that_are_all_masses_are_one_mass() -> None:
+    mass = answers.diagnosis().causes[0].model_copy(update={"cannot_be_told_from": (), "probability": 0.4})
+    spread = mass.model_copy(update={"cause": "distributed_mass", "probability": 0.55})
+    either = answers.diagnosis().model_copy(update={"verdict": "ambiguous", "causes": (spread, mass)})
+    assert is_one_mass(either)
+    both = either.model_copy(update={"verdict": "explained"})
+    assert not is_one_mass(both)
+
+
+def test_forces_left_over_are_told_where_they_say_something() -> None:
+    nodes = [(0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 2.0)]
+    balance = BalanceResult(
+        loss=(None, 0.03, -0.01), loss_std=(None, 0.001, 0.001), added=(None, 0.01, 0.2), added_std=(None, 0.1, 0.1),
+        log_odds=-18.0,
+    )  # fmt: skip
+    assert left_over_text(balance, nodes).startswith(
+        "residual forces indicate missing stiffness, largest at (0.00, 0.00, 1.00) m"
+    )
+    assert not left_over_text(balance, nodes[:2])
+    assert not left_over_text(balance.model_copy(update={"log_odds": -1.0}), nodes)  # either reading may be right
+    assert not left_over_text(balance.model_copy(update={"log_odds": 18.0}), nodes)  # mass, two deviations
+    surer = balance.model_copy(update={"log_odds": 18.0, "added_std": (None, 0.01, 0.01)})
+    assert "excess mass, largest at (0.00, 0.00, 2.00) m" in left_over_text(surer, nodes)
+    gone = surer.model_copy(update={"added": (None, 0.01, -0.2)})
+    assert "missing mass, largest at (0.00, 0.00, 2.00) m" in left_over_text(gone, nodes)
+    stiffer = balance.model_copy(update={"loss": (None, -0.03, -0.01)})
+    assert "excess stiffness, largest at (0.00, 0.00, 1.00) m" in left_over_text(stiffer, nodes)
+
+
+def test_of_many_parameters_few_are_told_in_a_line() -> None:
+    quantity = Quantity(value=0.95, std=0.01, unit="-")
+    many = Cause(
+        cause="model_parameters",
+        probability=1.0,
+        where=None,
+        parameters={f"stiffness of {k}": quantity for k in "abcdefg"},
+    )
+    told = "stiffness of a 0.950 ± 0.010, stiffness of b 0.950 ± 0.010, stiffness of c 0.950 ± 0.010, and 4 more"
+    assert cause_text(many) == f"model parameters: {told}"

@@ -1,0 +1,100 @@
+"""The parts of the page that set measured beside simulated: what they say, which reading of the forces they show."""
+
+from html.parser import HTMLParser
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from monitor.cli.data.diagnose_output import say_evidence
+from monitor.results.comparison import DiscrepancyResult
+from monitor.views.report import diagnosis_report
+from tests.support.monitor import answers
+from tests.support.monitor.comparison import NODES, STRUCTURE, shown
+
+
+class Page(HTMLParser):
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.words, self.pictures = "", list[str]()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "img":
+            self.pictures.append(dict(attrs)["alt"] or "")
+
+    def handle_data(self, data: str) -> None:
+        self.words += " " + data
+
+
+def page_of(found: DiscrepancyResult, folder: Path) -> Page:
+    diagnosis_report(answers.diagnosis(), folder / "page.html", title="T", structure=STRUCTURE, found=found)
+    return Page(folder / "page.html")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
+    page = page_of(shown(), tmp_path)
+    for words in (
+        "-3.70 ± 0.10",
+        "-37.0",
+        "not seen",
+        "71.500",
+        "beam_left_z lies farthest",
+        "8.0 times what noise",
+        "7.4 % rms.",
+    ):
+        assert words in page.words
+    for start in ("Measured frequencies", "MAC of", "Residual", "Frequencies over temp", "Where along", "beam_left_z"):
+        assert any(text.startswith(start) for text in page.pictures), start
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp_path: Path) -> None:
+    found, why = shown(), "* not used: no confident match in the reference"
+    terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
+    say_evidence(terminal, answers.diagnosis(), found, [])
+    assert "extended model on held-out logs: " in (said := terminal.export_text(clear=False))
+    assert "cross-validated" not in said
+    assert why not in page_of(found, tmp_path).words + terminal.export_text()
+    first, *others = found.modes
+    marked = found.model_copy(update={"modes": (first.model_copy(update={"compared": False}), *others)})
+    say_evidence(terminal, answers.diagnosis(), marked, [])
+    told = terminal.export_text()
+    assert told.count("* 10.800") == told.count(why) == 1
+    page = page_of(marked, tmp_path)
+    assert page.words.count("* 10.800") == page.words.count(why) == 1
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("log_odds", "readings"), [(40.0, ["mass"]), (-40.0, ["stiffness"]), (1.0, ["mass", "stiffness"])]
+)
+def test_only_the_reading_of_forces_that_is_clearly_better_is_shown(
+    log_odds: float, readings: list[str], tmp_path: Path
+) -> None:
+    page = page_of(shown(log_odds), tmp_path)
+    found = [text for text in page.pictures if text.startswith("Forces left over")]
+    assert [text.split("read as ")[1].split()[0] for text in found] == readings
+    x, y, z = NODES[7]
+    assert all(f"+12.0 ± 0.2 % at ({x:.3f}, {y:.3f}, {z:.3f}) m" in text for text in found)
+
+
+def test_a_picture_that_fails_costs_only_itself(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A spectrum whose curves differ in length, as they did where windows paired other modes with the causes."""
+    whole = page_of(shown(), tmp_path).pictures
+    assert not caplog.records
+    (signal,) = shown().signals
+    broken = signal.model_copy(update={"missed_after": signal.missed[:-1]})
+    page = page_of(shown().model_copy(update={"signals": (broken,)}), tmp_path)
+    assert [text for text in whole if text not in page.pictures] == ["beam_left_z: spectrum"]
+    (record,) = caplog.records
+    assert record.getMessage().startswith("internal error, picture (beam_left_z: spectrum) is left out: ValueError: ")
+
+
+def test_what_is_missing_leaves_its_part_out(tmp_path: Path) -> None:
+    bare = shown().model_copy(update={"balance": None, "signals": (), "trends": (), "places": (), "note": "too short"})
+    page = page_of(bare, tmp_path)
+    assert "too short" in page.words
+    assert not any(text.startswith(("Forces", "Where along", "Frequencies over")) for text in page.pictures)

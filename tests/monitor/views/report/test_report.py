@@ -1,0 +1,281 @@
+"""The page as a reader gets it: parsed as HTML, its words and its pictures."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from monitor.errors import ResultsError
+from monitor.results.story import Story
+from monitor.results.windows import AcceptedShift, AlarmResult, OtherPlace
+from monitor.text.quantities import utc
+from monitor.text.verdicts import headline as verdict
+from monitor.views.report import diagnosis_report, load_diagnosis, run_report
+from monitor.views.run import DeviceQuality, Run, load_run
+from tests.support.monitor import answers
+from tests.support.monitor import results as made
+from tests.support.monitor.comparison import shown
+from tests.support.thorough import few_of
+
+ROOT = Path(__file__).parents[4]
+LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"
+SITE = made.Site()
+WHOLE = made.whole_run(SITE)
+FOUND = answers.with_findings(SITE, WHOLE)
+_SVG = "data:image/svg+xml;base64,"
+
+
+class Page(HTMLParser):
+    """Headline, words and pictures of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.text = path.read_text(encoding="utf-8")
+        self.words, self.pictures, self.tags, self.links = "", dict[str, str](), list[str](), list[str]()
+        self.feed(self.text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = {name: value or "" for name, value in attrs}
+        self.tags.append(tag)
+        self.links += [values[name] for name in ("href", "src") if name in values]
+        if tag == "img":
+            self.pictures[values["alt"]] = values["src"]
+
+    def handle_data(self, data: str) -> None:
+        self.words += " " + data
+
+
+def run_of(story: Story, path: Path) -> Run:
+    path.write_bytes(b"log")
+    device = DeviceQuality(device="beam", rate=100.0, scans=12345, gaps=1, missing=7, exact=False)
+    return Run(log=path, story=story, devices=[device], dropped=3, ended=False, site_text="a = '<b>'")
+
+
+def page_of(run: dict[str, object], folder: Path) -> Page:
+    run_report(run_of(made.story(run), folder / "run.mcap"), folder / "page.html")
+    return Page(folder / "page.html")
+
+
+def headline(page: Page) -> str:
+    found = re.search(r"<h1>(.*?)</h1>", page.text, re.DOTALL)
+    assert found
+    return found.group(1)
+
+
+def test_page_of_the_recorded_log_says_what_its_last_window_says(tmp_path: Path) -> None:
+    run = load_run(LOG)
+    run_report(run, tmp_path / "page.html")
+    page = Page(tmp_path / "page.html")
+    answer = run.story.answers[-1][1]
+    assert headline(page).startswith(
+        f"The structure has changed: {1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g added on the crossbeam"
+    )
+    first = next(w for w in run.story.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
+    clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
+    assert f"and {clock} UTC." in headline(page)
+    assert len(page.pictures) == 12
+    assert all(device in page.words for device in ("col_037", "beam_right"))
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return page_of(FOUND, tmp_path_factory.mktemp("report"))
+
+
+def test_page_needs_no_network_and_its_pictures_are_whole(page: Page) -> None:
+    assert len(page.pictures) == 8  # no profile of a mass: a sensor's gain is named beside it
+    assert page.links
+    for source in page.links:
+        assert source.startswith(_SVG)
+        root = ElementTree.fromstring(base64.b64decode(source.removeprefix(_SVG)))
+        assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) > 5
+    assert "script" not in page.tags
+
+
+def test_increments_and_diagnosis_are_told(page: Page) -> None:
+    assert "302 ± 5 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 4 mm" in headline(page)
+    assert "sensor gain in col_037_x: gain 1.0312 ± 0.0021" in headline(page)
+    increments = answers.increments(SITE)
+    z = [f.z for f in increments.flagged if f.direction == "y"]
+    assert f"<td>y</td><td>{len(z)}</td><td>{max(z, key=abs):+.1f}</td>" in page.text
+    assert "consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m" in page.words
+    for words in ("that were not used", "1.920", "0.040", "-812.0", "not seen", "extended/t_structure.toml", "-41.3"):
+        assert words in page.words, words
+
+
+def test_foreign_texts_are_escaped(page: Page) -> None:
+    assert "shifts all modes alike <unlike these>" in page.words
+    assert "a = '<b>'" in page.words
+    assert {"unlike", "indeed"}.isdisjoint(page.tags)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_the_diagnosis_rests_on_is_shown(tmp_path: Path) -> None:
+    found = {"diagnosis": answers.diagnosis(), "discrepancy": shown(), "answer": None}
+    last = WHOLE["windows"][-1].model_copy(update=found)
+    page = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], last]}, tmp_path)
+    assert "Measured and simulated modes" in page.words
+    assert any(text.startswith("Forces left over") for text in page.pictures)
+
+
+def test_lost_data_are_told(page: Page) -> None:
+    assert "3 items were lost because the queue of the log was full" in page.words
+    assert "it was cut short, or is still being written" in page.words
+    assert "about 7" in page.words
+    assert "channel mid is flat" in page.words
+
+
+CASES = {
+    "learning": (made.learning_run(SITE), "Still learning: 5 windows so far, nothing is judged yet."),
+    "learnt": (
+        WHOLE | {"windows": WHOLE["windows"][:8], "alarms": WHOLE["alarms"][:1]},
+        "A baseline is learnt; no window has been judged yet.",
+    ),
+    "normal": (
+        WHOLE | {"windows": WHOLE["windows"][:12], "alarms": WHOLE["alarms"][:1]},
+        "Nothing has changed in 4 windows.",
+    ),
+    "watch": (
+        WHOLE | {"windows": WHOLE["windows"][:13], "alarms": WHOLE["alarms"][:2]},
+        "One window is over the limit; the next ones will tell whether the structure has changed.",
+    ),
+    "no answer": (
+        WHOLE | {"windows": [w.model_copy(update={"answer": None}) for w in WHOLE["windows"]]},
+        "The structure has changed: where is not known yet.",
+    ),
+    "back": (
+        WHOLE | {"alarms": [*WHOLE["alarms"], made.alarm(WHOLE["windows"][-1], "normal", "back to normal")]},
+        "Back to normal after an alarm, 12 windows watched.",
+    ),
+    "nothing identified": (
+        made.learning_run(SITE) | {"windows": [made.without_modes(w, "flat") for w in WHOLE["windows"][:3]]},
+        "Still learning: 3 windows so far, nothing is judged yet.",
+    ),
+    "footbridge": (
+        made.whole_run(made.Site(text=made.BRIDGE, n_modes=14, place=(6.0, 2.0, 3.0), mass=-60.0)),
+        "removed on the deck",
+    ),
+    "one mode": (made.whole_run(made.Site(n_modes=1)), "The structure has changed:"),
+}
+
+
+def accepted_run(accepted: AcceptedShift, *then: AlarmResult) -> dict[str, object]:
+    """Return the run, its change accepted two windows before the end."""
+    end = WHOLE["windows"][-3]
+    taken = made.alarm(end, "normal", "accepted").model_copy(update={"kind": "accepted", "time": end.end + 10**9})
+    reference = WHOLE["reference"].model_copy(update={"accepted": [accepted]})
+    return WHOLE | {"reference": reference, "alarms": [*WHOLE["alarms"], taken, *then]}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
+    change = AcceptedShift(
+        time=WHOLE["windows"][-3].end,
+        raised=WHOLE["alarms"][-1].time,
+        cause="antenna <5 kg>",
+        by="Ada",
+        found="302 g added",
+        n_windows=6,
+        shift_percent=[-1.0],
+        shift_std_percent=[0.1],
+    )
+    page = page_of(accepted_run(change), tmp_path)
+    said = f"as 'antenna <5 kg>' by Ada, {utc(change.time + 10**9)}"
+    assert f"A change was accepted {said}; nothing has changed in 2 windows since." in page.words
+    assert f"{said}; found was: 302 g added" in page.words
+    again = [made.alarm(WHOLE["windows"][-2], "alarm", "again"), made.alarm(WHOLE["windows"][-1], "normal", "gone")]
+    assert verdict(made.story(accepted_run(change, *again)), None).startswith("Back to normal after an alarm")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_state_of_a_run_has_its_verdict(name: str) -> None:
+    run, words = CASES[name]
+    assert words in verdict(made.story(run), None)
+
+
+@pytest.mark.parametrize("name", ["learning", "learnt", "no answer", "nothing identified", "footbridge", "one mode"])
+def test_every_run_has_its_page(name: str, tmp_path: Path) -> None:
+    run, words = CASES[name]
+    page = page_of(run, tmp_path)
+    assert words in headline(page)
+    assert "None" not in page.words
+
+
+@pytest.mark.parametrize("std", few_of([float("nan"), float("inf"), 0.0]))
+def test_answer_of_unknown_precision_is_shown(std: float, tmp_path: Path) -> None:
+    window = WHOLE["windows"][-1]
+    unsure = window.answer.model_copy(update={"mass_std": std, "position_std": std, "p_value": std})
+    modes = [m.model_copy(update={"frequency_std": std, "shift_std_percent": std}) for m in window.modes]
+    last = window.model_copy(update={"answer": unsure, "modes": modes})
+    page = page_of(WHOLE | {"windows": [*WHOLE["windows"][-3:-1], last]}, tmp_path)
+    assert "added on the crossbeam" in headline(page)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("window", [0, -1], ids=["first", "last"])
+def test_a_mode_that_a_window_did_not_show_leaves_its_cells_empty(window: int, tmp_path: Path) -> None:
+    watched = WHOLE["windows"][-3:]
+    watched[window] = watched[window].model_copy(update={"modes": watched[window].modes[1:]})
+    page = page_of(WHOLE | {"windows": watched}, tmp_path)
+    assert ("not seen" in page.words) == (window == -1)
+    row = re.search(r"<tr><td>1</td>.*?</tr>", page.text, re.DOTALL)
+    assert row
+    assert "<td></td>" in row.group(0)
+
+
+def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
+    other = OtherPlace(
+        member="crossbeam", position=(0.25, 0.0, 1.48), position_std=0.02, mass=0.2, mass_std=0.03, probability=0.31
+    )
+    last = WHOLE["windows"][-1]
+    answer = last.answer.model_copy(update={"others": [other]})
+    run = WHOLE | {"windows": [*WHOLE["windows"][:-1], last.model_copy(update={"answer": answer})]}
+    found = page_of(run, tmp_path)
+    assert "or 200 ± 30 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 20 mm (31.0 %)" in found.words
+    drawn = next(source for name, source in found.pictures.items() if name.startswith("The structure with its sensors"))
+    assert "or here" in base64.b64decode(drawn.removeprefix(_SVG)).decode()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_outlook_stands_on_the_page_where_there_is_one(tmp_path: Path) -> None:
+    said = "more windows reduce the deviation with their square root, up to about 4 windows: 4 mm and 8 g at best"
+    last = WHOLE["windows"][-1]
+    told = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": said})})
+    found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], told]}, tmp_path)
+    assert said in found.words
+    assert "Outlook" not in page_of(WHOLE, tmp_path).words
+
+
+def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
+    assert page_of(FOUND, tmp_path).text == page.text
+
+
+def test_diagnosis_stands_alone(tmp_path: Path) -> None:
+    structure = SITE.model.structure
+    diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>", structure=structure)
+    page = Page(tmp_path / "page.html")
+    assert headline(page).startswith("Explained: 302 ± 5 g added on the crossbeam")
+    assert "T <frame>" in page.words
+    assert len(page.pictures) == 3  # places, errors and evidence
+    nothing = answers.diagnosis().model_copy(update={"verdict": "unexplained", "causes": (), "gain": None, "modes": ()})
+    diagnosis_report(nothing, tmp_path / "page.html", title="T")
+    found = headline(Page(tmp_path / "page.html"))
+    assert found == "The data disagree with the model in a way that no cause known here explains."
+
+
+def test_diagnosis_is_read_back_and_a_bad_one_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "diagnosis.json"
+    path.write_text(answers.diagnosis().model_dump_json(), encoding="utf-8")
+    assert load_diagnosis(path) == answers.diagnosis()
+    path.write_text(path.read_text(encoding="utf-8").replace('"explained"', '"certain"'), encoding="utf-8")
+    with pytest.raises(ResultsError, match=r"diagnosis\.json: is no diagnosis: verdict: "):
+        load_diagnosis(path)
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match=r"missing/page\.html: cannot be written: No such file"):
+        diagnosis_report(answers.diagnosis(), tmp_path / "missing" / "page.html", title="T")

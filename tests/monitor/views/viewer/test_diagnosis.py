@@ -1,0 +1,50 @@
+"""A diagnosis that stands alone, read back from its file."""
+
+import numpy as np
+import pytest
+
+from monitor.results.convert import bare_reference
+from monitor.views.viewer import write_diagnosis
+from tests.support.monitor import answers
+from tests.support.monitor.comparison import NODES, STRUCTURE, shown
+from tests.support.monitor.rrd_reader import Rrd
+
+PEAK = 7
+
+
+@pytest.fixture(scope="module")
+def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
+    path = tmp_path_factory.mktemp("diagnosed") / "diagnosis.rrd"
+    write_diagnosis(path, answers.diagnosis(), shown(peak=PEAK), bare_reference(STRUCTURE))
+    return Rrd(path)
+
+
+def test_every_view_has_something_to_show(rrd: Rrd) -> None:
+    origins = {view.origin for view in rrd.views}
+    assert origins == {
+        "/structure", "/diagnosis", "/evidence", "/modes", "/offsets", "/mac", "/sensors", "/signals/beam_left_z",
+    }  # fmt: skip
+    for origin in origins:
+        assert any((c.entity_path + "/").startswith(origin + "/") for c in rrd.chunks), origin
+
+
+def test_members_are_red_where_forces_are_left_over(rrd: Rrd) -> None:
+    strips, colours = (rrd.static("/structure/members", f"LineStrips3D:{name}") for name in ("strips", "colors"))
+    green = np.array([c >> 16 & 0xFF for c in colours])
+    middle = np.mean(np.array(strips), axis=1)
+    assert np.linalg.norm(middle[np.argmin(green)] - NODES[PEAK]) < 0.05  # one element
+
+
+def test_signals_are_the_ones_that_were_found(rrd: Rrd) -> None:
+    signal = shown().signals[0]
+    for name, values in (("measured", signal.measured), ("predicted", signal.predicted)):
+        times, rows = rrd.rows(f"/signals/{signal.channel}/{name}", "Scalars:scalars", timeline="seconds")
+        assert [row[0] for row in rows] == list(values)
+        np.testing.assert_allclose(np.diff(times), signal.step * 1e9)
+
+
+def test_causes_stand_where_they_are(rrd: Rrd) -> None:
+    (place,) = rrd.static("/structure/causes", "Points3D:positions")
+    np.testing.assert_allclose(place, (0.25, 0.0, 1.48), atol=1e-6)
+    names = rrd.static("/structure/causes/names", "Points3D:labels")
+    assert names == ["302 ± 5 g added", "sensor gain: col_037_x"]

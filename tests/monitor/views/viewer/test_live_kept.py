@@ -1,0 +1,94 @@
+"""What a live view keeps of a watch of years: no more than it shows, and it tells all of it once."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import rerun as rr
+
+from monitor.results.story import Story
+from monitor.results.windows import AlarmResult, WindowResult
+from monitor.settings import parse_settings
+from monitor.views.viewer.live import LiveResults
+from monitor.views.viewer.primitives import APPLICATION
+from monitor.views.viewer.state_lanes import events, state_changes
+from tests.support.monitor import answers
+from tests.support.monitor import results as made
+from tests.support.monitor.rrd_reader import Rrd
+
+SITE = made.Site()
+N_LEARNING, N_WATCHED = 5, 145
+SETTINGS = """structure = "t_structure.toml"
+[analysis]
+baseline_windows = 5
+[[device]]
+name = "beam_left"
+driver = "epson-uart"
+port = "/dev/none"
+channels = {y = "beam_left_y"}
+"""
+
+
+@pytest.fixture(scope="module")
+def run() -> Story:
+    """Return a watch with troubled windows now and then, the last in the very last one, and two alarms."""
+    template = made.whole_run(SITE, n_learning=N_LEARNING, n_before=2, n_after=2)
+    windows: list[WindowResult] = template["windows"][:N_LEARNING]
+    calm = template["windows"][N_LEARNING]
+    for index in range(N_LEARNING, N_LEARNING + N_WATCHED):
+        start = made.START + index * made.WINDOW
+        place = {"index": index, "start": start, "end": start + made.WINDOW, "spectrum": None}
+        window = calm.model_copy(update=place)
+        windows.append(made.without_modes(window, "channel mid is flat") if index % 29 < 2 else window)
+    alarms: list[AlarmResult] = template["alarms"][:1]
+    for index in (60, 110):
+        alarms.append(made.alarm(windows[index], "alarm", f"ALARM of window {index}"))
+        alarms.append(made.alarm(windows[index + 7], "normal", f"over since window {index + 7}"))
+    return Story(
+        name="bridge", reference=template["reference"], windows=tuple(windows), alarms=tuple(alarms), signals=None
+    )
+
+
+def test_a_long_watch_is_told_once_and_is_not_kept(run: Story, tmp_path: Path) -> None:
+    recording = rr.RecordingStream(APPLICATION, recording_id="long")
+    recording.save(tmp_path / "long.rrd")
+    live = LiveResults(recording, run.name, parse_settings(SETTINGS))
+    alarms = {alarm.time: alarm for alarm in run.alarms}
+    kept = []
+    for window in run.windows:
+        live.add(window)
+        if run.reference and window.end == run.reference.time:
+            live.add(run.reference)
+        live.add(alarms.get(window.end))
+        kept.append(len(live._windows))
+    recording.disconnect()
+    rrd = Rrd(tmp_path / "long.rrd")
+    assert max(kept) == 1 + 2 * 12  # of which the trends show the newest two dozen
+    for lane in ("/state/daemon", "/state/structure"):
+        times, states = rrd.rows(lane, "StateChange:state")
+        expected = [(time, state) for path, time, state in state_changes(run) if path == lane]
+        assert list(zip(times.tolist(), [state for (state,) in states], strict=True)) == expected
+    times, _ = rrd.rows("/events", "TextLog:text")
+    assert sorted(times.tolist()) == sorted(time for time, _, _ in events(run))
+
+
+def test_what_stands_for_ever_is_said_once_however_long_an_alarm_lasts(tmp_path: Path) -> None:
+    """A server keeps all of it, before anything that has a time."""
+    found = answers.with_findings(SITE, made.whole_run(SITE, n_learning=5, n_before=2, n_after=6))
+    recording = rr.RecordingStream(APPLICATION, recording_id="alarm", send_properties=False)
+    recording.save(tmp_path / "alarm.rrd")
+    live = LiveResults(recording, "bridge", parse_settings(SETTINGS))
+    live.add(found["reference"])
+    for window in found["windows"]:
+        live.add(window)
+    recording.disconnect()
+    batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in Rrd(tmp_path / "alarm.rrd").chunks]
+    static = Counter(
+        (path, name)
+        for path, batch in batches
+        if not {"time", "phase", "log_time", "log_tick"} & set(batch.schema.names)
+        for name in batch.num_rows * batch.schema.names
+        if ":" in name
+    )
+    assert static["/increments/x/supports", "Boxes3D:centers"] == 1
+    assert not [what for what, times in static.items() if times > 1]

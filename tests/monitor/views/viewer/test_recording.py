@@ -1,0 +1,353 @@
+"""The file is read back as any reader of .rrd files would."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from monitor.results.windows import WindowResult
+from monitor.views.viewer import scene, write_recording
+from tests.support.monitor import answers
+from tests.support.monitor import results as made
+from tests.support.monitor.rrd_reader import Rrd
+
+SITE = made.Site()
+RUN = made.whole_run(SITE)
+WINDOWS = RUN["windows"]
+ENDS = [w.end for w in WINDOWS]
+N_LEARNING, N_BEFORE = 8, 4
+WATCHED = WINDOWS[N_LEARNING:]
+
+
+@pytest.fixture(scope="module")
+def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
+    return written(tmp_path_factory.mktemp("viewer"), RUN | {"signals": made.signals(SITE, ENDS[-1])})
+
+
+def written(folder: Path, run: dict[str, Any]) -> Rrd:
+    path = folder / "run.rrd"
+    write_recording(path, made.story(run))
+    assert [p.name for p in folder.iterdir()] == ["run.rrd"]
+    return Rrd(path)
+
+
+def shortened(**changes: Any) -> dict[str, Any]:
+    return RUN | changes
+
+
+def footbridge() -> dict[str, Any]:
+    return made.whole_run(made.Site(text=made.BRIDGE, n_modes=14, place=(6.0, 2.0, 3.0), mass=-60.0))
+
+
+def with_places(window: WindowResult, n: int) -> WindowResult:
+    if window.answer is None:
+        return window
+    ends = [window.answer.profile[0], window.answer.profile[-1]]  # on two members
+    return window.model_copy(update={"answer": window.answer.model_copy(update={"profile": ends[:n]})})
+
+
+def all_failed() -> list[Any]:
+    return [made.without_modes(w, "every channel is flat") for w in WINDOWS[:3]]
+
+
+CASES = {
+    "whole": RUN,
+    "learning": made.learning_run(SITE),
+    "learning, nothing identified": made.learning_run(SITE) | {"windows": all_failed()},
+    "no alarms": shortened(alarms=[]),
+    "no answers": shortened(windows=[w.model_copy(update={"answer": None}) for w in WINDOWS]),
+    "no profiles": shortened(
+        windows=[
+            w.model_copy(update={"answer": w.answer and w.answer.model_copy(update={"profile": [], "region": []})})
+            for w in WINDOWS
+        ]
+    ),
+    "one place in the profile": shortened(windows=[with_places(w, 1) for w in WINDOWS]),
+    "two places in the profile": shortened(windows=[with_places(w, 2) for w in WINDOWS]),
+    "no spectra": shortened(windows=[w.model_copy(update={"spectrum": None}) for w in WINDOWS]),
+    "watching, nothing identified": shortened(windows=[made.without_modes(w, "flat") for w in WATCHED], alarms=[]),
+    "reference without watched windows": shortened(windows=WINDOWS[:N_LEARNING], alarms=[]),
+    "one window": shortened(windows=WINDOWS[-1:]),
+    "one mode": made.whole_run(made.Site(n_modes=1)),
+    "footbridge": footbridge(),
+    "increments and diagnosis": answers.with_findings(SITE, RUN),
+    "signals": RUN | {"signals": made.signals(SITE, ENDS[-1])},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_view_has_something_to_show(name: str, tmp_path: Path) -> None:
+    rrd = written(tmp_path, CASES[name])
+    assert rrd.views
+    for view in rrd.views:
+        assert rrd.entities(view.origin), f"{view.name} looks at {view.origin}, where nothing is"
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "not_there"),
+    [
+        ("whole", {"/structure", "/modes/mode_1", "/posterior", "/answer/mass", "/novelty"}, {"/signal/col_037_x"}),
+        ("learning", {"/now", "/state", "/events", "/trend/found", "/spectrum"}, {"/structure", "/novelty"}),
+        ("learning, nothing identified", {"/now", "/state", "/events"}, {"/spectrum", "/trend/found"}),
+        ("no answers", {"/structure"}, {"/posterior", "/answer/mass"}),
+        ("one place in the profile", {"/answer/mass"}, {"/posterior"}),
+        ("two places in the profile", {"/answer/mass"}, {"/posterior"}),
+        ("no spectra", {"/structure"}, {"/spectrum"}),
+        ("footbridge", {"/modes/mode_14", "/trend/frequency/mode_14"}, {"/modes/mode_15"}),
+        ("signals", {"/signal/col_037_x", "/signal/beam_right_z"}, set()),
+    ],
+)
+def test_only_what_the_results_hold_has_a_view(name: str, there: set[str], not_there: set[str], tmp_path: Path) -> None:
+    origins = {view.origin for view in written(tmp_path, CASES[name]).views}
+    assert there <= origins
+    assert not not_there & origins
+
+
+def test_recording_has_the_name_of_the_run(rrd: Rrd) -> None:
+    (store,) = rrd.recordings
+    assert store.application_id == "modalwatch"
+    assert store.recording_id == f"{RUN['name']}-{WINDOWS[0].start}"
+
+
+def test_card_stands_at_the_end_of_each_window_with_the_verdict_first(rrd: Rrd) -> None:
+    times, cards = rrd.rows("/now", "TextDocument:text")
+    assert times.tolist() == ENDS
+    verdicts = [card[0].splitlines()[0] for card in cards]
+    first_alarm = N_LEARNING + N_BEFORE + 1
+    assert verdicts[0] == "# Learning the baseline"
+    assert verdicts[N_LEARNING] == "# Normal"
+    assert verdicts[first_alarm - 1] == "# Watch: over the limit"
+    assert set(verdicts[first_alarm:]) == {"# ALARM since 00:09:20"}
+    assert "channel mid is flat" in cards[first_alarm - 2][0]
+    assert "| **2** | not seen |" in cards[N_LEARNING + 1][0]
+    assert "added on the crossbeam" in cards[-1][0]
+
+
+@pytest.mark.parametrize("number", range(1, SITE.n_modes + 1))
+def test_shift_is_what_was_found_and_breaks_where_a_mode_was_not_seen(rrd: Rrd, number: int) -> None:
+    times, values = rrd.scalars(f"/trend/shift/mode_{number}")
+    found = [[m.shift_percent for m in w.modes if m.id == number] for w in WATCHED]
+    expected = [f[0] if f else np.nan for f in found]
+    assert times.tolist() == [w.end for w in WATCHED]
+    np.testing.assert_array_equal(values, expected)
+    assert np.isnan(values).sum() == (2 if number == 2 else 1)  # the window without modes, and the one without mode 2
+
+
+def test_frequency_has_a_band_of_two_standard_deviations(rrd: Rrd) -> None:
+    _, values = rrd.rows("/trend/frequency/mode_3/measured", "Measurements:values")
+    _, variances = rrd.rows("/trend/frequency/mode_3/measured", "Measurements:variances")
+    mode = next(m for m in WATCHED[-1].modes if m.id == 3)
+    assert values[-1] == [mode.frequency]
+    assert variances[-1][0] == pytest.approx((2 * mode.frequency_std) ** 2, rel=1e-12)
+
+
+def test_mode_seen_between_two_gaps_is_a_point(rrd: Rrd) -> None:
+    times, values = rrd.scalars("/trend/frequency/mode_2/seen")
+    assert times.tolist() == [w.end for w in WATCHED]
+    assert np.isnan(values).tolist()[:4] == [False, True, False, True]
+
+
+def test_frequencies_found_while_learning_have_no_identity(rrd: Rrd) -> None:
+    times, values = rrd.scalars("/trend/found")
+    learning = WINDOWS[:N_LEARNING]
+    assert sorted(zip(times.tolist(), values, strict=True)) == sorted(
+        (w.end, m.frequency) for w in learning for m in w.modes
+    )
+
+
+def test_novelty_is_the_logarithm_over_the_limit(rrd: Rrd) -> None:
+    times, values = rrd.scalars("/novelty/index")
+    expected = [np.log10(w.novelty.t2 / w.novelty.limit) if w.novelty else np.nan for w in WATCHED]
+    assert times.tolist() == [w.end for w in WATCHED]
+    np.testing.assert_allclose(values, expected, rtol=1e-12)
+    assert values[0] < 0 < values[-1]
+    assert rrd.scalars("/novelty/limit")[1].tolist() == [0.0, 0.0]
+
+
+def test_lanes_change_when_the_state_does(rrd: Rrd) -> None:
+    times, states = rrd.rows("/state/daemon", "StateChange:state")
+    troubled = WINDOWS[N_LEARNING + N_BEFORE - 1]
+    assert [s[0] for s in states] == ["learning", "watching", "problem", "watching"]
+    assert times.tolist() == [WINDOWS[0].start, WATCHED[0].start, troubled.start, troubled.end]
+    times, states = rrd.rows("/state/structure", "StateChange:state")
+    assert [s[0] for s in states] == ["unknown", "normal", "watch", "alarm"]
+    assert times.tolist() == [WINDOWS[0].start, *(a.time for a in RUN["alarms"])]
+
+
+def test_a_reference_of_an_earlier_run_leaves_nothing_unknown(tmp_path: Path) -> None:
+    earlier = RUN["reference"].model_copy(update={"time": WATCHED[0].start - 10**9})
+    rrd = written(tmp_path, shortened(reference=earlier, windows=WATCHED, alarms=[]))
+    times, states = rrd.rows("/state/structure", "StateChange:state")
+    assert (times.tolist(), [s[0] for s in states]) == ([WATCHED[0].start], ["normal"])
+
+
+def test_events_are_told_in_order_and_long_ones_go_on(rrd: Rrd) -> None:
+    times, bodies = rrd.rows("/events", "TextLog:text")
+    texts = [body[0] for body in bodies]
+    assert texts[0] == "00:00:00  started: 12 channels"
+    assert any("window 11 gave no modes: channel mid is flat" in t for t in texts)
+    alarm = RUN["alarms"][-1]
+    told = " ".join(t.strip() for t, at in zip(texts, times, strict=True) if at == alarm.time)
+    assert told == f"00:09:20  {alarm.text.strip()}"
+    assert max(map(len, texts)) <= 78
+
+
+def test_mass_is_drawn_where_and_as_heavy_as_the_answer_says(rrd: Rrd) -> None:
+    times, places = rrd.rows("/structure/mass/body", "Points3D:positions")
+    answers = [(w.end, w.answer) for w in WINDOWS if w.answer]
+    assert times.tolist() == [end for end, _ in answers]
+    np.testing.assert_allclose([p[0] for p in places], [a.position for _, a in answers], atol=1e-6)  # single precision
+    _, labels = rrd.rows("/structure/mass/label", "Points3D:labels")
+    answer = answers[-1][1]
+    mass, place = labels[-1][0].split("\n")
+    assert float(mass.split()[0]) == pytest.approx(1000 * answer.mass, abs=0.05)
+    assert place == f"at crossbeam x {answer.position[0]:.3f} ± {answer.position_std:.3f} m"
+
+
+def test_sphere_grows_with_the_third_root_of_the_mass() -> None:
+    assert scene.sphere_radius(0.8) == pytest.approx(2 * scene.sphere_radius(0.1), rel=1e-12)
+    assert scene.sphere_radius(-0.1) == scene.sphere_radius(0.1)
+
+
+def test_mass_goes_when_the_answer_does(tmp_path: Path) -> None:
+    bare = WINDOWS[-1].model_copy(
+        update={"index": len(WINDOWS), "start": ENDS[-1], "end": ENDS[-1] + made.WINDOW, "answer": None}
+    )
+    rrd = written(tmp_path, shortened(windows=[*WINDOWS, bare]))
+    cleared, recursive = rrd.rows("/structure/mass", "Clear:is_recursive")
+    assert (cleared[-1], recursive[-1]) == (bare.end, [True])
+    _, strips = rrd.rows("/structure/members", "LineStrips3D:strips")
+    assert len(strips[-1]) == len(RUN["reference"].lines)
+
+
+def test_members_are_hottest_where_the_mass_is(rrd: Rrd) -> None:
+    _, strips = rrd.rows("/structure/members", "LineStrips3D:strips")
+    _, colours = rrd.rows("/structure/members", "LineStrips3D:colors")
+    middle = np.mean(np.array(strips[-1]), axis=1)
+    red = np.array([c >> 24 for c in colours[-1]])
+    blue = np.array([c >> 8 & 0xFF for c in colours[-1]])
+    hottest = middle[np.argmax(red.astype(int) - blue)]
+    half_element = 0.025
+    assert abs(abs(hottest[0]) - 0.25) <= half_element + 1e-6
+    assert hottest[2] == pytest.approx(1.48, abs=1e-6)
+
+
+def test_answer_sharpens_over_time(rrd: Rrd) -> None:
+    answers = [w.answer for w in WINDOWS if w.answer]
+    _, place = rrd.scalars("/answer/place")
+    np.testing.assert_allclose(place, [1000 * a.position_std for a in answers], rtol=1e-12)
+    _, mass = rrd.rows("/answer/mass", "Measurements:values")
+    np.testing.assert_allclose([m[0] for m in mass], [1000 * a.mass for a in answers], rtol=1e-12)
+
+
+def test_identified_modes_are_marked_on_the_spectrum(rrd: Rrd) -> None:
+    times, names = rrd.rows("/spectrum/modes/names", "Points2D:labels")
+    drawn = dict(zip(times.tolist(), names, strict=True))
+    assert drawn[ENDS[-1]] == ["1", "2", "3", "4", "5", "6"]
+    assert drawn[ENDS[N_LEARNING + 1]] == ["1", "3", "4", "5", "6"]
+    assert drawn.get(ENDS[0], []) == []
+
+
+def test_stable_poles_are_apart_from_the_others(rrd: Rrd) -> None:
+    spectrum = WINDOWS[-1].spectrum
+    _, stable = rrd.rows("/spectrum/poles/stable", "Points2D:positions")
+    assert len(stable[-1]) == sum(spectrum.pole_stable)
+
+
+def test_mode_shape_stands_still_on_time_and_moves_on_phase(rrd: Rrd) -> None:
+    entity, component = "/modes/mode_4/shape", "LineStrips3D:strips"
+    times, still = rrd.rows(entity, component)
+    assert times.tolist() == [WINDOWS[0].start]
+    phases, frames = rrd.rows(entity, component, "phase")
+    assert len(frames) == len(set(phases.tolist())) == 48
+    np.testing.assert_allclose(np.concatenate(frames[0]), np.concatenate(still[0]), atol=1e-6)
+    rest = np.concatenate(rrd.static("/modes/mode_4/rest", component))
+    opposite = 2 * rest - np.concatenate(still[0])
+    np.testing.assert_allclose(np.concatenate(frames[24]), opposite, atol=1e-6)
+
+
+def test_mode_shape_is_labelled_with_frequency_and_damping(rrd: Rrd) -> None:
+    mode = RUN["reference"].modes[2]
+    label = rrd.static("/modes/mode_3/name", "Points3D:labels")
+    assert label == [f"Mode 3   {mode.frequency:.2f} Hz   {100 * mode.damping:.2f} %"]
+
+
+def test_signals_are_the_last_ten_seconds_with_their_gap(rrd: Rrd) -> None:
+    signals = made.signals(SITE, ENDS[-1])
+    times, values = rrd.scalars("/signal/col_037_x")
+    n = round(10 * signals.rate)
+    np.testing.assert_array_equal(values, signals.data[-n:, 0])
+    assert np.isnan(values).sum() == round(0.5 * signals.rate)
+    assert times[0] == ENDS[-1] - 10_000_000_000
+    assert set(np.diff(times)) == {round(1e9 / signals.rate)}
+
+
+def test_channels_may_have_any_name(tmp_path: Path) -> None:
+    signals = made.signals(SITE, ENDS[-1])
+    odd = replace(signals.channels[0], name="beam left/z #1 °")
+    signals = replace(signals, channels=(odd,), data=signals.data[:, :1])
+    rrd = written(tmp_path, CASES["learning"] | {"signals": signals})
+    (view,) = [v for v in rrd.views if v.name == "beam left/z #1 ° [m/s²]"]
+    assert rrd.entities(view.origin) == {view.origin}
+
+
+@pytest.mark.parametrize("std", [0.0, float("inf"), float("nan")])
+def test_mass_of_unknown_precision_is_drawn(std: float, tmp_path: Path) -> None:
+    answer = WINDOWS[-1].answer.model_copy(update={"mass_std": std})
+    rrd = written(tmp_path, shortened(windows=[WINDOWS[-1].model_copy(update={"answer": answer})]))
+    _, labels = rrd.rows("/structure/mass/label", "Points3D:labels")
+    assert labels[0][0].startswith(f"{1000 * answer.mass:+.1f} ± {std:.1f} g\n")
+
+
+def test_no_window_is_refused() -> None:
+    with pytest.raises(ValueError, match="windows: expected at least one, found none"):
+        made.story(CASES["learning"] | {"windows": []})
+
+
+def test_missing_folder_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        write_recording(tmp_path / "missing" / "run.rrd", made.story(CASES["learning"]))
+
+
+def test_file_that_cannot_be_finished_leaves_the_older_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise MemoryError
+
+    path = tmp_path / "run.rrd"
+    path.write_bytes(b"older")
+    monkeypatch.setattr("monitor.views.viewer.draw_states", fail)
+    with pytest.raises(MemoryError):
+        write_recording(path, made.story(CASES["learning"]))
+    assert path.read_bytes() == b"older"
+    assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
+
+
+def test_no_global_recording_is_left(rrd: Rrd) -> None:
+    assert rrd.chunks
+    assert rr.get_global_data_recording() is None
+    assert rr.get_thread_local_data_recording() is None
+
+
+def test_same_results_give_the_same_rows(rrd: Rrd, tmp_path: Path) -> None:
+    again = written(tmp_path, RUN | {"signals": made.signals(SITE, ENDS[-1])})
+    assert again.entities() == rrd.entities()
+    assert {(v.kind, v.name, v.origin) for v in again.views} == {(v.kind, v.name, v.origin) for v in rrd.views}
+    for entity in ("/structure/members", "/modes/mode_2/shape"):
+        assert again.rows(entity, "LineStrips3D:strips")[1] == rrd.rows(entity, "LineStrips3D:strips")[1]
+
+
+def test_long_run_keeps_all_trends_but_thins_the_drawings(tmp_path: Path) -> None:
+    n = 400
+    base = WINDOWS[-1]
+    windows = [
+        base.model_copy(update={"index": i, "start": base.start + i * made.WINDOW, "end": base.end + i * made.WINDOW})
+        for i in range(n)
+    ]
+    rrd = written(tmp_path, shortened(windows=windows))
+    assert len(rrd.scalars("/trend/shift/mode_1")[0]) == n
+    drawn, _ = rrd.rows("/spectrum/singular_values", "LineStrips2D:strips")
+    assert n // 4 <= len(drawn) <= 300 < n
+    assert drawn[-1] == windows[-1].end

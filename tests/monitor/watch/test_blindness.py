@@ -1,0 +1,53 @@
+"""A sensor that dies while the watch goes on is told by the windows, the page and the look at the sensors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq import SystemClock
+from monitor.results.events import result_event
+from monitor.results.windows import WindowResult
+from monitor.service.servers.web.source import problems
+from monitor.service.status import NAME, Pace, Vitals
+from monitor.watch.blindness import Unheard
+from tests.support.monitor.played_windows import BASELINE, Played, judged, run
+from tests.support.monitor.status import WELL
+
+DEAD = "beam_left_y"
+
+
+def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    played = Played(31, monkeypatch)
+    pipeline = played.pipeline()
+    calm = judged(run(pipeline, played.windows(BASELINE + BASELINE // 2)))
+    played.dead = {DEAD: "constant"}
+    last = judged(run(pipeline, played.windows(BASELINE - BASELINE // 2)))
+    assert all(window.faults == {} for window in calm)
+    assert all(window.faults == {DEAD: "constant"} and DEAD not in window.channels for window in last)
+    looked = [window for window in (*calm, *last) if window.sensors]
+    assert looked == [last[-1]]
+    assert DEAD not in looked[0].sensors
+    assert len(looked[0].sensors) == 11
+    for n, said in ((0, []), (1, []), (2, [f"{DEAD} is left out: constant"])):
+        vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        for window in (calm[-1], *last[:n]):
+            vitals.take(result_event(window))
+        vitals.write(WELL)
+        assert problems(json.loads((tmp_path / NAME).read_text())) == said
+    assert np.isfinite([window.novelty.t2 for window in last if window.novelty]).all()
+
+
+def test_a_dead_channel_that_a_person_takes_out_of_the_settings_is_not_back() -> None:
+    dead = WindowResult(
+        index=0, start=0, end=1, phase="watching", channels=["a", "b"], faults={"c": "constant"}, modes=[], rms={}
+    )
+    known = Unheard().after(dead).after(dead)
+    assert known.gone == ((("c",), "constant"),)
+    without = known.after(dead.model_copy(update={"faults": {}}))
+    assert (without.texts, without.back) == ([], ())
+    again = known.after(dead.model_copy(update={"faults": {}, "channels": ["a", "b", "c"]}))
+    assert (again.texts, again.back) == ([], ("c",))

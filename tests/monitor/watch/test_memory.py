@@ -1,0 +1,225 @@
+"""A watch that is remembered goes on as if it had never stopped; what is no use is refused, and said."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from daq import Event
+from monitor.detection.alarm import Alarm, AlarmRules
+from monitor.results.windows import AlarmResult, ReferenceResult
+from monitor.watch.memory import MEMORY, CodecError, MemoryFile, memory_text, parse_memory, recall
+from monitor.watch.memory.codec import decode, encode
+from monitor.watch.memory.state import VERSION
+from tests.support.daq.blocks import make_block
+from tests.support.monitor.played_windows import BASELINE, Played, judged, run, site_settings, without_answers
+from updater import Body, parse_structure, t_structure_toml
+
+PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """One of everything that the codec knows."""
+
+    real: npt.NDArray[np.float64]
+    several: tuple[npt.NDArray[np.complex128], ...]
+    named: dict[str, float]
+    state: str | None
+    whole: int
+    yes: bool
+    inside: Alarm
+
+
+@given(
+    arrays(np.float64, st.tuples(st.integers(0, 3), st.integers(0, 3))),
+    arrays(np.complex128, 2),
+    st.floats(),
+    st.none() | st.text(),
+    st.integers(-(2**62), 2**62),
+)
+def test_any_values_come_back_to_the_last_bit(
+    real: npt.NDArray[np.float64], turned: npt.NDArray[np.complex128], number: float, word: str | None, whole: int
+) -> None:
+    alarm = Alarm(rules=AlarmRules(latch=True), raised=whole, flips=(1, 2))
+    held = Held(real, (turned, turned[:0]), {"a": number}, word, whole, True, alarm)
+    back: Held = decode(Held, json.loads(json.dumps(encode(held))))
+    assert (back.real.tobytes(), back.real.shape) == (real.tobytes(), real.shape)
+    assert [a.tobytes() for a in back.several] == [a.tobytes() for a in held.several]
+    assert np.float64(back.named["a"]).tobytes() == np.float64(number).tobytes() or np.isnan(number)
+    assert (back.state, back.whole, back.yes, back.inside) == (word, whole, True, alarm)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        ("whole", 1.5, "whole: expected int, found '1.5'"),
+        ("whole", True, "whole: expected int, found 'True'"),
+        ("real", [1], "real: expected an array, found"),
+        ("real", {"dtype": "O", "shape": [], "data": ""}, "real: expected an array of numbers, found 'object'"),
+        ("several", [{"dtype": "<c16", "shape": [3], "data": ""}], r"several\[0\]: expected an array"),
+        ("named", [], "named: expected an object"),
+        ("inside", {}, "inside: expected an object of"),
+    ],
+)
+def test_values_of_another_kind_are_named(place: str, value: object, said: str) -> None:
+    held = encode(Held(np.ones(1), (), {}, None, 1, True, Alarm(rules=AlarmRules())))
+    with pytest.raises(CodecError, match=said):
+        decode(Held, held | {place: value})
+
+
+@pytest.mark.parametrize("stops", [(3, BASELINE - 1, BASELINE, BASELINE + 3, BASELINE + 4)])
+def test_restarts_change_nothing_of_what_is_said(stops: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same windows with restarts between them: while a baseline is learnt; before, in and after a hold."""
+    played = Played(5, monkeypatch)
+    without_answers(monkeypatch)
+    windows = list(played.windows(BASELINE + 5))
+    through, split, said = played.pipeline(), played.pipeline(), []
+    for number, window in enumerate(windows):
+        if number == BASELINE + 2:
+            played.put(PUMP)
+        if number in stops:
+            split = played.pipeline(parse_memory(memory_text(split.memory)))
+        expected = [result.payload() for result in through.analyse(window)]
+        assert [result.payload() for result in split.analyse(window)] == expected
+        said += expected
+    assert [s["kind"] for s in said if s.get("state") == "alarm" and "kind" in s] == ["state"]  # one alarm, raised once
+
+
+def test_the_first_block_after_a_restart_says_what_is_watched_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(6, monkeypatch)
+    before = played.pipeline()
+    run(before, played.windows(BASELINE))
+    played.put(PUMP)
+    without_answers(monkeypatch)
+    raised = next(r for r in run(before, played.windows(3)) if isinstance(r, AlarmResult) and r.raised)
+    after = played.pipeline(before.memory)
+    [reference, resumed] = after.push(replace(make_block("d_beam_left_y", 0), pair_time=2**61))
+    assert isinstance(reference, ReferenceResult)
+    assert isinstance(resumed, AlarmResult)
+    assert (reference.time, reference.n_windows, resumed.time) == (2**61, BASELINE, 2**61)
+    assert (resumed.kind, resumed.state, resumed.since) == ("resumed", "alarm", raised.time)
+    assert not resumed.raised
+    assert f"baseline of {BASELINE} windows" in resumed.text
+    assert list(after.push(make_block("d_beam_left_y", 250))) == []  # once
+    [window] = judged(run(after, played.windows(1)))
+    assert window.increments is not None
+    assert window.increments.n_windows == 3  # evidence of before the restart, less the window that may hold both states
+
+
+def test_limits_and_rules_are_those_of_the_settings_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(7, monkeypatch)
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE))
+    played.settings = site_settings("false_alarms_per_year = 100\nhold_windows = 3")
+    memory = pipeline.memory
+    window = next(played.windows(1))
+    [usual] = judged(list(pipeline.analyse(window)))
+    changed = played.pipeline(memory)
+    [rarer] = judged(list(changed.analyse(window)))
+    assert usual.novelty is not None
+    assert rarer.novelty is not None
+    assert [d.value for d in usual.novelty.detectors] == [d.value for d in rarer.novelty.detectors]
+    assert all(a.limit > b.limit for a, b in zip(usual.novelty.detectors, rarer.novelty.detectors, strict=True))
+    assert changed.memory.alarm.rules.hold_windows == 3
+
+
+def remembered(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Leave a memory of three windows in a folder."""
+    played = Played(8, monkeypatch)
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(3))
+    path = folder / MEMORY
+    path.write_text(memory_text(pipeline.memory), encoding="utf-8")
+    return path
+
+
+def test_memory_of_another_watch_says_what_differs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    remembered(tmp_path, monkeypatch)
+    structure, settings = parse_structure(t_structure_toml()), site_settings()
+    assert recall(tmp_path, structure, settings).refused is None
+    assert recall(tmp_path, structure, site_settings("hold_windows = 5")).refused is None  # does not matter
+    shorter = settings.model_copy(update={"analysis": settings.analysis.model_copy(update={"window_seconds": 300.0})})
+    found = recall(tmp_path, structure, shorter)
+    assert (found.text, found.refused) == (None, "analysis.window_seconds: 600 then, 300 now")
+    heavier = structure.model_copy(update={"body": (PUMP,)})
+    assert (recall(tmp_path, heavier, settings).refused or "").startswith("the structure file: ")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damage_anywhere_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """A bit turned, or the end cut off; SHA-256 sees either."""
+    path = remembered(tmp_path, monkeypatch)
+    content = bytearray(path.read_bytes())
+    random = np.random.default_rng(seed)
+    path.write_bytes(content[: random.integers(len(content))])
+    structure, settings = parse_structure(t_structure_toml()), site_settings()
+    assert "memory.json: it is" in (recall(tmp_path, structure, settings).refused or "")
+    content[random.integers(len(content))] ^= 1 << int(random.integers(7))  # stays UTF-8
+    path.write_bytes(content)
+    found = recall(tmp_path, structure, settings)
+    assert found.text is None
+    assert "memory.json" in (found.refused or "")
+
+
+def test_no_memory_is_no_complaint(tmp_path: Path) -> None:
+    assert recall(tmp_path, parse_structure(t_structure_toml()), site_settings()).refused is None
+
+
+def test_other_version_is_refused() -> None:
+    with pytest.raises(CodecError, match=f"it is of version 99, this program reads {VERSION}"):
+        parse_memory('{"modalwatch": 99, "sha256": ""}\n{}')
+
+
+def test_memory_is_written_only_after_what_it_rests_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not before its result is logged, nor within the second after it; at the end at once."""
+    now = 100.0
+    monkeypatch.setattr("monitor.watch.memory.file.time.monotonic", lambda: now)
+    events = [Event(topic="/result/window", time=n, payload={}) for n in range(3)]
+    path = tmp_path / "state" / MEMORY
+    with MemoryFile(path) as memory:
+        for n, event in enumerate(events):
+            memory.after(event)
+            memory.expect(f"memory {n}")
+        now += 5
+        memory.write()
+        assert not path.exists()
+        memory.take(Event(topic="/result/window", time=0, payload={}))  # another one
+        memory.take(events[1])
+        memory.write()
+        assert not path.exists()
+        now += 1.5
+        memory.write()
+        assert path.read_text() == "memory 1"
+        memory.take(events[2])
+    assert path.read_text() == "memory 2"
+    assert [p.name for p in path.parent.iterdir()] == [MEMORY]
+
+
+def test_memory_that_comes_after_its_result_was_logged_is_written(tmp_path: Path) -> None:
+    """On a busy machine the log is quicker than the words: each memory waited for a result that had been before it."""
+    path = tmp_path / MEMORY
+    for n in range(3):
+        event = Event(topic="/result/window", time=n, payload={})
+        with MemoryFile(path) as memory:
+            memory.expect("of nothing")
+            memory.after(event)
+            memory.take(event)
+            memory.expect(f"memory {n}")
+        assert path.read_text() == f"memory {n}"
+
+
+def test_a_disk_that_takes_no_memory_is_said(tmp_path: Path) -> None:
+    (tmp_path / "state").write_text("a file where the folder should be")
+    event = Event(topic="/result/window", time=0, payload={})
+    with MemoryFile(tmp_path / "state" / MEMORY) as memory:
+        memory.after(event)
+        memory.expect("x")
+        memory.take(event)
+    assert "memory.json: " in (memory.problem or "")

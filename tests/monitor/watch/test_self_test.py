@@ -1,0 +1,172 @@
+"""The self-test puts a mass where it says, finds what it ought to, and leaves the watch as it is."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq import FloatArray, SystemClock
+from monitor.outputs.history import HistoryStore, Reader, Span
+from monitor.outputs.notices.filter import News
+from monitor.results.events import result_event
+from monitor.results.windows import Result, SelfTestResult, WindowResult
+from monitor.service.servers.web import Source
+from monitor.service.servers.web.metrics import metrics
+from monitor.service.servers.web.source import problems
+from monitor.service.servers.web.status_page import state_html
+from monitor.service.site_run import pace_of
+from monitor.service.status import NAME, Pace, Vitals, last_written
+from monitor.watch.memory import memory_text, parse_memory
+from monitor.watch.self_test import DRAWS, with_mass
+from tests.support.monitor.played_windows import BASELINE, STEP, Played, judged, run, site_settings, without_answers
+from tests.support.monitor.status import WELL
+from tests.support.thorough import few_of
+from tests.support.updater.reference_frame import measure, t_frame
+from updater import Body, build_model, nominal_reference, stack_tracks
+
+OFTEN = f"self_test_days = {5.5 * STEP / 86400}\nself_test_percent = "  # six windows after the last
+
+
+def self_tests(results: list[Result]) -> list[SelfTestResult]:
+    return [result for result in results if isinstance(result, SelfTestResult)]
+
+
+def frequencies(*bodies: Body) -> FloatArray:
+    """Return the first frequencies of the nominal frame with bodies [Hz], by the whole model."""
+    structure = t_frame().model_copy(update={"body": bodies})
+    return build_model(structure, shear_flexible=True, mass="consistent").modes(8).frequency
+
+
+def test_mass_changes_frequencies_as_in_the_whole_model() -> None:
+    """Thirty modes stand for the rest, which 2e-4 allows for: shifts are up to a tenth."""
+    model, random = build_model(t_frame(), shear_flexible=True, mass="consistent"), np.random.default_rng(0)
+    measured = [measure(model, random, np.ones(12)) for _ in range(3)]
+    reference = nominal_reference(t_frame(), stack_tracks(measured, [np.arange(8)] * 3))
+    places = np.array([(0.0, 0.0, 0.9), (0.3, 0.0, 1.48)])
+    found = with_mass(reference, places, 0.2)
+    bare = frequencies()
+    for place, ratio in zip(places, found, strict=True):
+        x, y, z = (float(v) for v in place)
+        expected = frequencies(Body(at=(x, y, z), mass=0.2)) / bare
+        np.testing.assert_allclose(ratio, expected[reference.paired], atol=2e-4)
+    assert np.all(with_mass(reference, places, 0.0) == pytest.approx(1.0, abs=1e-12))
+
+
+@pytest.mark.parametrize(("percent", "seen"), few_of([(8.0, range(DRAWS // 2, DRAWS + 1)), (1e-4, range(1))]))
+def test_what_weighs_enough_is_seen_and_nothing_is_not(
+    percent: float, seen: range, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played = Played(21, monkeypatch)
+    played.settings = site_settings(OFTEN + str(percent))
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE + 5))
+    windows = list(played.windows(4))
+    without = played.pipeline(pipeline.memory)
+    [test] = self_tests(run(pipeline, iter(windows[:1])))  # the sixth calm one
+    assert test.detected in seen
+    assert test.passed == (percent == 8.0)
+    assert test.last_passed == (test.time if test.passed else None)
+    whole = build_model(t_frame()).total_mass()
+    assert test.mass == pytest.approx(percent / 100 * whole, rel=1e-6)
+    # the watch is as it would be without the test
+    without_settings = site_settings("self_test_days = 0")
+    played.settings = without_settings
+    untested = played.pipeline(without.memory)
+    after = judged(run(pipeline, iter(windows[1:4])))
+    said = run(untested, iter(windows[:4]))
+    assert self_tests(said) == []
+    assert [w.payload() for w in judged(said)][1:] == [w.payload() for w in after]
+
+
+def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    without_answers(monkeypatch)
+    played = Played(22, monkeypatch)
+    played.settings = site_settings(OFTEN + "2.0")
+    pipeline = played.pipeline()
+    run(pipeline, played.windows(BASELINE + 6))
+    pipeline = played.pipeline(parse_memory(memory_text(pipeline.memory)))
+    again = run(pipeline, played.windows(8))
+    assert [test.time for test in self_tests(again)] == [judged(again)[5].end]
+    played.put(Body(at=(0.0, 0.0, 0.9), mass=0.25))
+    assert self_tests(run(pipeline, played.windows(6))) == []
+
+
+@pytest.mark.parametrize(("percent", "passed", "tested"), few_of([(8.0, True, 1), (1e-4, False, 2)]))
+def test_one_that_failed_is_tried_again_the_next_day(
+    percent: float, passed: bool, tested: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_answers(monkeypatch)
+    played = Played(23, monkeypatch)
+    played.settings = site_settings(f"self_test_days = 2.5\nself_test_percent = {percent}")
+    pipeline = played.pipeline()
+    said = run(pipeline, played.windows(BASELINE + 6))
+    played.wait(3)
+    said += run(pipeline, played.windows(6))
+    played.wait(1)
+    said += run(pipeline, played.windows(6))
+    assert [test.passed for test in self_tests(said)] == [passed] * tested
+
+
+TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=True, last_passed=10**18)
+FAILED = TEST.model_copy(update={"detected": 3, "passed": False})
+
+
+def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
+    assert TEST.text == "self-test passed: 150 g would raise the alarm at 20 of 24 places"
+    assert TEST.probability == pytest.approx(20 / 24)
+    news = News("frame")
+    assert news.of(result_event(TEST)) is None
+    told = [news.of(result_event(test)) for test in (FAILED, FAILED, TEST, TEST)]
+    assert [(notice.kind, notice.text) if notice else None for notice in told] == [
+        ("trouble", FAILED.text),
+        None,
+        ("trouble", TEST.text),
+        None,
+    ]
+    url = f"sqlite:///{tmp_path / 'history.sqlite'}"
+    with HistoryStore(url) as store:
+        store.write([result_event(FAILED)])
+    with Reader(url) as reader:
+        [event] = reader.events(Span(start=0, end=2**62))
+    assert (event.topic, event.time) == ("/result/self_test", 10**18)
+    assert '"detected": 3' in event.json
+
+
+@pytest.mark.parametrize(
+    ("text", "found"), [('{"self_test": {"passed": true}}', {"passed": True}), ("[]", None), ("", None)]
+)
+def test_last_test_outlives_a_restart(tmp_path: Path, text: str, found: object) -> None:
+    path = tmp_path / "status.json"
+    assert last_written(path) == {}
+    path.write_text(text)
+    assert last_written(path).get("self_test") == found
+
+
+def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
+    source = Source(name="frame", state=tmp_path, url=f"sqlite:///{tmp_path / 'history.sqlite'}")
+    for test, ratio, count in ((TEST, 20 / 24, 1), (FAILED, 3 / 24, 2)):
+        vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        vitals.take(result_event(test))
+        vitals.write(WELL)
+        text = metrics(source.vitals()).decode()
+        assert f"modalwatch_self_test_detection_ratio {ratio}" in text
+        assert "modalwatch_self_test_success_age_seconds" in text
+        assert problems(source.vitals()) == ([] if test.passed else [f"{test.text} (2001-09-09 01:46:40 UTC)"])
+        assert state_html(source).count(test.text) == count  # a failed one among what is not well too
+
+
+@pytest.mark.parametrize(
+    ("days", "phase", "well"), [(7, "watching", False), (7, "learning", True), (0, "watching", True)]
+)
+def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, days: int, phase: str, well: bool) -> None:
+    """A test has failed before tests were turned off, or before all was learnt anew."""
+    path, pace = tmp_path / NAME, pace_of(site_settings(f"self_test_days = {days}"))
+    path.write_text(json.dumps({"self_test": FAILED.payload() | {"text": FAILED.text}}))
+    vitals = Vitals(path, (), pace, SystemClock())
+    window = {"index": 0, "start": 0, "end": 1, "phase": phase, "channels": [], "modes": []}
+    vitals.take(result_event(WindowResult.model_validate(window)))
+    vitals.write(WELL)
+    said = json.loads(path.read_text())
+    assert (said["self_test"] is None) == well
+    assert (problems(said) == []) == well

@@ -1,0 +1,1 @@
+"""Small faults put into modules, and the tests that should notice them."""

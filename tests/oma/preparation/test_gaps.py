@@ -1,0 +1,39 @@
+import numpy as np
+
+from oma.preparation.gaps import ORDER, filled, short_gaps
+from tests.support.oma.scenes import SCENES
+
+
+def test_what_can_be_told_from_the_others_is_filled() -> None:
+    whole = SCENES["short"].record(2).data
+    missing = np.random.default_rng(2).random(whole.shape) < 0.1
+    found = filled(np.where(missing, np.nan, whole))
+    assert not np.isnan(found).any()
+    assert np.array_equal(found[~missing], whole[~missing])
+    # accelerations follow white forces at once: what these add, a fifth of the rms, nothing can tell
+    assert np.std((found - whole)[missing]) < 0.25 * np.std(whole)
+
+
+def test_a_sum_of_sines_is_filled_to_its_noise() -> None:
+    time = np.arange(2000.0)
+    whole = np.column_stack([np.sin(0.3 * time), np.sin(0.3 * time + 1) + np.sin(1.1 * time)])
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(whole.shape)
+    missing = np.random.default_rng(1).random(whole.shape) < 0.1
+    found = filled(np.where(missing, np.nan, whole + noise))
+    assert np.sqrt(np.mean((found - whole)[missing] ** 2)) < 3e-3
+
+
+def test_long_gaps_stay() -> None:
+    data = SCENES["short"].record(2).data.copy()
+    data[100 : 100 + ORDER, 3] = np.nan
+    data[300 : 300 + ORDER + 1, 3] = np.nan
+    found = filled(data)
+    assert not np.isnan(found[:300]).any()
+    assert np.isnan(found[300 : 300 + ORDER + 1, 3]).all()
+    assert short_gaps(np.isnan(data)).sum() == ORDER
+
+
+def test_short_recordings_are_left_alone() -> None:
+    data = np.ones((20, 3))
+    data[4, 1] = np.nan
+    assert filled(data) is data

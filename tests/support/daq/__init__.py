@@ -1,0 +1,1 @@
+"""Devices, ports and buses for tests."""

@@ -1,0 +1,1 @@
+"""Structures with known modes, their signals, and the smallest possible errors."""

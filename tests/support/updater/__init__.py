@@ -1,0 +1,1 @@
+"""Frames, references and records for tests."""

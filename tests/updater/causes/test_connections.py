@@ -1,0 +1,89 @@
+"""Springs that a structure file states or that nobody told of: bearings, feet, several joints of a member."""
+
+import numpy as np
+import pytest
+
+from tests.examiner.designs import BRIDGE, DESIGNS, PORTAL
+from tests.examiner.path import observation, structure_of
+from tests.examiner.signals import estimated
+from tests.support.thorough import few_of
+from tests.support.updater.frames import t_frame
+from updater import Reference, learn_reference, parse_structure
+from updater.structure.entries import Axis
+from updater.structure.parameters import apply_knobs, flexibility_unit, knobs_of, meetings, with_springs
+from updater.structure.structure import Structure
+
+
+def _learnt(name: str, seed: int) -> Reference:
+    state = DESIGNS[name].draw(seed)
+    before = observation(state, estimated(state, 8, np.random.default_rng(seed), noise="law"))
+    return learn_reference(structure_of(f"{name}: "), before.estimates, before.tracks, before.lateness.delays)
+
+
+def _off(reference: Reference) -> float:
+    return float(
+        np.abs(np.log(reference.calibration.modes.frequency[reference.paired]) - reference.baseline.log_frequency).max()
+    )
+
+
+def _springs(structure: Structure) -> list[str]:
+    return [knob.name for knob in knobs_of(structure) if knob.kind in {"support", "joint"}]
+
+
+@pytest.mark.parametrize("name", few_of(["portal", *sorted({*DESIGNS} - {"portal"})]))
+def test_springs_of_half_to_twice_what_the_file_says_are_calibrated(name: str) -> None:
+    """To within 0.3 %: what a beam model is allowed and half as much, before per cents off in the upper modes."""
+    assert _off(_learnt(name, 40)) < 3e-3
+
+
+def test_a_bearing_is_found_where_the_file_has_it_too_stiff() -> None:
+    """Both bearings together, which is what the modes of a symmetric beam show; a third of a factor of two."""
+    state = BRIDGE.draw(42)
+    true = np.mean([1 / ground.along[2] for ground in state.frame.grounds])
+    springs = _learnt("bridge", 42).calibration.structure.support
+    found = np.mean([1 / support.stiffness["z"] for support in springs])
+    assert abs(np.log(found / true)) < 0.25
+
+
+def test_every_end_of_a_member_has_a_joint_of_its_own() -> None:
+    """As the file states them, and as they are meant where it states none."""
+    portal = parse_structure(PORTAL.toml())
+    bare = portal.model_copy(update={"joint": ()})
+    assert meetings(portal) == []
+    assert {at for _, at in meetings(bare)} == {(0.0, 0.0, 2.0), (3.0, 0.0, 2.0)}
+    assert sum(name.startswith("joint of beam at (0, 0, 2)") for name in _springs(portal)) == 3
+    sprung = with_springs(bare)
+    assert {(j.member, j.at) for j in sprung.joint} == set(meetings(bare))
+
+
+def test_one_of_the_members_at_a_joint_is_what_the_others_turn_against() -> None:
+    """A joint that is stated takes its member out: the other needs no spring against itself."""
+    portal = parse_structure(PORTAL.toml())
+    half = portal.model_copy(update={"joint": portal.joint[:1]})
+    assert [at for _, at in meetings(half)] == [(3.0, 0.0, 2.0)]
+
+
+def test_only_a_bearing_gives_along_an_axis() -> None:
+    """A clamp turns before it slides; what lets something turn can only slide."""
+    assert not any(name.endswith((" x", " y", " z")) for name in _springs(t_frame()))
+    names = _springs(parse_structure(BRIDGE.toml()))
+    assert {name.split()[-1] for name in names if name.startswith("support 1")} == {"y", "z", "rx"}
+
+
+@pytest.mark.parametrize("axis", ["z", "rx"])
+def test_a_knob_writes_its_flexibility(axis: Axis) -> None:
+    structure = parse_structure(BRIDGE.toml())
+    (knob,) = (k for k in knobs_of(structure) if k.name == f"support 1 flexibility {axis}")
+    changed = apply_knobs(structure, [knob], np.array([1e-3])).support[1]
+    assert axis not in changed.fixed
+    assert changed.stiffness[axis] == pytest.approx(1e3 * flexibility_unit(structure, axis))
+
+
+def test_a_twist_that_sensors_see_as_the_bending_beside_it_leaves_that_out() -> None:
+    """Of the bridge at 111 Hz: after a change either may be the other."""
+    reference = _learnt("bridge", 0)
+    frequency = np.exp(reference.known.log_frequency)
+    left_out = frequency[len(reference.baseline.n) :]
+    print(frequency)
+    assert ((left_out > 109) & (left_out < 114)).any()
+    assert not ((frequency[: len(reference.baseline.n)] > 109) & (frequency[: len(reference.baseline.n)] < 114)).any()

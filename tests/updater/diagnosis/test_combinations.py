@@ -1,0 +1,64 @@
+"""Two causes found at once, to first order, where the likeliest one alone may be neither."""
+
+import numpy as np
+import pytest
+
+from tests.support.updater.reference_frame import measure, t_frame, true_model
+from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
+from updater.causes.composite import Chosen
+from updater.causes.mass.added_mass import AddedMass
+from updater.diagnosis.combinations import likeliest_pair
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
+
+TRACK = np.arange(8)
+GAIN = np.ones(12)
+
+
+@pytest.fixture(scope="module")
+def learnt() -> tuple[Reference, Model]:
+    random = np.random.default_rng(971)
+    bare = true_model(np.random.default_rng(972))
+    return learn_reference(t_frame(), [measure(bare, random, GAIN) for _ in range(8)], [TRACK] * 8), bare
+
+
+def pair_of(learnt: tuple[Reference, Model], bodies: tuple[Body, ...], gain: np.ndarray, seed: int) -> list[Chosen]:
+    print(f"seed {seed}")
+    reference, bare = learnt
+    model = build_model(bare.structure.with_bodies(bodies), shear_flexible=True, mass="consistent")
+    windows = [measure(model, np.random.default_rng((seed, k)), gain) for k in range(5)]
+    event = matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
+    found = likeliest_pair(Weighing(reference, compare(reference, event)))
+    assert found is not None
+    return list(found)
+
+
+def place(chosen: Chosen) -> np.ndarray:
+    assert isinstance(chosen.cause, AddedMass)
+    member = t_frame().member[chosen.cause.member[chosen.row]]
+    return np.array(member.point(float(chosen.cause.position[chosen.row])))
+
+
+@pytest.mark.parametrize("seed", range(973, 981))
+def test_two_bodies_on_beam_and_column(learnt: tuple[Reference, Model], seed: int) -> None:
+    """Of 100 to 300 g, drawn anywhere but where nothing moves; to first order they are placed to 5 cm."""
+    random = np.random.default_rng(seed)
+    at = (random.uniform(-0.35, 0.35), 0.0, 1.48), (0.0, 0.0, random.uniform(0.5, 1.2))
+    bodies = tuple(Body(at=each, mass=random.uniform(0.1, 0.3)) for each in at)
+    found = pair_of(learnt, bodies, GAIN, seed)
+    beam, column = sorted(found, key=lambda each: -place(each)[2])
+    assert np.linalg.norm(place(beam) - at[0]) < 0.05
+    assert np.linalg.norm(place(column) - at[1]) < 0.05
+    for chosen, body in zip((beam, column), bodies, strict=True):
+        assert chosen.theta[0] == pytest.approx(body.mass, rel=0.3)
+
+
+@pytest.mark.parametrize("channel", [3, 9])
+def test_a_body_and_a_gain(learnt: tuple[Reference, Model], channel: int) -> None:
+    gain = GAIN.copy()
+    gain[channel] = 1.15
+    found = pair_of(learnt, (Body(at=(0.2, 0.0, 1.48), mass=0.2),), gain, 981)
+    body, sensor = sorted(found, key=lambda each: each.cause.name)
+    assert (body.cause.name, sensor.cause.name) == ("added_mass", "sensor_gain")
+    assert np.linalg.norm(place(body) - [0.2, 0, 1.48]) < 0.05
+    assert sensor.row == channel

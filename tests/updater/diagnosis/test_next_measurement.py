@@ -1,0 +1,110 @@
+"""The measurement that would decide is computed from what the hypotheses predict."""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from oma import ModalEstimate
+from tests.support.updater.diagnosis_data import TRACK, Change, learnt
+from tests.support.updater.reference_frame import measure, t_frame, true_model
+from updater import Body, Sensor, Structure, diagnose, learn_reference, matched, stack_tracks
+from updater.causes.composite import Chosen
+from updater.causes.mass.added_mass import AddedMass
+from updater.diagnosis.naming import named_causes, oddest
+from updater.diagnosis.next_measurement import next_measurement
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
+
+AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))
+
+
+def on_the_column(estimate: ModalEstimate) -> ModalEstimate:
+    """What the sensors of the column alone say."""
+    here = [estimate.channels.index(c) for c in COLUMN]
+    return replace(estimate, channels=COLUMN, shape=estimate.shape[:, here], shape_std=estimate.shape_std[:, here])
+
+
+def with_sensors(structure: Structure, *more: Sensor) -> Structure:
+    """Return a frame with the sensors of its column and others."""
+    kept = tuple(s for s in structure.sensor if s.channel in COLUMN)
+    return structure.model_copy(update={"sensor": kept + more})
+
+
+def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
+    """Sensors of the column alone see mirror images alike; what is named must lie on the beam that holds the mass."""
+    random, bare = np.random.default_rng(501), true_model(np.random.default_rng(502))
+    before = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(8)]
+    structure = t_frame()
+    structure = with_sensors(structure)
+    reference = learn_reference(structure, before, [TRACK] * 8)
+    now = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(5)]
+    event = matched(reference.baseline, reference.mean_of(stack_tracks(now, [TRACK] * 5)))
+    data = compare(reference, event)
+    masses = Weighing(reference, data).causes["added_mass"]
+    assert isinstance(masses, AddedMass)
+    beam = [m.name for m in structure.member].index("crossbeam")
+    rows = [int(np.argmin(np.abs(masses.position - at) + 10 * (masses.member != beam))) for at in (0.2, 0.6)]
+    left_or_right = [(Chosen(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
+    said = next_measurement(reference, event, data, masses, left_or_right)
+    place = re.search(
+        r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: "
+        r"expected to separate the alternative places of the added mass by ([\d.]+) stand",
+        said,
+    )
+    assert place is not None, said
+    assert abs(float(place[1])) > 0.1
+    assert float(place[2]) > 3
+    axis = said.split("m along ")[1][0]
+    there = Sensor(channel="there", at=(float(place[1]) + 0.02, 0.0, 1.48), direction=AXES[axis])
+    calibration = replace(reference.calibration, structure=with_sensors(reference.calibration.structure, there))
+    said = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
+    other = re.search(rf"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along {axis}:", said)
+    assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, said
+
+
+def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
+    reference, _, event = learnt(503)
+    said = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
+    assert "A thermometer beside both records" in said
+    assert "A tone of known frequency in both records" in said
+    assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", said), said
+
+
+def test_what_nothing_tells_apart_is_said() -> None:
+    """A foot and a joint that both give in torsion alone."""
+    reference, _, event = learnt(122)
+    found = diagnose(reference, event(Change(foot={"rz": 0.2}))).diagnosis
+    assert found.verdict == "ambiguous"
+    assert "None of the measurements considered separates" in found.next_measurement
+
+
+def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Candidates of one name that are left open beside a sure cause are nothing to separate."""
+    reference, _, event = learnt(504)
+
+    def two_open(*args: Any) -> Any:
+        named, sure, left_open = named_causes(*args)
+        return named, sure, [left_open[0], left_open[0]]
+
+    monkeypatch.setattr("updater.diagnosis.diagnose.named_causes", two_open)
+    found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",)).diagnosis
+    assert found.verdict == "explained"
+    assert "None of" not in found.next_measurement
+
+
+def test_a_frequency_that_fits_is_not_called_odd() -> None:
+    reference, _, event = learnt(505)
+    data = compare(reference, event(Change()))
+    masses = Weighing(reference, data).causes["added_mass"]
+    assert isinstance(masses, AddedMass)
+
+    def said(kg: float) -> str:
+        return oddest(replace(data, shaped=np.zeros_like(data.shaped)), [Chosen(masses, 5, np.array([kg, 0, 0, 0]))])
+
+    assert "no frequency 2 standard deviations off by itself" in said(0.0)
+    assert "Hz 0 stand" not in said(0.0)
+    assert "standard deviations off." in said(3.0)

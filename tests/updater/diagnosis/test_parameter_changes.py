@@ -1,0 +1,98 @@
+"""Model parameters as a diagnosis reports and writes them: places, units, before and after, digits that are known."""
+
+import numpy as np
+import pytest
+
+from monitor.analysis.explanation import explain
+from monitor.text.causes import cause_text
+from tests.examiner.cases import draw
+from tests.examiner.path import FRAME, after, stiffer
+from tests.support.updater.diagnosis_data import Change, learnt
+from updater import Explained, ParameterChange, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
+
+TOO_STIFF = 1.2
+LEAST_FLEXIBILITY = 1.5e-5  # c E I / L under which a connection is written as rigid
+
+
+def _of_a_stiff_file(seed: int) -> Explained:
+    case = draw("built frame: nothing", seed)
+    random = np.random.default_rng((case.seed, 6))
+    measured, heldout = (after(case, random) for _ in range(2))
+    return explain(stiffer(FRAME, TOO_STIFF), None, measured, heldout).explained
+
+
+@pytest.fixture(scope="module")
+def found() -> Explained:
+    return _of_a_stiff_file(961)
+
+
+def _changes(found: Explained) -> dict[str, ParameterChange]:
+    return {change.name: change for cause in found.diagnosis.causes for change in cause.changes}
+
+
+def test_each_change_has_its_place_its_unit_and_both_values(found: Explained) -> None:
+    changes = _changes(found)
+    modulus = changes["steel.E"]
+    assert (modulus.unit, modulus.position, modulus.quantity) == ("Pa", None, "Young's modulus")
+    assert modulus.before == pytest.approx(TOO_STIFF * 210e9)
+    assert abs(modulus.after / 210e9 - 1) < 0.05  # the specimen's own differs by some per cents
+    for name, change in changes.items():
+        if name.startswith("support"):
+            assert (change.unit, change.position, change.before) == ("N m/rad", (0.0, 0.0, 0.0), None)
+        if name.startswith("crossbeam"):
+            assert change.position == (0.0, 0.0, 1.48)
+    assert [cause.where for cause in found.diagnosis.causes] == [None]
+
+
+def test_what_is_within_two_deviations_of_the_file_is_no_change(found: Explained) -> None:
+    """A connection's flexibility, which the file has as 0, has the relative deviation of its stiffness."""
+    changes = _changes(found)
+    assert changes
+    for change in changes.values():
+        if change.before is None:
+            assert change.after > 2 * change.std, change
+        else:
+            assert abs(change.after - change.before) > 1.9 * change.std, change
+
+
+def test_it_is_said_in_engineering_units(found: Explained) -> None:
+    text = cause_text(found.diagnosis.causes[0])
+    assert "Young's modulus of steel 252 -> 2" in text
+    assert " GPa (-1" in text
+    assert "L/(E I)" not in text
+
+
+def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(found: Explained) -> None:
+    assert found.extended is not None
+    text = dump_structure(found.extended, t_structure_toml())
+    written = parse_structure(text)
+    unit = written.material["steel"].youngs_modulus * 9.3e-8 / 1.48
+    springs = [k for support in written.support for k in support.stiffness.values()]
+    springs += [k for joint in written.joint for k in joint.stiffness.values()]
+    assert springs
+    assert all(unit / k >= LEAST_FLEXIBILITY for k in springs)
+    assert all(abs(segment.stiffness - 1) >= 1e-4 for segment in written.segment)
+    for value in (*springs, *(s.stiffness for s in written.segment)):
+        assert len(f"{value:.12g}".strip("0").replace(".", "").strip("0")) <= 5, value
+
+
+def test_rounding_moves_no_frequency_by_more_than_a_tenth_of_what_is_measured(found: Explained) -> None:
+    """Frequencies scatter by 0.02 to 0.07 % in a window; the file's are compared with the fit's own prediction."""
+    assert found.extended is not None
+    own = build_model(found.extended, shear_flexible=True, mass="consistent").modes(40).frequency
+    for mode in found.diagnosis.modes:
+        if mode.frequency.after and mode.frequency.measured:
+            assert np.abs(np.log(own / mode.frequency.after)).min() < 1e-3
+
+
+def test_a_loosened_foot_is_reported_before_and_after() -> None:
+    reference, _, event = learnt(41)
+    found = diagnose(reference, event(Change(foot={"rx": 0.3})))
+    (cause,) = found.diagnosis.causes
+    assert cause.cause == "support_stiffness"
+    (change,) = (change for change in cause.changes if change.name == "support 0.rx")
+    before = dict(reference.calibration.structure.support[0].stiffness)["rx"]
+    assert change.before == before
+    assert change.after == cause.parameters["stiffness_rx"].value
+    assert change.after < before
+    assert f"rotational stiffness about x {before / 1e3:.4g} -> " in cause_text(cause)

@@ -1,0 +1,109 @@
+"""The contract of `modalwatch diagnose --json`: what other programs read, whatever the verdict."""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.updater.diagnosis_data import Change, learnt
+from updater import Body, Circumstances, diagnose
+
+KINDS = {
+    "nothing_to_explain": (201, Change()),
+    "explained": (202, Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))),
+    "ambiguous": (203, Change(stiffness=0.97)),
+    "unexplained": (204, Change(gain=tuple((c, 0.6) for c in ("col_037_x", "col_074_y", "beam_left_z", "beam_mid_y")))),
+}
+CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from", "changes"}
+WHERE = {"member", "position", "position_std", "region", "channels"}
+GAIN_PAIRS = {"frequency_error_percent", "one_minus_mac", "log_likelihood", "change_error_percent"}
+GAIN = {"heldout", "n_modes", "n_measured", "noise_percent", "exceeds_noise", *GAIN_PAIRS}
+ADDED = {"calibration", "reference_steps", "failed"}  # since the contract was agreed
+WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"} | ADDED
+PAIR = {"before", "after"}
+
+
+@cache
+def answer(verdict: str) -> dict[str, Any]:
+    """What is written for a verdict of a kind; the event lacks the baseline's fourth mode and has one more."""
+    seed, change = KINDS[verdict]
+    reference, _, event = learnt(seed)
+    current = event(change)
+    current.log_frequency[3] = np.nan
+    current.shape[3] = np.nan
+    extra = replace(current.only(np.array([5])), log_frequency=np.log([200.0]))
+    found: dict[str, Any] = json.loads(
+        diagnose(reference, current, circumstances=Circumstances(extra=extra)).diagnosis.model_dump_json()
+    )
+    return found
+
+
+@pytest.mark.parametrize("verdict", KINDS)
+def test_every_verdict_has_the_keys_of_the_contract(verdict: str) -> None:
+    found = answer(verdict)
+    assert found["verdict"] == verdict
+    assert set(found) == WHOLE
+    assert isinstance(found["next_measurement"], str)
+    assert found["next_measurement"]
+    for cause in found["causes"]:
+        assert set(cause) == CAUSE
+        assert 0 <= cause["probability"] <= 1
+        assert cause["where"] is None or set(cause["where"]) == WHERE
+        for quantity in cause["parameters"].values():
+            assert set(quantity) == {"value", "std", "unit"}
+            assert quantity["std"] > 0
+    for rejected in found["rejected"]:
+        assert set(rejected) == {"cause", "log_evidence", "why"}
+        assert rejected["why"]
+        powers = re.findall(r"e([+-]?\d+)", rejected["why"])
+        assert all(abs(int(power)) <= 12 for power in powers), rejected["why"]  # more is known of no noise, nor model
+
+
+@pytest.mark.parametrize("verdict", KINDS)
+def test_what_is_not_explained_gains_nothing(verdict: str) -> None:
+    found = answer(verdict)
+    if verdict in {"explained", "ambiguous"}:
+        assert found["causes"]
+        assert set(found["gain"]) == GAIN
+        assert not found["gain"]["heldout"]
+        for name in GAIN_PAIRS:
+            assert set(found["gain"][name]) == PAIR
+    else:
+        assert found["causes"] == []
+        assert found["gain"] is None
+        assert found["extended_model"] is None
+        assert found["rejected"]
+
+
+@pytest.mark.parametrize("verdict", KINDS)
+def test_modes_without_a_partner_have_a_null(verdict: str) -> None:
+    modes = answer(verdict)["modes"]
+    assert [set(mode) for mode in modes] == [{"frequency", "mac"}] * 9
+    gone = modes[3]
+    assert gone["frequency"]["measured"] is None
+    assert 60 < gone["frequency"]["before"] < 75  # Hz: the frame's fourth mode
+    assert gone["mac"] == {"before": None, "after": None}
+    assert modes[6]["frequency"]["measured"] == pytest.approx(200)
+    assert modes[6]["frequency"]["before"] is None
+    for i in (0, 1, 2, 4, 5, 7, 8):
+        frequency = modes[i]["frequency"]
+        assert frequency["std"] > 0
+        assert abs(frequency["measured"] / frequency["before"] - 1) < 0.1
+        assert (frequency["after"] is None) == (verdict in {"nothing_to_explain", "unexplained"})
+
+
+def test_a_place_has_a_region_on_its_member_and_what_has_no_place_has_none() -> None:
+    (mass,) = answer("explained")["causes"]
+    where = mass["where"]
+    assert where["member"] == "crossbeam"
+    assert where["channels"] == []
+    assert where["position_std"] > 0
+    assert where["region"]
+    assert all(np.shape(piece) == (2, 3) for piece in where["region"])
+    (factor,) = answer("ambiguous")["causes"]
+    assert factor["where"] is None
+    assert factor["cannot_be_told_from"]

@@ -1,0 +1,140 @@
+"""Causes of zero size are not accepted, and one stretch is not reported as two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor.analysis.explanation import explain_change
+from tests.examiner.cases import N_AFTER, N_BEFORE, specimen
+from tests.examiner.models.bar import Zone
+from tests.examiner.models.specimen import State
+from tests.examiner.path import observation, structure_of
+from tests.examiner.signals import estimated
+from tests.support.thorough import few_of
+from tests.support.updater.reference_frame import measure, t_frame
+from updater import Body, Diagnosis, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
+from updater.causes.base import Cause
+from updater.causes.composite import Chosen
+from updater.causes.stiffness.local_stiffness import LENGTHS, LocalStiffness, propose_local_stiffness
+from updater.causes.stretches import everywhere
+from updater.diagnosis.combinations import Compositions
+from updater.diagnosis.simplification import is_significant, merged, significant_only
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
+
+
+def softened(state: State, bar: str, left: float, share: tuple[float, float] = (0.0, 1.0)) -> State:
+    """Return a state with that share of a bar's stiffness left, from one share of its length to another."""
+    one = state.frame.bar(bar)
+    start, end = np.multiply(share, one.length).tolist()
+    zone = Zone(start=start, end=end, bend1=left, bend2=left, twist=left)
+    return state.of_frame(state.frame.with_bar(bar, zones=(*one.zones, zone)))
+
+
+def diagnosed(which: str, before: State, after: State, seed: int) -> Diagnosis:
+    random = np.random.default_rng((seed, 6))
+    reference = observation(before, estimated(before, N_BEFORE, random, noise="law"))
+    now, heldout = (
+        observation(after, [estimated(after, 1, random, first=w, noise="law")[0] for w in range(N_AFTER)])
+        for _ in range(2)
+    )
+    return explain_change(structure_of(f"{which}: "), reference, now, heldout).diagnosis
+
+
+@pytest.mark.parametrize(
+    ("which", "bar", "seed"), few_of([("frame", "column", 11), ("portal", "left", 5), ("bridge", "girder", 5)])
+)
+def test_a_loss_over_a_whole_member_is_one_stretch(which: str, bar: str, seed: int) -> None:
+    """16 % of a column, a post, a girder; it was two touching stretches, or a factor on all stiffness."""
+    print(f"seed {seed}")
+    state, _ = specimen(which.removeprefix("frame"), seed)
+    length = state.frame.bar(bar).length
+    found = diagnosed(which, state, softened(state, bar, 0.84), seed)
+    (cause,) = found.causes
+    assert (cause.cause, cause.where and cause.where.member) == ("local_stiffness", bar)
+    assert abs(cause.parameters["loss"].value - 0.16) < 4 * cause.parameters["loss"].std
+    assert cause.parameters["extent"].value == pytest.approx(length, rel=0.05)
+    gain = found.gain
+    assert gain is not None
+    assert gain.change_error_percent is not None
+    assert gain.change_error_percent.after is not None
+    assert gain.change_error_percent.after < 0.06
+
+
+def halves_at_most(reference: Reference, comparison: Comparison) -> LocalStiffness | None:
+    """Return stretches of no more than half the longest member."""
+    cause = propose_local_stiffness(reference, comparison)
+    assert cause is not None
+    return replace(cause, kinds=LENGTHS, **everywhere(cause.cells, LENGTHS, 4))
+
+
+def weighing_of(before: State, after: State, seed: int) -> Weighing:
+    random = np.random.default_rng((seed, 6))
+    windows = observation(before, estimated(before, N_BEFORE, random, noise="law"))
+    reference = learn_reference(structure_of("frame: "), windows.estimates, windows.tracks, windows.lateness.delays)
+    now = observation(after, estimated(after, N_AFTER, random, noise="law")).modes
+    return Weighing(reference, compare(reference, matched(reference.baseline, reference.mean_of(now))))
+
+
+def begun(cause: Cause) -> Chosen:
+    return Chosen(cause, 0, np.zeros(len(cause.prior_std)))
+
+
+def test_two_stretches_that_touch_and_agree_are_merged() -> None:
+    state, _ = specimen("", 12)
+    weighing = replace(
+        weighing_of(state, softened(state, "column", 0.8, (0.1, 0.9)), 12), instead={"local_stiffness": halves_at_most}
+    )
+    cause = weighing.causes["local_stiffness"]
+    two = Compositions(weighing).settled((begun(cause), begun(cause)))
+    assert two is not None
+    one = merged(weighing, two)
+    print([(part.hypotheses.where(part), part.hypotheses.parameters(part)) for part in (*two.parts, *one.parts)])
+    assert one.log_evidence > two.log_evidence
+    (part,) = one.parts
+    found = part.hypotheses.parameters(part)
+    assert abs(found["loss"].value - 0.2) < 4 * found["loss"].std
+    assert abs(found["extent"].value - 0.8 * 1.48) < 4 * found["extent"].std
+    elsewhere = replace(two, parts=two.parts[:1], chosen=two.chosen[:1])
+    assert merged(weighing, elsewhere) is elsewhere
+
+
+def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
+    """The file is right and a body hangs on the structure; whether parameters are significant, in five draws."""
+    structure, track = t_frame(), np.arange(8)
+    heavier = structure.with_bodies([Body(at=(0.25, 0.0, 1.48), mass=0.3)])
+    zero = 0
+    for seed in range(5):
+        random = np.random.default_rng((961, seed))
+        model = build_model(heavier, shear_flexible=True, mass="consistent")
+        windows = stack_tracks(
+            [measure(model, random, np.ones(len(structure.channels))) for _ in range(3)], [track] * 3
+        )
+        reference = nominal_reference(structure, windows)
+        data = compare(reference, matched(reference.baseline, reference.mean_of(windows)))
+        weighing = Weighing(reference, data, allowed=(names := ("model_parameters", "added_mass")))
+        two = Compositions(weighing).settled(tuple(begun(weighing.causes[n]) for n in names))
+        assert two is not None
+        parameters = two.parts[two.names.index("model_parameters")]
+        found = significant_only(weighing, [two])
+        print(seed, parameters.hypotheses.parameters(parameters), [c.names for c in found])
+        if not is_significant(parameters):
+            zero += 1
+            assert [c.names for c in found] == [("added_mass",)]
+    assert zero >= 3
+
+
+@pytest.mark.parametrize("name", few_of(["support_stiffness", "local_stiffness"]))
+def test_springs_and_stretches_of_zero_size_are_not_accepted_beside_a_mass(name: str) -> None:
+    """A cause that the data do not need is insignificant, and what is needed is significant."""
+    state, do = specimen("", 21)
+    done = do["added_mass"](state, np.random.default_rng(3))
+    weighing = weighing_of(done.before, done.after, 21)
+    two = Compositions(weighing).settled(tuple(begun(weighing.causes[n]) for n in (name, "added_mass")))
+    assert two is not None
+    print({n: part.hypotheses.parameters(part) for n, part in zip(two.names, two.parts, strict=True)})
+    significant = dict(zip(two.names, map(is_significant, two.parts), strict=True))
+    assert significant == {"added_mass": True, name: False}
+    assert [c.names for c in significant_only(weighing, [two])] == [("added_mass",)]

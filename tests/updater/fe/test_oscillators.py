@@ -1,0 +1,95 @@
+"""Bodies on springs of their own, in the model: closed forms."""
+
+import numpy as np
+import pytest
+
+from tests.support.updater.reference_frame import t_frame
+from updater import Oscillator, StructureError, build_model, dump_structure, parse_structure, t_structure_toml
+
+ROD = """
+name = "rod"
+[material.light]
+youngs_modulus = 1e9
+shear_modulus = 4e8
+density = 1e-6
+[section.s]
+area = 1e-4
+second_moment = [1e-7, 1e-7]
+torsion_constant = 1e-7
+[[member]]
+name = "rod"
+from = [0, 0, 0]
+to = [1, 0, 0]
+material = "light"
+section = "s"
+elements = 1
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+[[support]]
+at = [1, 0, 0]
+fixed = ["y", "z", "rx", "ry", "rz"]
+[[body]]
+at = [1, 0, 0]
+mass = 2.0
+[[oscillator]]
+at = [1, 0, 0]
+direction = [3, 0, 0]
+mass = 0.1
+frequency = 30.0
+"""
+
+
+def test_two_masses_in_a_row_have_the_closed_form() -> None:
+    """k = EA/L = 1e5 N/m holds 2 kg, and 100 g hang on them at 30 Hz."""
+    found = build_model(parse_structure(ROD), mass="consistent").modes(2).frequency
+    k, m, own, spring = 1e5, 2.0, 0.1, 0.1 * (60 * np.pi) ** 2
+    sum_, product = (k + spring) / m + spring / own, k * spring / (m * own)
+    omega2 = np.roots([1, -sum_, product])
+    np.testing.assert_allclose(found, np.sort(np.sqrt(omega2)) / (2 * np.pi), rtol=1e-6)
+
+
+def test_across_its_direction_it_is_a_body() -> None:
+    """As if of infinite stiffness: the frame's modes that it does not move along are those with a body."""
+    structure = t_frame()
+    at = (0.0, 0.0, 1.48)
+    slow = Oscillator(at=at, direction=(0, 0, 1), mass=0.3, frequency=5.0)
+    hung = structure.model_copy(update={"oscillator": (slow,)})
+    model = build_model(hung, shear_flexible=True, mass="consistent")
+    fast = structure.model_copy(update={"oscillator": (slow.model_copy(update={"frequency": 1e4}),)})
+    stiff = build_model(fast, shear_flexible=True, mass="consistent")
+    clamped = build_model(
+        parse_structure(t_structure_toml() + f"\n[[body]]\nat = {list(at)}\nmass = 0.3\n"),
+        shear_flexible=True,
+        mass="consistent",
+    )
+    np.testing.assert_allclose(stiff.modes(8).frequency, clamped.modes(8).frequency, rtol=1e-5)
+    assert model.total_mass() == pytest.approx(build_model(structure).total_mass() + 0.3)
+    # 5 Hz is far below the column's stretching: the oscillator moves alone, the two bending modes carry it
+    assert model.modes(1).frequency[0] == pytest.approx(5.0, rel=1e-3)
+    np.testing.assert_allclose(model.modes(3).frequency[1:], clamped.modes(2).frequency, rtol=1e-4)
+
+
+def test_it_is_written_and_read_back() -> None:
+    structure = parse_structure(ROD)
+    assert parse_structure(dump_structure(structure)) == structure
+    other = Oscillator(at=(0.5, 0, 0), direction=(0, 1, 0), mass=1, frequency=2)
+    more = structure.model_copy(update={"oscillator": (*structure.oscillator, other)})
+    text = dump_structure(more, ROD, note="found")
+    assert parse_structure(text) == more
+    assert text.startswith(ROD.rstrip())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("direction = [3, 0, 0]", "direction = [0, 0, 0]", "the direction is zero"),
+        ("at = [1, 0, 0]\ndirection", "at = [1, 0, 1]\ndirection", "oscillator: [1.0, 0.0, 1.0] lies on no member"),
+        ("frequency = 30.0", "frequency = -1", "oscillator.0.frequency"),
+    ],
+)
+def test_a_wrong_one_is_named(old: str, new: str, said: str) -> None:
+    assert old in ROD
+    with pytest.raises(StructureError) as caught:
+        parse_structure(ROD.replace(old, new))
+    assert said in str(caught.value)

@@ -1,0 +1,95 @@
+"""Ambient response against the closed forms of a damped oscillator under white noise."""
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from daq import FloatArray
+from tests.support.updater.frames import ALL, beam, clamped
+from updater import Ambient, AmbientResponse, Model, Structure, Support, build_model
+
+TIP = (1.0, 0.0, 0.0)
+DENSITY = 0.3
+
+
+def _bar() -> Structure:
+    """One element that can only stretch: a single mass of 0.5 on a spring of 4."""
+    held = ALL[1:]
+    structure = beam(length=1.0, elements=1, support=clamped(), modulus=4.0)
+    return structure.model_copy(update={"support": (*structure.support, Support(at=TIP, fixed=held))})
+
+
+def _response(model: Model, damping: FloatArray, rate: float, seed: int, density: float = DENSITY) -> AmbientResponse:
+    ambient = Ambient(points=(TIP,), axes=(0,), density=density)
+    return AmbientResponse(model, model.read(np.array(TIP))[:1], damping, ambient, rate=rate, seed=seed)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_spectrum_and_variance_of_an_oscillator(seed: int) -> None:
+    """Displacement variance pi S0 / (2 zeta omega^3 m^2), S0 = density / 2 pi (Crandall & Mark 1963, s. 2.2)."""
+    model, zeta, rate = build_model(_bar()), 0.05, 20.0
+    omega = float(model.modes(1).omega[0])
+    assert omega == pytest.approx(np.sqrt(4 / 0.5))
+    n = 400_000
+    acceleration = _response(model, np.array([zeta]), rate, seed).step(n)[:, 0]
+    frequency, power = welch(acceleration, rate, nperseg=4096)
+    w = 2 * np.pi * frequency
+    theory = 2 * DENSITY / 0.25 * np.abs(w**2 / (omega**2 - w**2 + 2j * zeta * omega * w)) ** 2
+    band = np.abs(w / omega - 1) < 0.4
+    # 195 half-overlapping segments: power is right to about 1 / sqrt(100 segments x 10 bins in a resonance's width)
+    assert power[band].sum() / theory[band].sum() == pytest.approx(1, abs=5 / np.sqrt(1000))
+    # S_displacement = S_acceleration / omega^4; tails beyond a decade hold 0.1 %
+    step, part = frequency[1], (w > 0.1 * omega) & (w < 2.5 * omega)
+    variance = (power[part] / w[part] ** 4).sum() * step
+    exact = np.pi * (DENSITY / (2 * np.pi)) / (2 * zeta * omega**3) / 0.25
+    assert (theory[part] / w[part] ** 4).sum() * step == pytest.approx(exact, rel=0.05)
+    # a record of T holds 2 pi zeta f T / ... independent energies: relative deviation 1 / sqrt(zeta omega T)
+    assert variance == pytest.approx(exact, rel=0.05 + 4 / np.sqrt(zeta * omega * n / rate))
+
+
+def test_chunks_do_not_matter() -> None:
+    model = build_model(beam(length=1.0, elements=3, support=clamped(), second_moment=(0.01, 0.02)), mass="consistent")
+    damping = np.full(4, 0.02)
+    whole = _response(model, damping, 50.0, 7).step(1000)
+    other = _response(model, damping, 50.0, 7)
+    pieces = np.concatenate([other.step(n) for n in (1, 299, 700)])
+    np.testing.assert_allclose(pieces, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+
+
+def test_seeds_give_different_forces() -> None:
+    model = build_model(_bar())
+    first, second = (_response(model, np.array([0.02]), 20.0, seed).step(50) for seed in (1, 2))
+    assert np.abs(first - second).max() > 0.1 * np.abs(first).max()
+
+
+def _two_models() -> tuple[Model, Model]:
+    light = beam(length=1.0, elements=2, support=clamped(), second_moment=(0.01, 0.02), torsion_constant=0.01)
+    heavy = light.model_copy(
+        update={"material": {"m": light.material["m"].model_copy(update={"density": 3.0, "youngs_modulus": 1.5})}}
+    )
+    return build_model(light, mass="consistent"), build_model(heavy, mass="consistent")
+
+
+def test_change_keeps_displacement_and_velocity() -> None:
+    """In all modes: to another model and back, without a step between, is as if nothing had happened."""
+    light, heavy = _two_models()
+    damping = np.full(light.n_dofs, 0.02)
+    plain, changed = (_response(light, damping, 20.0, 5) for _ in range(2))
+    np.testing.assert_array_equal(plain.step(200), changed.step(200))
+    changed.change(heavy)
+    changed.change(light)
+    expected = plain.step(200)
+    np.testing.assert_allclose(changed.step(200), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_changed_model_moves_on_as_its_own() -> None:
+    """Long after the change the response is the new model's: its lowest resonance, not the old one's."""
+    light, heavy = _two_models()
+    response = _response(light, np.full(light.n_dofs, 0.05), 20.0, 5)
+    response.step(1000)
+    response.change(heavy)
+    response.step(5000)
+    frequency, power = welch(response.step(100_000)[:, 0], 20.0, nperseg=4096)
+    axial = np.sqrt(1.5 / 3.0) / 4  # of the changed rod; of the old one 1/4 Hz
+    low = frequency < 0.4
+    assert frequency[low][np.argmax(power[low])] == pytest.approx(axial, rel=0.05)

@@ -1,0 +1,50 @@
+"""How well a hypothesis fits."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from tests.support.updater.diagnosis_data import Change, learnt
+from updater import Body
+from updater.causes.base import Nothing
+from updater.diagnosis.model_extension import fixed
+from updater.diagnosis.weighing import Weighing
+from updater.inference.compare import compare
+from updater.inference.fit import fit, freedom_of_frequencies
+
+
+@pytest.mark.parametrize("seed", [181, 182, 183])
+def test_many_shapes_do_not_drown_frequencies_that_do_not_fit(seed: int) -> None:
+    """Each frequency off by two and a half deviations is nothing to a chi-square of two hundred numbers."""
+    reference, _, event = learnt(seed)
+    data = compare(reference, event(Change()))
+    as_it_is = fit(data, Nothing(comparison=data))
+    whole = chi2.sf(as_it_is.chi_square[0], as_it_is.freedom)
+    assert as_it_is.p_value == pytest.approx(whole)
+    n = len(data.log_ratio)
+    off = data.plain.matrix @ data.log_ratio
+    data.log_ratio[:] = np.linalg.solve(data.plain.matrix, np.where(off < 0, -2.5, 2.5))
+    found = fit(data, Nothing(comparison=data))
+    assert chi2.sf(found.chi_square[0], found.freedom) > 1e-3
+    assert found.p_value == pytest.approx(100 * chi2.sf(2.5**2 * n, n))
+    assert found.p_value < 1e-3
+
+
+def test_freedom_of_frequencies_is_what_a_refit_leaves_of_their_errors() -> None:
+    """Shapes determine most of a body's place and mass, so that less than its four parameters is lost."""
+    reference, _, event = learnt(184)
+    data = compare(reference, event(Change(bodies=(Body(at=(0.2, 0.0, 1.48), mass=0.3),))))
+    (chosen,) = Weighing(reference, data).singles(("added_mass",))[0].chosen
+    alone = fixed(data, (chosen,))
+    freedom = freedom_of_frequencies(data, fit(data, alone))
+    ratio, left = data.log_ratio.copy(), []
+    whitener = data.drifting if alone.drifting else data.plain
+    for k, one in enumerate(np.linalg.inv(whitener.matrix).T):
+        off = []
+        for sign in (-1, 1):
+            data.log_ratio[:] = ratio + sign * one
+            off.append(fit(data, alone).off_frequencies[0, k])
+        left.append((off[1] - off[0]) / 2)
+    print(freedom, np.round(left, 3))
+    assert len(ratio) - 4 < freedom < len(ratio)
+    assert freedom == pytest.approx(sum(left), abs=0.1)

@@ -1,0 +1,113 @@
+"""Re-analysis in the reference's modes against the full eigenproblem; derivatives against differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eig, eigh
+
+from daq import FloatArray
+from tests.support.updater.reference_frame import measure, t_frame, true_model
+from updater import Reference, build_model, learn_reference, stack_tracks
+from updater.inference.compare import compare
+from updater.inference.comparison import Comparison
+from updater.inference.reanalysis import Tangent, no_effect, picked, predict, reanalyse
+
+TRACK = np.arange(8)
+
+
+def compared(seed: int) -> tuple[Reference, Comparison]:
+    random = np.random.default_rng(seed)
+    bare = true_model(np.random.default_rng((seed, 1)))
+    reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(8)], [TRACK] * 8)
+    event = stack_tracks([measure(bare, random, np.ones(12)) for _ in range(3)], [TRACK] * 3)
+    return reference, compare(reference, reference.mean_of(event))
+
+
+def in_modes_of(data: Comparison, frequency: FloatArray) -> Comparison:
+    """The same comparison in the modes of another model; only what re-analysis reads."""
+    fields = vars(data) | {"frequency": frequency, "paired": TRACK, "at_channels": np.zeros((12, len(frequency)))}
+    return Comparison(**fields)
+
+
+@pytest.mark.parametrize(("n", "tolerance"), [(None, 1e-8), (30, 2e-4)])
+def test_reanalysis_in_all_modes_is_exact_and_in_thirty_nearly_so(n: int | None, tolerance: float) -> None:
+    """0.3 kg at (0.25, 0, 1.48): frequencies of the full eigenproblem; ALGORITHMS-size truncation error in thirty."""
+    model = build_model(t_frame(), mass="consistent")
+    k, m = model.stiffness.toarray(), model.mass.toarray()
+    value, shape = eigh(k, m)
+    rows = model.read(np.array([0.25, 0, 1.48]))[:3]
+    expected = np.sqrt(eigh(k, m + 0.3 * rows.T @ rows, eigvals_only=True)) / (2 * np.pi)
+    frequency, at = np.sqrt(value[:n]) / (2 * np.pi), rows @ shape[:, :n]
+    _, data = compared(1)
+    data = in_modes_of(data, frequency)
+    none = no_effect(1, data)
+    changed = reanalyse(data, replace(none, mass=0.3 * (at.T @ at)[None]))
+    found = picked(changed)[0][0] ** -0.5 / (2 * np.pi)
+    np.testing.assert_allclose(np.sort(found), expected[:8], rtol=tolerance)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_derivatives_are_those_of_differences(seed: int) -> None:
+    """Mass and flexibility changed at once; second order left out is 1e-6 of the change squared."""
+    random = np.random.default_rng(seed)
+    _, data = compared(seed)
+    n = len(data.frequency)
+    mass, flexibility = (0.02 * (lambda a: a @ a.T)(random.standard_normal((n, 3))) for _ in range(2))
+    root = np.diag((2 * np.pi * data.frequency) ** -1.0)
+    flexibility = root @ flexibility @ root
+    none = no_effect(1, data)
+
+    def at(step: float) -> tuple[FloatArray, FloatArray]:
+        effect = replace(none, mass=((1 + step) * mass)[None], compliance=((1 + step) * flexibility)[None])
+        return picked(reanalyse(data, effect))
+
+    h = 1e-5
+    plus, minus = at(h), at(-h)
+    effect = replace(none, mass=mass[None], compliance=flexibility[None])
+    changed = reanalyse(data, effect)
+    d_value, d_vector = Tangent(changed, effect).by(mass[None], flexibility[None])
+    np.testing.assert_allclose(d_value, (plus[0] - minus[0]) / (2 * h), rtol=1e-5)
+    signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]
+    difference = (signed[0] - signed[1]) / (2 * h)
+    np.testing.assert_allclose(d_vector, difference, atol=1e-5 * np.abs(difference).max())
+
+
+def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
+    """A trial step may take off more of a mode's flexibility than it has; the others answer as they would."""
+    _, data = compared(5)
+    own = (2 * np.pi * data.frequency) ** -2.0
+    none = no_effect(2, data)
+    flexibility = np.zeros((2, len(own), len(own)))
+    flexibility[0, 0, 0] = -1.5 * own[0]
+    mass = np.tile(0.01 * np.eye(len(own)), (2, 1, 1))
+    value, vector = picked(reanalyse(data, replace(none, mass=mass, compliance=flexibility)))
+    assert np.isfinite(value).all()
+    assert np.isfinite(vector).all()
+    np.testing.assert_allclose(value[0, 1:], 1.01 * own[data.paired[1:]], rtol=1e-6)
+    np.testing.assert_allclose(value[1], 1.01 * own[data.paired], rtol=1e-6)
+
+
+@pytest.mark.parametrize("own_damping", [0.001, 0.01])
+def test_modes_damp_as_they_share_their_energy_with_what_hangs_there(own_damping: float) -> None:
+    """Against complex modes where each part loses as much of the energy that it holds, tuned 4 % above a mode."""
+    reference, data = compared(6)
+    damping, mass, tuned = 0.004, 0.05, 1.04 * float(data.frequency[data.paired[3]])
+    along = reference.calibration.model.read(np.array([0.25, 0, 1.48]))[2] @ reference.shape
+    omega_o, omega = 2 * np.pi * tuned, 2 * np.pi * data.frequency
+    effect = replace(
+        no_effect(1, data),
+        mass=mass * np.outer(along, along)[None],
+        coupling=np.sqrt(mass) * along[None, :, None],
+        own=np.array([[omega_o**-2.0]]),
+        own_log_damping=np.log([[own_damping / damping]]),
+    )
+    changed = reanalyse(data, effect)
+    value, vector = picked(changed)
+    found = damping * np.exp(predict(data, value, vector, effect).log_damping[0])
+    n = len(omega)
+    whole = np.block([[np.eye(n) + effect.mass[0], effect.coupling[0]], [effect.coupling[0].T, np.eye(1)]])
+    lossy = np.append(omega**2 * (1 + 2j * damping), omega_o**2 * (1 + 2j * own_damping))
+    square = eig(np.diag(lossy), whole)[0]
+    nearest = square[np.argmin(np.abs(square.real * value[0, : len(found), None] - 1), axis=1)]
+    np.testing.assert_allclose(found, nearest.imag / nearest.real / 2, rtol=0.02)

@@ -1,0 +1,112 @@
+"""Errors of shapes, told where they are known: beside the baseline's."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from daq import FloatArray
+from oma import ComplexArray
+from tests.support.updater.diagnosis_data import CHANNELS, TRACK, Change, learnt
+from updater import Body
+from updater.inference.shape_covariance import beside, mixed_by_change, own_phases, turned_back, turned_by_noise
+from updater.modal_data.device_delays import split_shape
+from updater.reference.reference import Reference
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_lies_beside_a_shape_keeps_its_size_and_angles(seed: int) -> None:
+    """A turn, to rounding; whatever the sign and size of what is predicted."""
+    random = np.random.default_rng(seed)
+    base = random.standard_normal((4, 12))
+    base /= np.linalg.norm(base, axis=1, keepdims=True)
+    shape = -3.0 * (base + 0.3 * random.standard_normal((5, 4, 12)))
+    rest = beside(random.standard_normal((5, 4, 12)), shape)
+    other = beside(random.standard_normal((5, 4, 12)), shape)
+    turned, as_well = turned_back(rest, shape, base), turned_back(other, shape, base)
+    np.testing.assert_allclose((turned * base).sum(-1), 0, atol=1e-12)
+    np.testing.assert_allclose((turned * as_well).sum(-1), (rest * other).sum(-1), atol=1e-12)
+
+
+def test_a_mode_turned_towards_another_is_off_along_that_one_alone() -> None:
+    """By half a radian; the cosine's 12 % of its own shape are in the turn, not in what is left."""
+    own, other = np.eye(12)[[2]], np.eye(12)[[7]]
+    shape = np.cos(0.5) * own + np.sin(0.5) * other
+    rest = turned_back(beside(own, shape), shape, own)
+    assert np.linalg.norm(rest - (rest * other).sum() * other) < 1e-12
+    assert abs((rest * other).sum()) == pytest.approx(np.sin(0.5))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 60.0, 80.0, 99.0])
+def test_a_phase_that_is_hardly_known_makes_its_mode_as_much_less_sure(degrees: float) -> None:
+    """One of two channels late by about a quarter period; 4000 times tell a deviation to 1 / sqrt(8000) = 1.1 %."""
+    random, noise = np.random.default_rng(9), 1e-3
+    exact: ComplexArray = np.array([0.7, 0.7, 0.1]) * np.exp(-1j * np.radians([0.0, degrees, 0.0]))
+    off = noise * (random.standard_normal((4000, 3)) + 1j * random.standard_normal((4000, 3)))
+    shape, imaginary = (part[:1] for part in split_shape(exact[None]))
+    size = np.linalg.norm(exact) / np.sqrt(1 + (imaginary**2).sum())  # of the real part, which is given unit norm
+    found = split_shape(exact + off)[0]
+    rest = turned_back(beside(found * np.sign(found @ shape[0])[:, None], shape[0]), shape, shape)
+    variance = np.full((1, 3), (noise / size) ** 2)
+    turn = own_phases(shape, imaginary, variance, shape)[0, 0]
+    along = turn / np.linalg.norm(turn) if degrees else np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    expected = np.hypot(turn @ along, noise / size)
+    assert (rest @ along).std() == pytest.approx(expected, rel=4 * 0.011)
+
+
+def test_noise_turns_close_modes_into_each_other() -> None:
+    """By a frequency's deviation over their distance; then by all that is stated of their shapes."""
+    reference, _, _ = learnt(612)
+    f, at_channels = reference.frequency, reference.at_channels(CHANNELS)
+    gap = abs(np.log(f[1] / f[0]))
+    assert gap < 0.03
+    assert abs(np.log(f[2] / f[0])) > 1
+
+    def share(frequency_std: float, shape_std: float) -> FloatArray:
+        mean = replace(
+            reference.baseline,
+            log_frequency_std=np.full(8, frequency_std),
+            shape_std=np.full((8, 12), shape_std / np.sqrt(12)),
+        )
+        turned = turned_by_noise(reference, TRACK, np.zeros(8), at_channels, (mean, mean))
+        return np.asarray(np.linalg.norm(turned, axis=2))
+
+    little = share(1e-4, 0.01)[0]
+    assert little[0] == 0
+    louder = np.linalg.norm(at_channels[:, 1]) / np.linalg.norm(at_channels[:, 0])
+    assert little[1] == pytest.approx(louder * np.sqrt(2) * 1e-4 / gap, rel=0.05)
+    assert (little[2:] < 3e-4).all()
+    assert share(0.3 * gap, 0.2)[0, 1] == pytest.approx(min(0.5, np.sqrt(2) * np.hypot(0.3, 0.2)) * louder, rel=0.05)
+
+
+def test_a_reference_that_fits_badly_is_believed_less() -> None:
+    """400 g that nobody told the model of: its frequencies are 1.6 % off after calibration."""
+    plain, _, _ = learnt(611)
+    laden, _, _ = learnt(611, Change(bodies=(Body(at=(0, 0, 0.7), mass=0.4),)))
+    assert plain.doubt == 1.0
+    assert laden.doubt > 2.0
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.1, 0.3])
+def test_share_of_another_mode_is_that_of_a_body_on_two(gap: float) -> None:
+    """Unit modal displacements at the body: exact modes of K b = omega^2 (1 + m J) b, where they turn little."""
+    frequency, mass = np.array([10.0, 10.0 * (1 + gap)]), 0.004
+    stiffness = np.diag((2 * np.pi * frequency) ** 2)
+    value, vector = scipy.linalg.eigh(stiffness, np.eye(2) + mass)
+    ratio = np.log(np.sqrt(value) / (2 * np.pi) / frequency)
+    reference = cast("Reference", SimpleNamespace(frequency=frequency, paired=np.arange(2)))
+    found = mixed_by_change(reference, np.arange(2), ratio)
+    turned = vector / np.linalg.norm(vector, axis=0)
+    np.testing.assert_allclose(found, [turned[1, 0] ** 2, turned[0, 1] ** 2], rtol=0.35)
+
+
+def test_close_modes_may_mix_wholly_and_unchanged_ones_do_not() -> None:
+    reference = cast("Reference", SimpleNamespace(frequency=np.array([10.0, 10.05, 40.0]), paired=np.arange(3)))
+    tracks = np.arange(3)
+    changed = mixed_by_change(reference, tracks, np.array([-0.01, -0.01, -0.01]))
+    np.testing.assert_allclose(changed[:2], 1.0)
+    assert changed[2] < 1e-3
+    np.testing.assert_allclose(mixed_by_change(reference, tracks, np.zeros(3)), 0.0)

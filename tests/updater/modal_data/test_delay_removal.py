@@ -1,0 +1,69 @@
+"""The whitener of phases without one mode, and delays put back where they are news."""
+
+import numpy as np
+import pytest
+
+from oma import ModalEstimate
+from tests.support.updater.reference_frame import measure, t_frame, true_model
+from updater import DeviceDelays, remove_delays
+from updater.inference.phases_and_damping import without_mode
+from updater.modal_data.delay_removal import in_time, without_known
+
+CHANNELS = t_frame().channels
+DEVICES = {channel: channel.rsplit("_", 1)[0] for channel in CHANNELS}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whitener_without_a_mode_is_that_of_the_others_covariance(seed: int) -> None:
+    """Three modes, four channels, errors that all share: what is left is the inverse of the others' own covariance."""
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((12, 12))
+    covariance = root @ root.T + np.eye(12)
+    found = without_mode(np.linalg.inv(np.linalg.cholesky(covariance)), 1, 4)
+    others = np.r_[0:4, 8:12]
+    expected = np.zeros((12, 12))
+    expected[np.ix_(others, others)] = np.linalg.inv(covariance[np.ix_(others, others)])
+    np.testing.assert_allclose(found.T @ found, expected, atol=1e-9)
+
+
+def windows(random: np.random.Generator, late: dict[str, float], n: int) -> list[ModalEstimate]:
+    model = true_model(np.random.default_rng(7))
+    back = {device: -tau for device, tau in late.items()}
+    return [remove_delays(measure(model, random, np.ones(12)), DEVICES, back) for _ in range(n)]
+
+
+def apart(estimate: ModalEstimate, device: str) -> float:
+    """Mean slope of the phase of a device's channels against the others' over frequency, as a delay [s]."""
+    own = np.array([DEVICES[c] == device for c in estimate.channels])
+    parts = [estimate.shape[:, chosen] for chosen in (own, ~own)]
+    phase = np.array([np.angle((part**2).sum(1)) / 2 for part in parts])
+    off = (phase[0] - phase[1] + np.pi / 2) % np.pi - np.pi / 2
+    weight = estimate.frequency * np.minimum(*(np.linalg.norm(part, axis=1) for part in parts))
+    return float(-(weight * off).sum() / (weight * 2 * np.pi * estimate.frequency).sum())
+
+
+def test_what_a_device_is_late_by_beyond_what_it_was_is_put_back() -> None:
+    """0.1 ms before, 0.5 ms now; identification took 0.3 ms out of each window already."""
+    random = np.random.default_rng(11)
+    taken = dict.fromkeys(DEVICES.values(), 0.0) | {"col_074": 3e-4}
+    now = windows(random, dict.fromkeys(taken, 0.0) | {"col_074": 5e-4 - 3e-4}, 4)
+    found = in_time(now, [taken] * 4, DEVICES)
+    assert all(abs(apart(e, "col_074")) < 2e-5 for e in found.estimates)
+    before = DeviceDelays(
+        seconds=dict.fromkeys(taken, 0.0) | {"col_074": 1e-4}, std=dict.fromkeys(taken, 0.0), wander=0.0, noise_factor=1
+    )
+    heard = found.heard(before)
+    assert heard is not None
+    assert np.mean([apart(e, "col_074") for e in heard]) == pytest.approx(4e-4, abs=2e-5)
+
+
+def test_known_delays_of_channels_leave_nothing() -> None:
+    """A device 0.5 ms late of which identification took 0.3 ms out, and the structure file knows 0.5 ms."""
+    random = np.random.default_rng(12)
+    (window,) = windows(random, dict.fromkeys(DEVICES.values(), 0.0) | {"beam_left": 2e-4}, 1)
+    late = {c: 5e-4 if DEVICES[c] == "beam_left" else 0.0 for c in CHANNELS}
+    own, removed = without_known(window, {"beam_left": 3e-4}, DEVICES, late)
+    found = in_time([own] * 3, [removed] * 3, DEVICES)
+    assert abs(apart(found.estimates[0], "beam_left")) < 2e-5
+    known = DeviceDelays(seconds=dict.fromkeys(DEVICES.values(), 0.0), std={}, wander=1e-5, noise_factor=1)
+    assert found.heard(known) is None

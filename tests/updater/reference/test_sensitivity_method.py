@@ -1,0 +1,153 @@
+"""The iterative sensitivity method: against closed forms, and on a structure that is not the model's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from daq import FloatArray
+from tests.support.updater.frames import t_frame, unmoved
+from tests.support.updater.one_step import Rig
+from updater import Body, calibrate, mean_modes, spread_mass, stack_tracks
+from updater.reference.calibration import _Misfit, best_model
+from updater.reference.sensitivity_method import Prior, fit_parameters, frequency_slope
+from updater.structure.parameters import knobs_of
+
+
+class Linear:
+    """A x = b with unit noise."""
+
+    def __init__(self, matrix: FloatArray, goal: FloatArray) -> None:
+        self.matrix, self.goal = matrix, goal
+
+    def residual(self, x: FloatArray) -> FloatArray:
+        return np.asarray(self.matrix @ x - self.goal)
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        return self.matrix
+
+
+def prior(n: int, std: float, *, lower: float = -np.inf, start: float = 0.1) -> Prior:
+    return Prior(
+        mean=np.zeros(n),
+        std=np.full(n, std),
+        lower=np.full(n, lower),
+        upper=np.full(n, np.inf),
+        start=np.full(n, start),
+    )
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return Rig(3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_linear_problem_has_the_gaussian_posterior(seed: int) -> None:
+    """Mean, deviations and the ratio of evidences of two priors, in closed form, to 1e-6 of the cost."""
+    random = np.random.default_rng(seed)
+    matrix, goal = random.standard_normal((5, 9)), 3 * random.standard_normal(5)
+    found = {std: fit_parameters(Linear(matrix, goal), prior(9, std)) for std in (0.5, 2.0)}
+    covariance = np.linalg.inv(matrix.T @ matrix + np.eye(9) / 4)
+    np.testing.assert_allclose(found[2.0].value, covariance @ matrix.T @ goal, atol=1e-6)
+    np.testing.assert_allclose(found[2.0].std, np.sqrt(np.diag(covariance)), rtol=1e-9)
+    marginal = {s: multivariate_normal.logpdf(goal, cov=np.eye(5) + s**2 * matrix @ matrix.T) for s in found}
+    gain = found[2.0].log_evidence - found[0.5].log_evidence
+    assert gain == pytest.approx(marginal[2.0] - marginal[0.5], abs=1e-5)
+    assert found[2.0].converged
+
+
+def test_bound_holds_what_would_leave_it_and_says_so() -> None:
+    found = fit_parameters(Linear(np.eye(2), np.array([3.0, -3.0])), prior(2, 1e3, lower=-1.0))
+    np.testing.assert_allclose(found.value, [3.0, -1.0], atol=1e-3)
+    assert found.at_bound.tolist() == [False, True]
+
+
+def test_too_few_iterations_are_said() -> None:
+    class Valley(Linear):
+        """Rosenbrock's."""
+
+        def residual(self, x: FloatArray) -> FloatArray:
+            return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+        def slope(self, x: FloatArray) -> FloatArray:
+            return np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+
+    problem = Valley(np.eye(2), np.zeros(2))
+    assert not fit_parameters(problem, prior(2, 1e6, start=-1.2), most=3).converged
+    found = fit_parameters(problem, prior(2, 1e6, start=-1.2))
+    assert found.converged
+    np.testing.assert_allclose(found.value, 1, atol=1e-3)
+
+
+def test_slope_of_frequencies_is_their_derivative() -> None:
+    """E doubled is K doubled: d ln omega / d ln E is a half for all, exactly."""
+    model = best_model(t_frame())
+    modes = model.modes(8)
+    slope = frequency_slope(modes.omega, modes.shape, model.stiffness @ modes.shape)
+    np.testing.assert_allclose(slope, 0.5, rtol=1e-8)
+
+
+def test_slope_of_the_calibration_is_its_derivative(rig: Rig) -> None:
+    """Central differences of a thousandth: (1e-3)^2 of curvatures of a few times the slope."""
+    knobs = knobs_of(t_frame())
+    problem = _Misfit(t_frame(), knobs, rig.reference.baseline, int(rig.reference.paired.max()) + 1)
+    x = np.array([0.02, *np.full(len(knobs) - 1, 0.01)])
+    slope, step = problem.slope(x), 1e-3 * np.array([1.0, *np.full(len(knobs) - 1, 0.01)])
+    for i in range(len(knobs)):
+        ahead, behind = x.copy(), x.copy()
+        ahead[i] += step[i]
+        behind[i] -= step[i]
+        difference = (problem.residual(ahead) - problem.residual(behind)) / (2 * step[i])
+        np.testing.assert_allclose(slope[:, i], difference, rtol=1e-5, atol=1e-5 * np.abs(slope[:, i]).max())
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_calibration_brings_frequencies_within_the_models_error(seed: int) -> None:
+    """Seven parameters with priors, eight frequencies of a frame of another kind: 0.2 % is allowed for the model."""
+    truth = Rig(seed).truth
+    model = truth.model()
+    windows = truth.windows(model.modes(8), model.sensor_rows, 4, 1, noise=1e-3)
+    found = calibrate(t_frame(), mean_modes(stack_tracks(windows, unmoved(4))))
+    error = found.modes.frequency[found.paired] / model.modes(8).frequency - 1
+    before = found.nominal_frequency / model.modes(8).frequency - 1
+    print(found.reason, np.abs(error).max(), np.abs(before).max())
+    assert np.abs(error).max() < 2e-3
+    assert np.abs(error).max() < 0.3 * np.abs(before).max()
+    assert found.reason != "gave up after too many iterations"
+    steel, true = found.structure.material["steel"], truth.structure.material["steel"]
+    ratio = (steel.youngs_modulus / steel.density) / (true.youngs_modulus / true.density)
+    assert ratio == pytest.approx(1, abs=4 * found.parameters[0].std)
+
+
+def test_unchanged_data_spread_no_mass(rig: Rig) -> None:
+    assert np.abs(spread_mass(rig.reference, rig.reference.baseline).mass).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    "body",
+    [Body(at=(0.25, 0, 1.48), mass=0.304), Body(at=(0, 0, 0.92), mass=0.152)],
+    ids=["location 1", "location 2"],
+)
+def test_mass_is_spread_about_its_place(rig: Rig, body: Body) -> None:
+    """Ill-posed as it is, the largest node lies within 0.2 m; the sum, which frequencies carry, within a fifth."""
+    modes = rig.truth.model(body).modes(8)
+    event = rig.reference.mean_of(stack_tracks(rig.windows(modes, 4, 2), unmoved(4)))
+    found = spread_mass(rig.reference, event)
+    place = rig.reference.calibration.model.nodes[found.node[np.argmax(found.mass)]]
+    print(found.mass.sum(), place, found.prior_std, found.iterations, found.reason)
+    assert np.linalg.norm(place - body.at) < 0.2
+    assert found.mass.sum() == pytest.approx(body.mass, rel=0.2)
+    assert found.reason == "the cost no longer falls"
+    assert not len(found.at_bound)
+    assert found.mass.max() < 0.5 * body.mass  # it cannot say that it is one body
+
+
+def test_node_gives_no_more_than_it_has(rig: Rig) -> None:
+    """Frequencies as of a tenth of the frame taken off its ends: bounds hold nodes there."""
+    base = rig.reference.baseline
+    found = spread_mass(rig.reference, replace(base, log_frequency=base.log_frequency + np.linspace(0.05, 0.3, 8)))
+    own = 3.292 * 0.05  # kg, a node of the crossbeam; the joint's has more
+    assert len(found.at_bound)
+    assert found.mass.min() > -2 * own

@@ -1,0 +1,114 @@
+"""Choice of what may be updated: parameters fixed or bounded, causes left out; and the parameters' sensitivities."""
+
+import numpy as np
+import pytest
+
+from tests.support.updater.diagnosis_data import Change, learnt
+from updater import Body, StructureError, calibrate, diagnose, dump_structure, parse_structure, t_structure_toml
+from updater.diagnosis.weighing import allowed_causes
+from updater.reference.calibration import best_model
+from updater.reference.parameter_sensitivity import parameter_sensitivities
+from updater.structure.parameters import Knob, apply_knobs, as_filed, knobs_of, with_springs
+
+FRAME = t_structure_toml()
+
+
+def _keys(text: str) -> list[str]:
+    return [knob.key for knob in knobs_of(parse_structure(text))]
+
+
+def _knob(text: str, key: str) -> Knob:
+    return next(knob for knob in knobs_of(parse_structure(text)) if knob.key == key)
+
+
+def test_a_fixed_parameter_is_not_updated_by_its_own_name_a_pattern_or_its_member() -> None:
+    assert {"steel.E", "support 0.ry", "crossbeam.rz", "crossbeam.weld"} <= set(_keys(FRAME))
+    assert "steel.E" not in _keys(FRAME + '[updating]\nfixed = ["steel.E"]\n')
+    assert "steel.E" not in _keys(FRAME + '[updating]\nfixed = ["column.E"]\n')
+    assert not any(key.startswith("support") for key in _keys(FRAME + '[updating]\nfixed = ["support*"]\n'))
+    assert _keys(FRAME + '[updating]\nfixed = ["*"]\n') == []
+
+
+def test_bounds_are_given_in_physical_units() -> None:
+    text = FRAME + '[updating.bounds]\n"steel.E" = [200e9, 215e9]\n"support 0.ry" = [5e5, 1e9]\n'
+    modulus, foot = _knob(text, "steel.E"), _knob(text, "support 0.ry")
+    np.testing.assert_allclose(np.exp([modulus.lower, modulus.upper]), [200 / 210, 215 / 210])
+    softest = apply_knobs(parse_structure(FRAME), [foot], np.array([foot.upper])).support[0]
+    np.testing.assert_allclose(softest.stiffness["ry"], 5e5)
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ('fixed = ["steal.E"]', ["steal.E", "steel.E"]),
+        ('bounds = {"steel.E" = [220e9, 230e9]}', ["steel.E", "2.1e+11"]),
+        ('bounds = {"steel.E" = [215e9, 205e9]}', ["steel.E", "least"]),
+        ('fix = ["steel.E"]', ["fix", "fixed"]),
+    ],
+)
+def test_a_choice_that_cannot_be_met_is_one_clear_error(entry: str, words: list[str]) -> None:
+    with pytest.raises(StructureError) as error:
+        parse_structure(f"{FRAME}[updating]\n{entry}\n", "frame.toml")
+    assert str(error.value).startswith("frame.toml")
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_the_choice_survives_writing() -> None:
+    structure = parse_structure(
+        FRAME + '[updating]\nfixed = ["*.weld"]\n[updating.bounds]\n"steel.E" = [2e11, 2.2e11]\n'
+    )
+    assert parse_structure(dump_structure(structure)) == structure
+    assert parse_structure(dump_structure(structure, FRAME)) == structure
+
+
+def test_calibration_leaves_what_is_fixed_and_stays_inside_bounds() -> None:
+    """The truth's E is off by a per cent or two, its foot and joint give; without parameters nothing is fitted."""
+    baseline = learnt(31)[0].baseline
+
+    def calibrated(entry: str) -> float:
+        structure = parse_structure(f"{FRAME}[updating]\n{entry}\n")
+        return calibrate(structure, baseline).structure.material["steel"].youngs_modulus
+
+    modulus = calibrated("")
+    assert abs(modulus / 210e9 - 1) > 1e-3
+    assert calibrated('fixed = ["steel.E"]') == 210e9
+    assert calibrated('fixed = ["*"]') == 210e9
+    bound = 210e9 * (1 + 0.3 * (modulus / 210e9 - 1))
+    limits = sorted([bound, 210e9 + (210e9 - bound)])
+    assert calibrated(f'bounds = {{"steel.E" = {limits}}}') == pytest.approx(bound, rel=1e-4)
+
+
+def test_a_diagnosis_can_be_limited_to_some_causes() -> None:
+    """The command's tests cover causes that are left out."""
+    reference, _, event = learnt(202)
+    current = event(Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),)))
+    only = diagnose(reference, current, only=("added_mass", "local_stiffness")).diagnosis
+    assert [cause.cause for cause in only.causes] == ["added_mass"]
+    assert {c.cause for c in only.rejected} == {"local_stiffness"}
+
+
+def test_a_cause_that_does_not_exist_is_named_with_those_that_do() -> None:
+    with pytest.raises(ValueError, match=r"added_mas.*did you mean 'added_mass'"):
+        allowed_causes(without=("added_mas",))
+    with pytest.raises(ValueError, match="no cause is left"):
+        allowed_causes(only=("added_mass",), without=("added_mass",))
+
+
+def test_sensitivities_are_what_a_changed_model_shows() -> None:
+    """Against models solved anew with a hundredth of each step; 1 % of the largest, for what is of second order."""
+    structure = parse_structure(FRAME)
+    frequency, found = parameter_sensitivities(structure, 8)
+    knobs, sprung = knobs_of(structure), with_springs(structure)
+    assert [one.name for one in found] == [knob.key for knob in knobs]
+    for i, (knob, one) in enumerate(zip(knobs, found, strict=True)):
+        start, moved = as_filed(knobs), as_filed(knobs)
+        moved[i] += 0.01 * (-knob.prior if knob.kind == "stiffness" else knob.prior)
+        if knob.kind == "weld":
+            start[i] = 1e-6
+        before, after = (best_model(apply_knobs(sprung, knobs, x)).modes(8).frequency for x in (start, moved))
+        change = 100 * np.log(after / before)
+        np.testing.assert_allclose(one.change, change, atol=0.01 * np.abs(change).max(), err_msg=knob.key)
+    np.testing.assert_allclose(frequency[:2], [10.78, 10.97], rtol=1e-3)
+    assert found[0].filed == 210e9
+    assert np.isinf(next(one for one in found if one.name == "support 0.ry").filed)
