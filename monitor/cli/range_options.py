@@ -4,8 +4,6 @@ from typing import Annotated
 
 import typer
 
-from monitor.cli.terminal import Terminal
-
 From = Annotated[
     str | None,
     typer.Option(
@@ -16,11 +14,3 @@ From = Annotated[
     ),
 ]
 To = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the range (exclusive). Format as --from.")]
-
-
-_console = Terminal()
-
-
-def say_range(text: str) -> None:
-    """Print a range."""
-    _console.print(text, soft_wrap=True, markup=False)

@@ -23,3 +23,8 @@ class Terminal(Console):
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
     """Print a text without markup, its control characters as escapes."""
     typer.echo(printable(text), nl=nl, err=err)
+
+
+def say_range(text: str) -> None:
+    """Print the range of time to which a command is limited."""
+    Terminal().print(text, soft_wrap=True, markup=False)

@@ -20,8 +20,7 @@ from monitor.cli.data.diagnose_output import say_answer, say_evidence
 from monitor.cli.data.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.range_options import say_range
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, say_range
 from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
 from monitor.optional import run_optional
 from monitor.results.comparison import DiscrepancyResult

@@ -17,7 +17,7 @@ from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.data.identify_output import Findings, as_json, console, say_modes
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
-from monitor.cli.range_options import say_range
+from monitor.cli.terminal import say_range
 from monitor.errors import ArgumentError
 from monitor.settings import Settings, parse_attached
 from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc

@@ -28,8 +28,7 @@ from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
-from monitor.cli.range_options import say_range
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, say_range
 from monitor.errors import ArgumentError
 from monitor.views.run import late_devices
 

@@ -11,8 +11,7 @@ from urllib.parse import urlsplit
 from daq import AnyLog, LogExcerpt, files_of
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.exit_codes import DONE
-from monitor.cli.range_options import say_range
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, say_range
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report
 from monitor.views.run import load_run

@@ -14,10 +14,9 @@ from daq import LogError
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.data.log import one_log
 from monitor.cli.exit_codes import DONE
-from monitor.cli.range_options import say_range
 from monitor.cli.site.console_log import journal, line
 from monitor.cli.site.send import standing_if_known, tell
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, say_range
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.daemon import reload_on_signal, run, stop_on_signals
 from monitor.service.operator_commands import Acknowledgement
