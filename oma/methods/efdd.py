@@ -15,7 +15,7 @@ import numpy as np
 from daq import FloatArray
 from oma.methods.fdd import FDD, Reading, read_bell
 from oma.spectral.decomposition import Decomposition
-from oma.spectral.resonances import Resonance
+from oma.spectral.resonances import SpectralResonance
 from oma.types import ComplexArray
 
 _DOMAIN = 0.8  # least MAC of a line's singular vector with that of the peak (Brincker et al. 2001)
@@ -33,7 +33,7 @@ class EFDD(FDD):
 
     name: ClassVar[str] = "efdd"
 
-    def read(self, parts: Decomposition, one: Resonance, others: Sequence[Resonance]) -> Reading:
+    def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
         """Return what the transform of the bell says."""
         lines = _domain(parts, one)
         spectrum, moves = parts.filtered(one.filter, lines), parts.moved(one.filter, lines)
@@ -53,7 +53,7 @@ class EFDD(FDD):
         )
 
 
-def _domain(parts: Decomposition, one: Resonance) -> slice:
+def _domain(parts: Decomposition, one: SpectralResonance) -> slice:
     """Return the lines around the peak one of whose first vectors is the mode's (the modal domain)."""
     agreement = np.max(np.abs(parts.vectors[one.lines] @ one.shape.conj()) ** 2, axis=1)
     peak = round(one.pole.imag / parts.width) - parts.sums.first - one.lines.start
@@ -64,7 +64,7 @@ def _domain(parts: Decomposition, one: Resonance) -> slice:
     return slice(one.lines.start + min(first, peak - 1), one.lines.start + max(last, peak + 2))
 
 
-def _poles(parts: Decomposition, one: Resonance, lines: slice, spectra: FloatArray) -> ComplexArray:
+def _poles(parts: Decomposition, one: SpectralResonance, lines: slice, spectra: FloatArray) -> ComplexArray:
     """Return the poles [rad/s] whose decays spectra (n, n_lines) transform into.
 
     A line is laid through the logarithm of the decay, growth and phase at once, each lag weighing as its error permits;

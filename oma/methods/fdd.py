@@ -21,7 +21,7 @@ from oma.selection.pole_uncertainty import block_std, normalised_move, pole_move
 from oma.selection.selection import Selection, uncertainty_law
 from oma.selection.stabilization import Stabilization
 from oma.spectral.decomposition import Decomposition, decompose
-from oma.spectral.resonances import Resonance, residue_weight, resonances
+from oma.spectral.resonances import SpectralResonance, residue_weight, resonances
 from oma.spectral.spectra import SpectrumAccumulator
 from oma.types import ComplexArray
 
@@ -87,14 +87,14 @@ class FDD:
         """Return an empty identifier for one rate."""
         return SpectralLevel(self, len(channels), level)
 
-    def read(self, parts: Decomposition, one: Resonance, others: Sequence[Resonance]) -> Reading:
+    def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
         """Return what the peak of the singular value says.
 
         Parameters
         ----------
         parts : Decomposition
-        one : Resonance
-        others : sequence of Resonance
+        one : SpectralResonance
+        others : sequence of SpectralResonance
             All of the band.
         """
         bell = read_bell(parts, one, others)
@@ -129,7 +129,7 @@ def _vertex(three: FloatArray) -> float:
     return float(np.clip(0.5 * (three[0] - three[2]) / curvature, -1, 1))
 
 
-def read_bell(parts: Decomposition, one: Resonance, others: Sequence[Resonance]) -> Reading:
+def read_bell(parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
     """Return what the bell that was fitted to a resonance's enhanced spectrum says; arguments as for `FDD.read`."""
     moves = parts.moved(one.filter, one.lines) @ one.influence.T
     frequency_moves, damping_moves = pole_moves(one.pole, moves[:, 1] + 1j * moves[:, 0])
@@ -202,7 +202,7 @@ class SpectralLevel:
         modes = [self._mode(parts, one, found, duration) for one in found]
         return LevelModes(poles=_diagram(found, self._n_channels), modes=modes)
 
-    def _mode(self, parts: Decomposition, one: Resonance, found: Sequence[Resonance], duration: float) -> Mode:
+    def _mode(self, parts: Decomposition, one: SpectralResonance, found: Sequence[SpectralResonance], duration: float) -> Mode:
         """Return a mode with its standard deviations: none is claimed that lies under the law's."""
         reading = self._method.read(parts, one, found)
         bell = read_bell(parts, one, found)
@@ -223,7 +223,7 @@ class SpectralLevel:
         )
 
 
-def _diagram(found: Sequence[Resonance], n_channels: int) -> Stabilization:
+def _diagram(found: Sequence[SpectralResonance], n_channels: int) -> Stabilization:
     """Return resonances as poles; the number of the singular value stands for the order."""
     n = len(found)
     return Stabilization(

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from oma.methods.fdd import FDD, Reading, read_bell
 from oma.spectral.decomposition import Decomposition
-from oma.spectral.resonances import Resonance
+from oma.spectral.resonances import SpectralResonance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +21,6 @@ class FSDD(FDD):
 
     name: ClassVar[str] = "fsdd"
 
-    def read(self, parts: Decomposition, one: Resonance, others: Sequence[Resonance]) -> Reading:
+    def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
         """Return what the bell says."""
         return read_bell(parts, one, others)

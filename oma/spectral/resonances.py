@@ -38,7 +38,7 @@ _FILTERED = 0.95  # MAC up to which the shape of another mode is filtered out: m
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Resonance:
+class SpectralResonance:
     """A resonance and where it was seen."""
 
     pole: complex  #: [rad/s]
@@ -63,7 +63,7 @@ class Resonance:
         return -self.pole.real / abs(self.pole)
 
 
-def resonances(parts: Decomposition, band: tuple[float, float], duration: float, limits: Selection) -> list[Resonance]:
+def resonances(parts: Decomposition, band: tuple[float, float], duration: float, limits: Selection) -> list[SpectralResonance]:
     """Return the resonances in a band, by frequency.
 
     Parameters
@@ -77,9 +77,9 @@ def resonances(parts: Decomposition, band: tuple[float, float], duration: float,
 
     Returns
     -------
-    list of Resonance
+    list of SpectralResonance
     """
-    found: list[Resonance] = []
+    found: list[SpectralResonance] = []
     for line, level in _peaks(parts.values, _least_peak(parts, duration)):
         candidate = _candidate(parts, line, level, duration)
         if candidate and _plausible(candidate, limits) and not _known(candidate, found, limits):
@@ -107,7 +107,7 @@ def _peaks(values: FloatArray, least: float) -> list[tuple[int, int]]:
     return list(zip(lines[order].tolist(), level[order].tolist(), strict=True))
 
 
-def _candidate(parts: Decomposition, line: int, level: int, duration: float) -> Resonance | None:
+def _candidate(parts: Decomposition, line: int, level: int, duration: float) -> SpectralResonance | None:
     """Return what a peak would be as a resonance, if a bell explains it."""
     vector = parts.vectors[line, level]
     pole = complex(-0.5 * parts.width, (line + parts.sums.first) * parts.width)
@@ -117,7 +117,7 @@ def _candidate(parts: Decomposition, line: int, level: int, duration: float) -> 
     return _fitted(parts, pole, vector, vector, [], level + 1, coherence, duration)
 
 
-def _hidden(parts: Decomposition, one: Resonance, duration: float) -> Resonance | None:
+def _hidden(parts: Decomposition, one: SpectralResonance, duration: float) -> SpectralResonance | None:
     """Return what is left near a resonance once its shape is taken out: a close mode that makes no peak of its own."""
     lines = parts.around(complex(-0.0, one.pole.imag))
     left = np.eye(len(one.shape)) - np.outer(one.shape, one.shape.conj())
@@ -147,7 +147,7 @@ def _coherence(parts: Decomposition, line: int, vector: ComplexArray) -> float:
 def _fitted(
     parts: Decomposition, pole: complex, shape: ComplexArray, stopped: ComplexArray, others: list[complex],
     level: int, coherence: float, duration: float,
-) -> Resonance | None:  # fmt: skip
+) -> SpectralResonance | None:  # fmt: skip
     """Return what a filtered spectrum shows near a pole, if that is more than chance."""
     seen = _bell(parts, pole, stopped, others)
     if seen is None:
@@ -156,7 +156,7 @@ def _fitted(
     gain = fit.gain * _n_periodograms(parts, duration)
     if gain < float(special.chdtri(4, _CHANCE / len(parts.matrix))) / 2:
         return None
-    return Resonance(
+    return SpectralResonance(
         pole=fit.pole,
         shape=shape,
         filter=stopped,
@@ -208,12 +208,12 @@ def _near(parts: Decomposition, others: list[complex], lines: slice) -> list[com
     return [pole for pole in others if first - margin < pole.imag < last + margin]
 
 
-def _plausible(one: Resonance, limits: Selection) -> bool:
+def _plausible(one: SpectralResonance, limits: Selection) -> bool:
     """Tell whether damping and shape may be a mode's."""
     return one.damping < limits.max_damping and bool(mpc(one.shape) >= limits.min_mpc)
 
 
-def _known(one: Resonance, found: Sequence[Resonance], limits: Selection) -> bool:
+def _known(one: SpectralResonance, found: Sequence[SpectralResonance], limits: Selection) -> bool:
     """Tell whether shapes found near a resonance span its own: no more modes than dimensions."""
     near = [other.shape for other in found if _overlap(one, other) or _twin(one, other, limits)]
     if not near:
@@ -222,21 +222,21 @@ def _known(one: Resonance, found: Sequence[Resonance], limits: Selection) -> boo
     return float(np.sum(np.abs(basis.conj().T @ one.shape) ** 2)) > 1 - limits.max_mac_loss
 
 
-def _overlap(a: Resonance, b: Resonance) -> bool:
+def _overlap(a: SpectralResonance, b: SpectralResonance) -> bool:
     """Tell whether the bells of two resonances cover each other's peaks."""
     return abs(a.pole.imag - b.pole.imag) < 2 * abs(a.pole.real + b.pole.real)
 
 
-def _twin(a: Resonance, b: Resonance, limits: Selection) -> bool:
+def _twin(a: SpectralResonance, b: SpectralResonance, limits: Selection) -> bool:
     """Tell whether two resonances are one by frequency and shape."""
     near = abs(a.pole.imag - b.pole.imag) < limits.max_shift * a.pole.imag
     return near and 1 - mac(a.shape, b.shape) < limits.max_mac_loss
 
 
-def _refined(parts: Decomposition, found: list[Resonance], duration: float, limits: Selection) -> list[Resonance]:
+def _refined(parts: Decomposition, found: list[SpectralResonance], duration: float, limits: Selection) -> list[SpectralResonance]:
     """Return the resonances with shapes from all their lines, close ones told apart, fitted again."""
     shaped = [replace(one, shape=_shape(parts, one, found)) for one in found]
-    result: list[Resonance] = []
+    result: list[SpectralResonance] = []
     for one in sorted(shaped, key=lambda r: -r.gain):
         others = [other for other in shaped if other is not one]
         again = _fitted(
@@ -248,13 +248,13 @@ def _refined(parts: Decomposition, found: list[Resonance], duration: float, limi
     return result
 
 
-def _shape(parts: Decomposition, one: Resonance, found: Sequence[Resonance]) -> ComplexArray:
+def _shape(parts: Decomposition, one: SpectralResonance, found: Sequence[SpectralResonance]) -> ComplexArray:
     """Return the shape that all lines of a bell agree on."""
     product = np.einsum("l,lij->ij", residue_weight(parts, one, found), parts.matrix[one.lines])
     return normalise(np.linalg.eigh(product)[1][:, -1])
 
 
-def _stop(one: Resonance, others: list[Resonance]) -> ComplexArray:
+def _stop(one: SpectralResonance, others: list[SpectralResonance]) -> ComplexArray:
     """Return a vector that passes the shape of a resonance and stops those whose bells overlap with its own."""
     close = [
         other.shape
@@ -268,7 +268,7 @@ def _stop(one: Resonance, others: list[Resonance]) -> ComplexArray:
     return dual
 
 
-def residue_weight(parts: Decomposition, one: Resonance, found: Sequence[Resonance]) -> FloatArray:
+def residue_weight(parts: Decomposition, one: SpectralResonance, found: Sequence[SpectralResonance]) -> FloatArray:
     """Return the weights of the lines whose sum of spectral matrices holds one shape alone, (n_lines,).
 
     The spectral matrix is the sum of bells, each times the outer product of a shape, and a background: least squares
