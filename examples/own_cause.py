@@ -5,7 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater import Body, Comparison, Discrete, Effect, Fit, Quantity, Reference, Structure, Where, no_effect
+from updater import Body, Reference, Structure
+from updater.causes import Discrete
+from updater.inference import Comparison, Effect, Fit, no_effect
+from updater.quantities import Quantity, Where
 
 POINTS = 21  # along a member, that stand for it
 

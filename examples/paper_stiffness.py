@@ -16,17 +16,16 @@ from matplotlib.figure import Figure
 from oma import ModalEstimate
 from updater import (
     Body,
-    Joint,
-    Modes,
     StiffnessUpdater,
     Structure,
-    Support,
     build_model,
     learn_reference,
     parse_structure,
     stack_tracks,
     t_structure_toml,
 )
+from updater.fe import Modes
+from updater.structure import Joint, Support
 
 RANDOM = np.random.default_rng(2026)
 SOFT = (0.60, 0.72)  # m of the column's height

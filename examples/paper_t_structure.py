@@ -17,19 +17,18 @@ from matplotlib.figure import Figure
 from oma import ModalEstimate
 from updater import (
     Body,
-    Joint,
     MassUpdater,
-    Modes,
-    Support,
     build_model,
-    expand_shapes,
     learn_reference,
     locate_mass,
     parse_structure,
-    spread_mass,
     stack_tracks,
     t_structure_toml,
 )
+from updater.fe import Modes
+from updater.localization import spread_mass
+from updater.one_step import expand_shapes
+from updater.structure import Joint, Support
 
 PAPER = {"location 1": (416, 246, 354), "location 2": (234, 187, None)}  # g, its tables 2 and 3
 BODIES = {

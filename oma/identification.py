@@ -8,21 +8,25 @@ import numpy as np
 
 from daq import FloatArray, Recording
 from oma.errors import InputError, NumericalFault, TooFewModes, TooShort
-from oma.methods.base import LevelModes, Method
-from oma.methods.efdd import EFDD
-from oma.methods.fdd import FDD
-from oma.methods.fsdd import FSDD
-from oma.methods.plscf import PLSCF
-from oma.methods.ssi import CovarianceSSI, DataSSI
-from oma.preparation.bandwidth import usable_share
-from oma.preparation.conditioning import BoolArray, cleaned, enough
-from oma.preparation.faults import ChannelFault
-from oma.preparation.pyramid import ALIAS_FREE, PASS, TOP, Decimator, HighPass, levels
-from oma.preparation.quality import BlockQuality, WindowQuality, window_quality
-from oma.selection.modes import Mode, distinct, physical, repeats_of_tones
-from oma.selection.stabilization import Stabilization, join
-from oma.spectral.device_alignment import aligned, delays_of_clean
-from oma.spectral.harmonics import LineClasses, classify
+from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, LevelModes, Method
+from oma.preparation import (
+    ALIAS_FREE,
+    PASS,
+    TOP,
+    BlockQuality,
+    BoolArray,
+    ChannelFault,
+    Decimator,
+    HighPass,
+    WindowQuality,
+    cleaned,
+    enough,
+    levels,
+    usable_share,
+    window_quality,
+)
+from oma.selection import Mode, Stabilization, distinct, join, physical, repeats_of_tones
+from oma.spectral import LineClasses, aligned, classify, delays_of_clean
 from oma.types import ModalEstimate
 
 METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(

@@ -10,10 +10,8 @@ import numpy.typing as npt
 from daq import FloatArray, Recording
 from oma.errors import IdentificationError
 from oma.identification import identify_all
-from oma.methods.base import Method
-from oma.preparation.conditioning import channel_faults
-from oma.preparation.faults import ChannelFault
-from oma.preparation.quality import WindowQuality
+from oma.methods import Method
+from oma.preparation import ChannelFault, WindowQuality, channel_faults
 from oma.types import ModalEstimate
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are the same one

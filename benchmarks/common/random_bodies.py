@@ -13,10 +13,11 @@ import numpy as np
 from scipy.stats import beta
 
 from daq import FloatArray, IndexArray
-from updater import Body, MassChange, Member, Model, Structure, build_model
+from updater import Body, MassChange, Model, Structure, build_model
+from updater.fe import local_axes
 from updater.fe.body import body_mass
-from updater.fe.element import local_axes
-from updater.modal_data.tracked import COMMON_STD
+from updater.modal_data import COMMON_STD
+from updater.structure import Member
 
 OFFSET_STD, GYRATION_STD = 0.02, 0.03**2  # m, m2: of the bodies that are drawn
 DENSITY_STD = 0.01  # of the true frames

@@ -14,7 +14,8 @@ from functools import partial
 import numpy as np
 
 from daq import FloatArray, Recording
-from oma import identify, uncertainty_law
+from oma import identify
+from oma.selection import uncertainty_law
 from tests.support.oma.cramer_rao import Bound, whittle_bound
 from tests.support.oma.scenes import SCENES, pairs
 from tests.support.oma.structures import Structure, frame, simulate

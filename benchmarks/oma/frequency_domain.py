@@ -37,7 +37,7 @@ BLOCKS = 6  # of the stream that singular values are asked of
 def ours_singular(path: str, rate: float, truth: list[float]) -> Work:
     """Singular values of all lines out of a stream: the record is never in memory as a whole."""
     del truth
-    from oma.spectral.spectra import SpectrumAccumulator
+    from oma.spectral import SpectrumAccumulator
 
     n_samples, n_channels = np.load(path, mmap_mode="r").shape
     with Path(path).open("rb") as file:
@@ -197,7 +197,8 @@ def run(name: str, folder: Path) -> None:
 
 def accuracy(n_windows: int, folder: Path) -> None:
     """Print errors over the bound and over the law, and what the stated deviations cover."""
-    from oma import METHODS, IdentificationError, identify, uncertainty_law
+    from oma import METHODS, IdentificationError, identify
+    from oma.selection import uncertainty_law
     from tests.support.oma.cramer_rao import whittle_bound
     from tests.support.oma.scenes import SCENES, pairs
 

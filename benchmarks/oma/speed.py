@@ -62,7 +62,7 @@ def ours_data(path: str, rate: float) -> Work:
 
 def _ours(path: str, rate: float, method: Any) -> Work:
     from oma.methods.realization import realisations
-    from oma.selection.stabilization import Stabilization, stabilization
+    from oma.selection import Stabilization, stabilization
     from oma.spectral.correlation import correlation_sums
 
     data = np.load(path)

@@ -18,7 +18,7 @@ from tests.support.updater.flags import FRAMES, specimen
 from tests.support.updater.frames import unmoved
 from tests.support.updater.one_step import N_BASELINE, N_EVENT, Rig
 from updater import Body, MassUpdater, Reference, StiffnessUpdater, stack_tracks
-from updater.modal_data.tracked import COMMON_STD, ModalMean
+from updater.modal_data import COMMON_STD, ModalMean
 
 EVENTS = 8  # a baseline
 RIGS = (3, 4, 5, 6)  # seeds of true frames

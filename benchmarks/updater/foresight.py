@@ -19,21 +19,10 @@ from oma import identify
 from tests.measured.accelerometers import Rig
 from tests.support.updater.frames import t_frame
 from tests.support.updater.planned_records import N_AFTER, TrueRig, away, in_order
-from updater import (
-    Body,
-    Foresight,
-    Outlook,
-    Record,
-    Structure,
-    Target,
-    foresee,
-    learn_reference,
-    locate_mass,
-    matched,
-    stack_tracks,
-)
-from updater.fe.eigen import Modes
-from updater.modal_data.tracked import ModalMean
+from updater import Body, Record, Structure, foresee, learn_reference, locate_mass, matched, stack_tracks
+from updater.fe import Modes
+from updater.modal_data import ModalMean
+from updater.planning import Foresight, Outlook, Target
 from updater.planning.record_noise import shape_errors
 
 PLACES_A_FRAME = 10

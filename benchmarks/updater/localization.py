@@ -18,9 +18,10 @@ from benchmarks.common.random_bodies import HEAD, TOTAL, Judged, Limit, Placed, 
 from daq import FloatArray
 from oma import ModalEstimate
 from tests.support.updater.frames import Truth, as_estimate, t_frame, t_truth, unmoved
-from updater import Modes, Reference, learn_reference, learn_scatter, locate_mass, mean_modes, stack_tracks
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import first_stage
+from updater import Reference, learn_reference, learn_scatter, locate_mass, mean_modes, stack_tracks
+from updater.fe import Modes
+from updater.modal_data import ModalMean
+from updater.reference import first_stage
 
 FRAMES, N_BASELINE, N_EVENT, N_MODES = 10, 8, 4, 8
 SEED = 2026

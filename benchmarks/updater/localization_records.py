@@ -20,11 +20,12 @@ import numpy as np
 from benchmarks.common.random_bodies import HEAD, TOTAL, Judged, Limit, draw, judge, row
 from daq import FloatArray, IndexArray, Recording, load_recordings, write_recording
 from monitor.analysis.observation import Observation, observe
-from oma import identify, uncertainty_law
+from oma import identify
+from oma.selection import uncertainty_law
 from tests.measured.accelerometers import Rig
 from updater import Reference, learn_reference, locate_mass, matched, parse_structure, stack_tracks, t_structure_toml
 from updater.errors import UpdaterError
-from updater.modal_data.tracked import ModalMean
+from updater.modal_data import ModalMean
 
 FRAMES, N_BASELINE, SEED = 10, 8, 50000
 SHARES = (0.005, 0.01, 0.02, 0.04)

@@ -15,11 +15,10 @@ from scipy.optimize import minimize, nnls
 
 from benchmarks.updater.localization import LINES, SEED, STRUCTURE, Case, case
 from daq import FloatArray
-from updater import MassUpdater, Reference, locate_mass, spread_mass
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import no_effect, picked, predict, reanalyse
-from updater.modal_data.tracked import ModalMean
+from updater import MassUpdater, Reference, locate_mass
+from updater.inference import Comparison, compare, no_effect, picked, predict, reanalyse
+from updater.localization import spread_mass
+from updater.modal_data import ModalMean
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,8 @@ from daq import FloatArray
 from tests.support.updater.frames import t_frame, unmoved
 from tests.support.updater.one_step import N_EVENT, Rig
 from updater import Body, MassChange, Reference, locate_mass, stack_tracks
-from updater.reference.calibration import best_model
-from updater.reference.reference import first_stage, pair_baseline
-from updater.structure.parameters import with_springs
+from updater.reference import best_model, first_stage, pair_baseline
+from updater.structure import with_springs
 
 SEEDS = range(3, 13)
 SHARE = 0.04  # of the structure's mass

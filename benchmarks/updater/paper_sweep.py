@@ -19,7 +19,8 @@ from scipy.optimize import linear_sum_assignment
 from daq import FloatArray, IndexArray
 from tests.support.updater.frames import t_frame, unmoved
 from tests.support.updater.one_step import N_BASELINE, N_EVENT, Rig
-from updater import Body, MassUpdate, MassUpdater, Model, Reference, build_model, locate_mass, stack_tracks
+from updater import Body, MassUpdater, Model, Reference, build_model, locate_mass, stack_tracks
+from updater.one_step import MassUpdate
 from updater.one_step.update import normalised_increments, update_mass
 
 TOTAL = 7.505  # kg

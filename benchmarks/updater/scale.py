@@ -29,7 +29,6 @@ from updater import (
     Matrices,
     ModalMean,
     Model,
-    Modes,
     Reference,
     Structure,
     build_model,
@@ -40,6 +39,7 @@ from updater import (
     stack_tracks,
     t_structure_toml,
 )
+from updater.fe import Modes
 from updater.fe.eigen import lowest_modes
 from updater.one_step.update import normalised_increments, update_mass
 

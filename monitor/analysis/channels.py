@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from daq import Channel, read_attachments
 from monitor.analysis.logs import log_channels, log_rate
 from monitor.settings import Settings, load_settings, parse_attached
-from oma import PASS, TOP
+from oma.preparation import PASS, TOP
 from updater import Structure
 
 _SAME_PLACE = 1e-3  # m

@@ -10,18 +10,9 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import ChannelFault
-from updater import (
-    Circumstances,
-    ModalMean,
-    Reference,
-    is_steady,
-    matched_and_new,
-    matched_surely,
-    stack_tracks,
-    tone_ratios,
-    trend_of,
-)
-from updater.modal_data.delay_removal import InTime
+from updater import Circumstances, ModalMean, Reference, stack_tracks
+from updater.modal_data import InTime, is_steady, tone_ratios, trend_of
+from updater.reference import matched_and_new, matched_surely
 
 THERMOMETER_STD = 0.5  # K, of the mean of a log
 _MIN_WINDOWS = 3  # in which new modes are looked for: in fewer, one may be an error of identification

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from oma import SAME_AS
+from oma.preparation import SAME_AS
 
 _COPIES = "contain identical samples (error of cabling or export?)"
 

@@ -15,17 +15,15 @@ from updater import (
     ModalMean,
     PairingError,
     Reference,
-    ReferenceStep,
-    SensorHealth,
     Structure,
-    Updating,
-    allowed_causes,
     diagnose,
     learn_reference,
     nominal_reference,
     sensor_health,
 )
-from updater.validation.acting_causes import with_acting
+from updater.diagnosis import ReferenceStep, allowed_causes
+from updater.structure import Updating
+from updater.validation import SensorHealth, with_acting
 
 _FILE_MAY_BE_OFF = "model_parameters"
 

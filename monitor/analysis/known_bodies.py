@@ -15,19 +15,8 @@ from daq import FloatArray, LogError, parse_toml
 from monitor.analysis.modal_table.table import frequency_table, observation_of, read_tables
 from monitor.analysis.observation import Observation
 from monitor.errors import BodiesError
-from updater import (
-    Body,
-    BodyRecord,
-    BodySelection,
-    ModalDataError,
-    ModelError,
-    PairingError,
-    Structure,
-    learn_reference,
-    load_structure,
-    matched,
-    select_bodies,
-)
+from updater import Body, ModalDataError, ModelError, PairingError, Structure, learn_reference, load_structure, matched
+from updater.localization import BodyRecord, BodySelection, select_bodies
 
 _MASS_STD = 0.1  # of a body's mass, where none is given
 _SURE = 0.95  # probability of a set of bodies from which it is the answer

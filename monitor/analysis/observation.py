@@ -18,8 +18,7 @@ from updater import (
     build_model,
     stack_tracks,
 )
-from updater.modal_data.averaging import choose_tracks
-from updater.modal_data.delay_removal import NOT_LATE, InTime, in_time, without_known
+from updater.modal_data import NOT_LATE, InTime, choose_tracks, in_time, without_known
 
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all

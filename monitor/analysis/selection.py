@@ -7,7 +7,8 @@ import numpy as np
 
 from monitor.analysis.observation import Observation
 from oma import ModalEstimate, normalise
-from updater import Structure, Updating, check_updating
+from updater import Structure
+from updater.structure import Updating, check_updating
 
 _SAME_MODE = 0.02  # relative difference of frequency within which a mode is the one that was named
 

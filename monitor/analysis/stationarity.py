@@ -24,8 +24,8 @@ from monitor.analysis.observation import Observation
 from monitor.text.quantities import utc
 from oma import IdentificationError, Method, ModalEstimate, identify_all, mac_matrix
 from oma.windows import Windows, identify_windows
-from updater import ReferenceStep, windows_of_one_state
-from updater.modal_data.averaging import fuse
+from updater.diagnosis import ReferenceStep
+from updater.modal_data import fuse, windows_of_one_state
 
 _MAX_COLUMNS = 120  # blocks of time in a series; neighbours are averaged down to that
 _EDGE = 2  # least blocks on each side of a change

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from daq import FloatArray, Recording
 from monitor.analysis.observation import root_mean_square
 from oma import ChannelFault, Identification, ModalEstimate
-from updater import DeviceDelays, estimate_delays, remove_delays
-from updater.modal_data.delay_removal import without_known
+from updater import estimate_delays, remove_delays
+from updater.modal_data import DeviceDelays, without_known
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

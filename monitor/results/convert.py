@@ -21,8 +21,11 @@ from monitor.results.windows import (
     Spectrum,
     Vector,
 )
-from oma import ModalEstimate, OmaError, Stabilization, singular_values
-from updater import IncrementLocation, MassChange, MassUpdate, Model, Reference, Structure, build_model, real_shape
+from oma import ModalEstimate, OmaError, singular_values
+from oma.selection import Stabilization
+from updater import MassChange, Model, Reference, Structure, build_model
+from updater.modal_data import real_shape
+from updater.one_step import IncrementLocation, MassUpdate
 
 _SPECTRUM_POINTS = 1024
 _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")

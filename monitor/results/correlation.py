@@ -20,24 +20,18 @@ from monitor.results.comparison import (
     TrendBeside,
 )
 from updater import (
-    Density,
-    Discrepancy,
     Explained,
-    ForceBalance,
     ModalDataError,
     ModalMean,
     Reference,
     Structure,
-    VirtualSensing,
-    as_before,
-    as_extended,
-    as_written,
-    densities,
     force_balance,
-    matched_surely,
     set_beside,
     virtual_sensing,
 )
+from updater.diagnosis import Density, densities
+from updater.reference import matched_surely
+from updater.validation import Discrepancy, ForceBalance, VirtualSensing, as_before, as_extended, as_written
 
 _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 16  # of a sensor's signal that are drawn

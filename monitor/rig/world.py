@@ -11,7 +11,9 @@ import numpy as np
 
 from daq import FloatArray
 from monitor.rig.scenario import Scenario, Vector
-from updater import Ambient, AmbientResponse, Body, Joint, Member, Model, ModelError, Structure, Support, build_model
+from updater import Body, Model, ModelError, Structure, build_model
+from updater.fe import Ambient, AmbientResponse
+from updater.structure import Joint, Member, Support
 
 OVERSAMPLING = 4  #: simulated samples a scan at the scenario's rate
 LEAD = 4000  #: simulated samples before the world's origin, for the devices' filters to look back on

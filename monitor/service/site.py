@@ -9,7 +9,8 @@ from monitor.errors import SettingsError
 from monitor.outputs.history import database_url
 from monitor.service.servers.web import Source
 from monitor.settings import Settings, attachable, nearest, overrides, read_settings
-from updater import load_structure, portable_text
+from updater import load_structure
+from updater.structure import portable_text
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,7 +8,9 @@ import numpy as np
 from monitor.results.comparison import BalanceResult, SensorBeside, Vector
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.quantities import number_text, plain, share_text
-from updater import CalibrationSummary, Cause, Diagnosis, Failed, Gain, Pair, ParameterChange, Quantity, Where
+from updater import Cause, Diagnosis, Gain
+from updater.diagnosis import CalibrationSummary, Failed, Pair
+from updater.quantities import ParameterChange, Quantity, Where
 
 _LEAST_P = 1e-12  # that is told as it is
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from updater.planning.detectability import Stretches
+from updater.planning import Stretches
 
 _CERTAIN = 0.999
 _NAMES = {

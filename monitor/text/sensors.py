@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from monitor.results.comparison import ChannelHealth
-from updater import SensorHealth
+from updater.validation import SensorHealth
 
 _SURE = 4.0  # standard deviations from which a channel is named
 _WIDE = 2.0  # standard deviations that a bound holds

@@ -14,7 +14,7 @@ from monitor.watch.accepted_change import Accepted, Wanted
 from monitor.watch.answer import diagnosis_of
 from monitor.watch.baseline import Watch, learn_watch
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
-from updater.modal_data.averaging import LEAST_PRESENCE
+from updater.modal_data import LEAST_PRESENCE
 
 LEAST_WINDOWS = 5  #: since the change, from which a reference is learnt: as many as a baseline has at least
 

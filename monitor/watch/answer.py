@@ -23,7 +23,7 @@ from updater import (
     locate_and_sharpen,
     stack_tracks,
 )
-from updater.modal_data.delay_removal import InTime
+from updater.modal_data import InTime
 
 
 def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> InTime:

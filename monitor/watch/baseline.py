@@ -27,8 +27,7 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.modal_data.averaging import choose_tracks
-from updater.modal_data.delay_removal import in_time
+from updater.modal_data import choose_tracks, in_time
 
 
 class Identified(Protocol):

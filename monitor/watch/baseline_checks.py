@@ -11,7 +11,8 @@ from monitor.analysis.window import Window
 from monitor.detection import effective_number
 from monitor.settings import Settings
 from monitor.text.quantities import duration_text, utc
-from updater import ChangePoint, TrackedModes, find_change
+from updater import TrackedModes
+from updater.modal_data import ChangePoint, find_change
 
 _DAY = 86400.0  # s
 _MOST = 288  # windows that the autocorrelation is estimated from, the newest

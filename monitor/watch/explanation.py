@@ -21,8 +21,7 @@ from updater import (
     sensor_health,
     stack_tracks,
 )
-from updater.modal_data.averaging import choose_tracks
-from updater.modal_data.delay_removal import InTime
+from updater.modal_data import InTime, choose_tracks
 
 
 def conditions_of(windows: Sequence[Window]) -> Conditions:

@@ -40,7 +40,8 @@ from monitor.watch.baseline_checks import (
 from monitor.watch.detector import MOST_OUT
 from monitor.watch.memory import Memory, matters
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
-from updater import NO_DELAYS, DeviceDelays, Structure, UpdaterError
+from updater import Structure, UpdaterError
+from updater.modal_data import NO_DELAYS, DeviceDelays
 
 
 class Judge:

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from daq import FloatArray
-from oma.preparation.pyramid import Level
-from oma.selection.modes import Mode
-from oma.selection.selection import Selection
-from oma.selection.stabilization import Stabilization
+from oma.preparation import Level
+from oma.selection import Mode, Selection, Stabilization
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,8 +14,7 @@ import numpy as np
 
 from daq import FloatArray
 from oma.methods.fdd import FDD, Reading, read_bell
-from oma.spectral.decomposition import Decomposition
-from oma.spectral.resonances import SpectralResonance
+from oma.spectral import Decomposition, SpectralResonance
 from oma.types import ComplexArray
 
 _DOMAIN = 0.8  # least MAC of a line's singular vector with that of the peak (Brincker et al. 2001)

@@ -15,14 +15,9 @@ import numpy as np
 from daq import FloatArray
 from oma.mac import normalise
 from oma.methods.base import LevelModes
-from oma.preparation.pyramid import Level
-from oma.selection.modes import Mode
-from oma.selection.pole_uncertainty import block_std, normalised_move, pole_moves
-from oma.selection.selection import Selection, uncertainty_law
-from oma.selection.stabilization import Stabilization
-from oma.spectral.decomposition import Decomposition, decompose
-from oma.spectral.resonances import SpectralResonance, residue_weight, resonances
-from oma.spectral.spectra import SpectrumAccumulator
+from oma.preparation import Level
+from oma.selection import Mode, Selection, Stabilization, block_std, normalised_move, pole_moves, uncertainty_law
+from oma.spectral import Decomposition, SpectralResonance, SpectrumAccumulator, decompose, residue_weight, resonances
 from oma.types import ComplexArray
 
 _LONGEST, _SHORTEST = 2048, 64  # samples a segment
@@ -202,7 +197,9 @@ class SpectralLevel:
         modes = [self._mode(parts, one, found, duration) for one in found]
         return LevelModes(poles=_diagram(found, self._n_channels), modes=modes)
 
-    def _mode(self, parts: Decomposition, one: SpectralResonance, found: Sequence[SpectralResonance], duration: float) -> Mode:
+    def _mode(
+        self, parts: Decomposition, one: SpectralResonance, found: Sequence[SpectralResonance], duration: float
+    ) -> Mode:
         """Return a mode with its standard deviations: none is claimed that lies under the law's."""
         reading = self._method.read(parts, one, found)
         bell = read_bell(parts, one, found)

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from oma.methods.fdd import FDD, Reading, read_bell
-from oma.spectral.decomposition import Decomposition
-from oma.spectral.resonances import SpectralResonance
+from oma.spectral import Decomposition, SpectralResonance
 
 
 @dataclass(frozen=True, kw_only=True)

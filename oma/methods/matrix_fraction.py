@@ -20,7 +20,7 @@ import numpy as np
 from scipy import fft, linalg
 
 from daq import FloatArray
-from oma.preparation.conditioning import BoolArray
+from oma.preparation import BoolArray
 from oma.types import ComplexArray
 
 _RIDGE = 1e-10  # of the mean diagonal: lines of a part of the circle leave powers nearly dependent

@@ -22,12 +22,9 @@ from oma.methods.base import LevelModes
 from oma.methods.fraction_poles import FractionModel, Windowed, fraction_model, pole_influences
 from oma.methods.fraction_shapes import shape_moves
 from oma.methods.matrix_fraction import HalfSpectrum, half_spectrum, matrix_fractions
-from oma.preparation.pyramid import Level
-from oma.selection.modes import candidates
-from oma.selection.pole_uncertainty import PoleInfluence, normalised_move, pole_moves
-from oma.selection.selection import Selection
-from oma.selection.stabilization import stabilization
-from oma.spectral.correlation import CorrelationAccumulator, CorrelationSums
+from oma.preparation import Level
+from oma.selection import PoleInfluence, Selection, candidates, normalised_move, pole_moves, stabilization
+from oma.spectral import CorrelationAccumulator, CorrelationSums
 from oma.types import ComplexArray
 
 _LINES = (0.058, 0.46)  # that are fitted, as a share of the rate: the band of any level and a margin

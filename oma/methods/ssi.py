@@ -29,11 +29,9 @@ from oma.errors import TooFewChannels
 from oma.methods.base import LevelModes
 from oma.methods.realization import Subspace, realisations
 from oma.methods.ssi_uncertainty import perturbation, pole_influence
-from oma.preparation.pyramid import Level
-from oma.selection.modes import candidates, physical
-from oma.selection.selection import Selection
-from oma.selection.stabilization import stabilization
-from oma.spectral.correlation import CorrelationAccumulator, CorrelationSums, covariance, hankel
+from oma.preparation import Level
+from oma.selection import Selection, candidates, physical, stabilization
+from oma.spectral import CorrelationAccumulator, CorrelationSums, covariance, hankel
 
 _FIRST_ORDER = 50  # largest model order, until it is known how many modes there are
 _FEWEST_POLES_A_MODE = 4  # that the largest model must have for each of them; where it has not,

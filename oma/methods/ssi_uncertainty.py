@@ -19,8 +19,8 @@ import numpy as np
 
 from daq import FloatArray
 from oma.methods.realization import Realisation, Subspace
-from oma.selection.pole_uncertainty import PoleInfluence, normalised_move, pole_moves
-from oma.spectral.correlation import CorrelationSums, hankel
+from oma.selection import PoleInfluence, normalised_move, pole_moves
+from oma.spectral import CorrelationSums, hankel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

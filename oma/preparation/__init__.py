@@ -1,1 +1,32 @@
 """Signals before identification: conditioning, channel faults, gaps, sampling rates, quality."""
+
+from oma.preparation.bandwidth import usable_share
+from oma.preparation.conditioning import BoolArray, channel_faults, cleaned, detrended, enough, usable
+from oma.preparation.faults import SAME_AS, ChannelFault, FaultKind
+from oma.preparation.gaps import bridged
+from oma.preparation.pyramid import ALIAS_FREE, PASS, TOP, Decimator, HighPass, Level, levels
+from oma.preparation.quality import BlockQuality, WindowQuality, window_quality
+
+__all__ = [
+    "ALIAS_FREE",
+    "PASS",
+    "SAME_AS",
+    "TOP",
+    "BlockQuality",
+    "BoolArray",
+    "ChannelFault",
+    "Decimator",
+    "FaultKind",
+    "HighPass",
+    "Level",
+    "WindowQuality",
+    "bridged",
+    "channel_faults",
+    "cleaned",
+    "detrended",
+    "enough",
+    "levels",
+    "usable",
+    "usable_share",
+    "window_quality",
+]

@@ -7,7 +7,7 @@ import numpy as np
 
 from daq import FloatArray
 from oma.mac import mac_matrix, normalise
-from oma.preparation.conditioning import BoolArray
+from oma.preparation import BoolArray
 from oma.selection.pole_uncertainty import PoleInfluence, block_std
 from oma.selection.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_law
 from oma.selection.stabilization import Stabilization

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from daq import FloatArray
 from oma.mac import normalise
-from oma.preparation.conditioning import BoolArray
+from oma.preparation import BoolArray
 from oma.selection.selection import Selection
 from oma.types import ComplexArray
 

@@ -18,9 +18,7 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray, IndexArray, Recording
-from oma.preparation.conditioning import BoolArray, detrended, usable
-from oma.preparation.gaps import bridged
-from oma.preparation.pyramid import PASS
+from oma.preparation import PASS, BoolArray, bridged, detrended, usable
 from oma.spectral.spectra import spectral_matrix
 from oma.types import ComplexArray
 

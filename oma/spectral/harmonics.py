@@ -27,9 +27,8 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray
-from oma.preparation.conditioning import BoolArray
-from oma.preparation.gaps import bridged
-from oma.selection.selection import BAND, Selection, uncertainty_law
+from oma.preparation import BoolArray, bridged
+from oma.selection import BAND, Selection, uncertainty_law
 from oma.spectral.narrow_band import LineTest, line_test
 from oma.types import ComplexArray, ModalEstimate
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray
-from oma.preparation.conditioning import BoolArray
+from oma.preparation import BoolArray
 from oma.types import ComplexArray
 
 _EDGE = 3  # samples at the ends that the low-pass spoils

@@ -21,7 +21,7 @@ from scipy import linalg, special
 
 from daq import FloatArray
 from oma.mac import mac, mpc, normalise
-from oma.selection.selection import Selection
+from oma.selection import Selection
 from oma.spectral.bell_fit import BellFit, fit_bell
 from oma.spectral.decomposition import LEAST_LINES, Decomposition
 from oma.types import ComplexArray
@@ -63,7 +63,9 @@ class SpectralResonance:
         return -self.pole.real / abs(self.pole)
 
 
-def resonances(parts: Decomposition, band: tuple[float, float], duration: float, limits: Selection) -> list[SpectralResonance]:
+def resonances(
+    parts: Decomposition, band: tuple[float, float], duration: float, limits: Selection
+) -> list[SpectralResonance]:
     """Return the resonances in a band, by frequency.
 
     Parameters
@@ -233,7 +235,9 @@ def _twin(a: SpectralResonance, b: SpectralResonance, limits: Selection) -> bool
     return near and 1 - mac(a.shape, b.shape) < limits.max_mac_loss
 
 
-def _refined(parts: Decomposition, found: list[SpectralResonance], duration: float, limits: Selection) -> list[SpectralResonance]:
+def _refined(
+    parts: Decomposition, found: list[SpectralResonance], duration: float, limits: Selection
+) -> list[SpectralResonance]:
     """Return the resonances with shapes from all their lines, close ones told apart, fitted again."""
     shaped = [replace(one, shape=_shape(parts, one, found)) for one in found]
     result: list[SpectralResonance] = []

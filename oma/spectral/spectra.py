@@ -19,7 +19,7 @@ from scipy import fft, signal
 
 from daq import FloatArray, Recording
 from oma.errors import IdentificationError, TooShort
-from oma.preparation.conditioning import detrended, usable
+from oma.preparation import detrended, usable
 from oma.types import ComplexArray
 
 PackedArray = npt.NDArray[np.complex64]

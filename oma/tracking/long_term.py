@@ -18,7 +18,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma.mac import mac_matrix, normalise
-from oma.preparation.conditioning import BoolArray
+from oma.preparation import BoolArray
 from oma.tracking.pairing import assign, assign_gains
 from oma.tracking.track_state import Tracks, common_places, joined, no_tracks, only, relative_variance
 from oma.types import ComplexArray, ModalEstimate

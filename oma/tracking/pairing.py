@@ -5,7 +5,7 @@ from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from oma.mac import mac_matrix
-from oma.preparation.conditioning import BoolArray
+from oma.preparation import BoolArray
 
 _IMPOSSIBLE = 1e6  # beside any cost
 _LEAST_LENGTH = 1e-3  # of the longest of the model's shapes: what stands still there has that of a mode beside it

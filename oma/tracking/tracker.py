@@ -12,8 +12,8 @@ import numpy as np
 
 from daq import FloatArray
 from oma.mac import mac_matrix
-from oma.preparation.conditioning import BoolArray
-from oma.selection.stabilization import IndexArray
+from oma.preparation import BoolArray
+from oma.selection import IndexArray
 from oma.tracking.pairing import assign
 from oma.types import ComplexArray, ModalEstimate
 

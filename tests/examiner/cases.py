@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2, ncx2
 
 from daq import FloatArray
-from oma import uncertainty_law
+from oma.selection import uncertainty_law
 from tests.examiner import draws
 from tests.examiner import sensor_chain as chain
 from tests.examiner.designs import DESIGNS

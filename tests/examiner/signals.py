@@ -7,7 +7,8 @@ import numpy.typing as npt
 from scipy.signal import firwin, lfilter, upfirdn
 
 from daq import Channel, FloatArray, Recording
-from oma import ModalEstimate, uncertainty_law
+from oma import ModalEstimate
+from oma.selection import uncertainty_law
 from tests.examiner.models.specimen import Random, State
 
 SHAPE_STD = 3e-3  #: of a component of a unit shape, in one window

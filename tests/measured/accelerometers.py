@@ -7,17 +7,9 @@ import numpy as np
 from scipy.signal import resample_poly
 
 from daq import Channel, FloatArray, Recording
-from updater import (
-    Ambient,
-    AmbientResponse,
-    Body,
-    Joint,
-    Structure,
-    Support,
-    build_model,
-    parse_structure,
-    t_structure_toml,
-)
+from updater import Body, Structure, build_model, parse_structure, t_structure_toml
+from updater.fe import Ambient, AmbientResponse
+from updater.structure import Joint, Support
 
 _TURNS = ("rx", "ry", "rz")
 _OVER = 2  # simulated samples a recorded one

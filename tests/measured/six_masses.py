@@ -16,18 +16,9 @@ from scipy.linalg import eigh
 
 from daq import FloatArray, IndexArray
 from oma import fit_resonance
-from updater import (
-    Body,
-    Prior,
-    SensitivityFit,
-    Structure,
-    Support,
-    Updating,
-    build_model,
-    dump_structure,
-    fit_parameters,
-    parse_structure,
-)
+from updater import Body, Structure, build_model, dump_structure, parse_structure
+from updater.reference import Prior, SensitivityFit, fit_parameters
+from updater.structure import Support, Updating
 
 LENGTH, THICKNESS = 0.38, 4.75e-3  # m, documented
 BANDS = ((17.0, 30.0), (125.0, 152.0), (345.0, 420.0), (690.0, 800.0), (1060.0, 1240.0))  # Hz, a mode each

@@ -7,7 +7,8 @@ import numpy as np
 
 from daq import FloatArray
 from oma import ComplexArray, ModalEstimate, Resonance, fit_resonance
-from updater import ModalMass, Structure, mass_of_modes, parse_structure
+from updater import Structure, parse_structure
+from updater.modal_data import ModalMass, mass_of_modes
 
 BANDS = ((5.5, 7.5), (16.0, 19.0), (24.5, 28.5))  # Hz, a mode each
 FLOOR = 5.201  # kg, documented for each

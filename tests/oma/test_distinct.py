@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from oma.selection.modes import Mode, distinct
-from oma.selection.selection import Selection
+from oma.selection import Mode, Selection, distinct
 
 SHAPE = np.array([0.6, 0.8, 0.0], dtype=np.complex128)
 TURNED = np.array([0.6, 0.6, 0.53], dtype=np.complex128)  # MAC 0.7

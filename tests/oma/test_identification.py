@@ -8,17 +8,8 @@ import pytest
 from scipy import stats
 
 from daq import Channel, FloatArray, Recording
-from oma import (
-    CovarianceSSI,
-    IdentificationError,
-    ModalEstimate,
-    TooFewChannels,
-    TooFewModes,
-    TooShort,
-    identify,
-    identify_all,
-    mac_matrix,
-)
+from oma import CovarianceSSI, IdentificationError, ModalEstimate, TooShort, identify, identify_all, mac_matrix
+from oma.errors import TooFewChannels, TooFewModes
 from tests.support.oma.structures import (
     FRAME_CHANNELS,
     Structure,

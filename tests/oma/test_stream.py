@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from oma import CovarianceSSI, DataSSI, IdentificationStream, TooFewChannels, TooShort, identify, mac_matrix
+from oma import CovarianceSSI, DataSSI, IdentificationStream, TooShort, identify, mac_matrix
+from oma.errors import TooFewChannels
 from tests.support.oma.structures import chain, frame, simulate
 
 BAND = (1.0, 20.0)

@@ -10,15 +10,28 @@ from daq import IndexArray
 from oma import ModalEstimate, mac_matrix
 from updater.baseline.recalibration import Measured, Recalibrated, is_far, model_reference, parameters_of, recalibrated
 from updater.errors import ModalDataError, PairingError
-from updater.modal_data.device_delays import NO_DELAYS, DeviceDelays
-from updater.modal_data.scatter import learn_scatter, stated_scatter
-from updater.modal_data.tracked import ModalMean, mean_modes, stack_tracks
-from updater.reference.calibration import UNLIKE, Calibration, Parameter, calibrate, share_within
-from updater.reference.nominal_modes import answers_of_file
-from updater.reference.reference import NEAR, SAME_SHAPE, Reference, first_stage
-from updater.structure.entries import Body
-from updater.structure.parameters import Knob, with_springs
-from updater.structure.structure import Structure
+from updater.modal_data import (
+    NO_DELAYS,
+    DeviceDelays,
+    ModalMean,
+    learn_scatter,
+    mean_modes,
+    stack_tracks,
+    stated_scatter,
+)
+from updater.reference import (
+    NEAR,
+    SAME_SHAPE,
+    UNLIKE,
+    Calibration,
+    Parameter,
+    Reference,
+    answers_of_file,
+    calibrate,
+    first_stage,
+    share_within,
+)
+from updater.structure import Body, Knob, Structure, with_springs
 
 _LEAST_P = 1e-3  # of data and prior, under which the file's parameters are believed less
 

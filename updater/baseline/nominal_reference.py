@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from updater.baseline.recalibration import Measured, is_far, model_reference, recalibrated
-from updater.modal_data.scatter import learn_scatter, stated_scatter
-from updater.modal_data.tracked import TrackedModes
-from updater.reference.reference import Filed, Reference
-from updater.structure.parameters import as_filed, with_springs
-from updater.structure.structure import Structure
+from updater.modal_data import TrackedModes, learn_scatter, stated_scatter
+from updater.reference import Filed, Reference
+from updater.structure import Structure, as_filed, with_springs
 
 
 def nominal_reference(

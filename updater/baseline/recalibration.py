@@ -12,20 +12,21 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.model.parameters import ModelParameters, propose_model_parameters
+from updater.causes import ModelParameters, propose_model_parameters
 from updater.errors import ModalDataError, PairingError
-from updater.inference.compare import MODEL_ERROR, compare
-from updater.inference.fit import fit
-from updater.modal_data.device_delays import DeviceDelays
-from updater.modal_data.matching import match_modes, matched, without_fault
-from updater.modal_data.plausibility import check_unit
-from updater.modal_data.scatter import Scatter
-from updater.modal_data.tracked import ModalMean, TrackedModes
-from updater.reference.calibration import Calibration, best_model, calibrate
-from updater.reference.model_modes import own_modes
-from updater.reference.reference import Filed, Reference
-from updater.structure.parameters import apply_knobs, knobs_of
-from updater.structure.structure import Structure
+from updater.inference import MODEL_ERROR, compare, fit
+from updater.modal_data import (
+    DeviceDelays,
+    ModalMean,
+    Scatter,
+    TrackedModes,
+    check_unit,
+    match_modes,
+    matched,
+    without_fault,
+)
+from updater.reference import Calibration, Filed, Reference, best_model, calibrate, own_modes
+from updater.structure import Structure, apply_knobs, knobs_of
 
 FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind

@@ -1,1 +1,47 @@
 """The catalogue: every cause that a diagnosis may name, one file each."""
+
+from updater.causes.base import Cause, Discrete, Nothing, Parametric, Placed, Propose, Sized
+from updater.causes.catalogue import CATALOGUE, RARITY
+from updater.causes.composite import Beside, Chosen
+from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, AddedMass, propose_added_mass
+from updater.causes.mass.attached_oscillator import hides
+from updater.causes.mass.several_bodies import PER_BODY, Bodies
+from updater.causes.model.parameters import ModelParameters, propose_model_parameters
+from updater.causes.overall.common_factor import CommonFactor
+from updater.causes.overall.temperature import SOFTENING, SOFTENING_STD
+from updater.causes.prediction import effect_of, mac_of, prediction
+from updater.causes.sensors.delay import begin_at
+from updater.causes.stiffness.local_stiffness import LocalStiffness
+from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
+
+__all__ = [
+    "CATALOGUE",
+    "DENSITY_STD",
+    "LARGEST_REMOVED",
+    "PER_BODY",
+    "RARITY",
+    "SOFTENING",
+    "SOFTENING_STD",
+    "AddedMass",
+    "Beside",
+    "Bodies",
+    "Cause",
+    "Chosen",
+    "CommonFactor",
+    "Discrete",
+    "LocalStiffness",
+    "ModelParameters",
+    "Nothing",
+    "Parametric",
+    "Placed",
+    "Propose",
+    "Sized",
+    "begin_at",
+    "effect_of",
+    "hides",
+    "mac_of",
+    "prediction",
+    "propose_added_mass",
+    "propose_model_parameters",
+    "propose_one_sided_stiffness",
+]

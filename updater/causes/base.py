@@ -6,12 +6,10 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.inference.comparison import Comparison
-from updater.inference.fit import Fit, Hypotheses
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, Fit, Hypotheses, no_effect
 from updater.quantities import ParameterChange, Quantity, Where
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 
 class Cause(Hypotheses, Protocol):

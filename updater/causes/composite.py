@@ -8,8 +8,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.inference.fit import Fit, Giving
-from updater.inference.reanalysis import Effect
+from updater.inference import Effect, Fit, Giving
 
 C = TypeVar("C", bound=Cause)
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray
-from updater.structure.entries import Member
+from updater.structure import Member
 
 _CELLS = 300  # along the longest member
 _MOST_CELLS = 6000  # of all members together, as far as each has two

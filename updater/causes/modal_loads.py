@@ -5,10 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from daq import FloatArray
-from updater.fe.section_forces import weighted_actions
-from updater.fe.self_stress import self_stress
-from updater.reference.reference import Reference
-from updater.structure.entries import Axis, Joint, Support
+from updater.fe import self_stress, weighted_actions
+from updater.reference import Reference
+from updater.structure import Axis, Joint, Support
 
 
 def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:

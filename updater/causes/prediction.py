@@ -6,9 +6,7 @@ import numpy as np
 
 from daq import FloatArray
 from updater.causes.composite import Beside, Chosen
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, picked, predict, reanalyse
-from updater.inference.residuals import Prediction
+from updater.inference import Comparison, Effect, Prediction, picked, predict, reanalyse
 
 
 def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:

@@ -7,15 +7,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells, weighed
-from updater.inference.comparison import Comparison
-from updater.inference.posterior import credible, places
+from updater.inference import Comparison, credible, places
 from updater.quantities import Vector, Where, vector
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 S = TypeVar("S", bound="Stretches")
 _MOST_MEMBERS = 2000  # of structures whose stretches are looked at

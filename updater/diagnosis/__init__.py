@@ -1,1 +1,37 @@
 """Diagnosis: causes fitted and compared, combined, named, and checked on data not used."""
+
+from updater.diagnosis.diagnose import Explained, diagnose
+from updater.diagnosis.places import Density, densities
+from updater.diagnosis.schema import (
+    CalibrationSummary,
+    Cause,
+    Diagnosis,
+    Failed,
+    FrequencyFit,
+    Gain,
+    ModeFit,
+    Pair,
+    ReferenceStep,
+    Rejected,
+    Verdict,
+)
+from updater.diagnosis.weighing import allowed_causes
+
+__all__ = [
+    "CalibrationSummary",
+    "Cause",
+    "Density",
+    "Diagnosis",
+    "Explained",
+    "Failed",
+    "FrequencyFit",
+    "Gain",
+    "ModeFit",
+    "Pair",
+    "ReferenceStep",
+    "Rejected",
+    "Verdict",
+    "allowed_causes",
+    "densities",
+    "diagnose",
+]

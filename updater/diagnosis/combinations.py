@@ -14,14 +14,10 @@ from functools import cached_property, partial
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Cause
-from updater.causes.composite import Beside, Chosen
-from updater.causes.mass.attached_oscillator import hides
-from updater.causes.overall.common_factor import CommonFactor
+from updater.causes import Beside, Cause, Chosen, CommonFactor, hides
 from updater.diagnosis.places import next_place
 from updater.diagnosis.weighing import OF_THE_FILE, Candidate, Weighing, ranked
-from updater.inference.fit import Fit, fit
-from updater.inference.linearization import foreseen, pulls
+from updater.inference import Fit, fit, foreseen, pulls
 
 _MOST = 300  # alternatives of a cause that are looked at; of more, evenly many
 _LEAST = 1.0  # of chi-square, by a step of one prior standard deviation: what does less explains nothing

@@ -23,14 +23,17 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from updater.baseline.learned_reference import with_bodies_on
-from updater.causes.base import Cause, Parametric
-from updater.causes.composite import Chosen
-from updater.causes.mass.added_mass import AddedMass
-from updater.causes.mass.attached_oscillator import hides
-from updater.causes.overall.common_factor import CommonFactor
-from updater.causes.stiffness.local_stiffness import LocalStiffness
-from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
+from updater.baseline import with_bodies_on
+from updater.causes import (
+    AddedMass,
+    Cause,
+    Chosen,
+    CommonFactor,
+    LocalStiffness,
+    Parametric,
+    hides,
+    propose_one_sided_stiffness,
+)
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.further_modes import with_further_modes
 from updater.diagnosis.held_out_gain import Gained
@@ -50,16 +53,10 @@ from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
 from updater.diagnosis.written_gain import WindowModes, fit_of_compared, written_gain
 from updater.errors import SelectionError
-from updater.inference.compare import MODEL_ERROR, compare
-from updater.inference.comparison import Comparison
-from updater.inference.fit import Fit, fit, freedom_of_frequencies
-from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances
-from updater.modal_data.tracked import ModalMean
-from updater.reference.calibration import Calibration
-from updater.reference.reference import Reference
-from updater.structure.entries import Body
-from updater.structure.structure import Structure, size
-from updater.structure.written_structure import rounded, simplified
+from updater.inference import MODEL_ERROR, Comparison, Fit, compare, fit, freedom_of_frequencies
+from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
+from updater.reference import Calibration, Reference
+from updater.structure import Body, Structure, rounded, simplified, size
 
 _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried

@@ -9,12 +9,10 @@ import numpy as np
 
 from daq import IndexArray
 from oma import mac_matrix
-from updater.causes.composite import Chosen
-from updater.causes.prediction import effect_of
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import reanalyse
-from updater.modal_data.tracked import ModalMean
-from updater.reference.model_modes import FREQUENCY_STD
+from updater.causes import Chosen, effect_of
+from updater.inference import Comparison, reanalyse
+from updater.modal_data import ModalMean
+from updater.reference import FREQUENCY_STD
 
 _NEAR = 0.03  # of ln f, between what is measured and what the causes predict
 _ALIKE = 0.8  # MAC, likewise

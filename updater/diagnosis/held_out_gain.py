@@ -14,14 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.composite import Chosen
-from updater.causes.prediction import prediction
+from updater.causes import Chosen, prediction
 from updater.diagnosis.model_extension import agreeing
 from updater.diagnosis.schema import Gain, Pair
-from updater.inference.comparison import Comparison, Whitener
-from updater.inference.phases_and_damping import without_mode
-from updater.inference.residuals import Prediction, residual
-from updater.reference.model_fit import ModelFit
+from updater.inference import Comparison, Prediction, Whitener, residual, without_mode
+from updater.reference import ModelFit
 
 _SIGNIFICANT = 2.0  # standard deviations
 _BY_MODE = ("log_ratio", "shape", "lag", "log_damping")  # of a prediction

@@ -9,13 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes.base import Cause, Nothing
-from updater.causes.composite import Beside, Chosen
-from updater.causes.overall.common_factor import CommonFactor
-from updater.causes.prediction import prediction
-from updater.inference.comparison import Comparison
-from updater.inference.fit import fit
-from updater.modal_data.tracked import COMMON_STD
+from updater.causes import Beside, Cause, Chosen, CommonFactor, Nothing, prediction
+from updater.inference import Comparison, fit
+from updater.modal_data import COMMON_STD
 
 _SHARE = 0.2  # of the model error of frequencies: five times as close
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept

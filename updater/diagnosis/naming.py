@@ -8,28 +8,19 @@ import numpy as np
 from scipy.special import logsumexp
 
 from daq import FloatArray
-from updater.causes.base import Parametric, Placed
-from updater.causes.composite import Chosen
-from updater.causes.mass.attached_oscillator import hides
-from updater.causes.overall.common_factor import CommonFactor
-from updater.causes.prediction import mac_of, prediction
+from updater.causes import Chosen, CommonFactor, Parametric, Placed, hides, mac_of, prediction
 from updater.diagnosis.places import by_place
 from updater.diagnosis.schema import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
-from updater.inference.comparison import Comparison
-from updater.inference.residuals import residual
-from updater.inference.shape_covariance import beside
-from updater.modal_data.tracked import ModalMean
+from updater.inference import Comparison, beside, residual
+from updater.modal_data import ModalMean
 from updater.quantities import ParameterChange, Quantity, Vector
-from updater.reference.model_fit import ModelFit
-from updater.reference.nominal_modes import answers_of_file
-from updater.reference.reference import Reference
-from updater.structure.entries import Joint, Support
-from updater.structure.structure import Structure, size
+from updater.reference import ModelFit, Reference, answers_of_file
+from updater.structure import Joint, Structure, Support, size
 
 if TYPE_CHECKING:
     from updater.causes import base as causes
     from updater.diagnosis.weighing import Candidate
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
 LEAST_P = 1e-3  #: of chi-square, under which a fit is none

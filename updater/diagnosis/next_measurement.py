@@ -11,18 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.composite import Chosen
-from updater.causes.mass.added_mass import AddedMass
-from updater.causes.overall.common_factor import CommonFactor
-from updater.causes.overall.temperature import SOFTENING, SOFTENING_STD
-from updater.causes.prediction import effect_of, prediction
-from updater.inference.compare import MODEL_ERROR, compare
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Changed, Effect, picked, reanalyse
-from updater.inference.residuals import residual
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
-from updater.structure.structure import size
+from updater.causes import SOFTENING, SOFTENING_STD, AddedMass, Chosen, CommonFactor, effect_of, prediction
+from updater.inference import MODEL_ERROR, Changed, Comparison, Effect, compare, picked, reanalyse, residual
+from updater.modal_data import ModalMean
+from updater.reference import Reference
+from updater.structure import size
 
 _DECIDES = 3.0  # standard deviations
 _NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good as another

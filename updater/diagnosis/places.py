@@ -7,10 +7,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Cause, Placed
+from updater.causes import Cause, Placed
 from updater.diagnosis.weighing import Candidate
-from updater.inference.fit import BoolArray, Fit
-from updater.structure.structure import Structure
+from updater.inference import BoolArray, Fit
+from updater.structure import Structure
 
 _FAR = 0.05  # of the structure's largest extent, from where on a place is another one
 _ASIDE = 4  # times as far on the same member: nearer alternatives are one broad maximum's

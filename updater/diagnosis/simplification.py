@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes.base import Cause, Sized
-from updater.causes.composite import Beside, Chosen
-from updater.causes.stiffness.local_stiffness import LocalStiffness
+from updater.causes import Beside, Cause, Chosen, LocalStiffness, Sized
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import Candidate, Weighing, ranked
-from updater.inference.fit import Fit, fit
+from updater.inference import Fit, fit
 from updater.quantities import SIGNIFICANT
 
 

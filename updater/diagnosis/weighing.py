@@ -9,15 +9,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from updater.causes.base import Cause, Nothing, Propose
-from updater.causes.catalogue import CATALOGUE, RARITY
-from updater.causes.composite import Chosen
-from updater.causes.prediction import prediction
+from updater.causes import CATALOGUE, RARITY, Cause, Chosen, Nothing, Propose, prediction
 from updater.errors import SelectionError
-from updater.inference.comparison import Comparison
-from updater.inference.fit import Fit, fit
-from updater.reference.reference import Reference
-from updater.structure.base import meant
+from updater.inference import Comparison, Fit, fit
+from updater.reference import Reference
+from updater.structure import meant
 
 T = TypeVar("T")
 _log = logging.getLogger(__name__)

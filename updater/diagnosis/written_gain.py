@@ -7,16 +7,12 @@ from typing import Self
 import numpy as np
 
 from daq import IndexArray
-from updater.causes.composite import Chosen
-from updater.causes.prediction import prediction
+from updater.causes import Chosen, prediction
 from updater.diagnosis.held_out_gain import Gained, change_gain_left_out, change_gain_on, gain_of
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.modal_data.tracked import ModalMean
-from updater.reference.model_fit import ModelFit, fit_of_model
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
-from updater.structure.toml_file import dump_structure, parse_structure
+from updater.inference import Comparison, compare
+from updater.modal_data import ModalMean
+from updater.reference import ModelFit, Reference, fit_of_model
+from updater.structure import Structure, dump_structure, parse_structure
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,30 @@
 """Finite elements of a frame: elements, assembly, modes and response."""
+
+from updater.fe.assembly import build_model
+from updater.fe.eigen import Modes
+from updater.fe.element import Element, local_axes
+from updater.fe.external.files import Matrices, read_matrices, save_matrices
+from updater.fe.model import Model
+from updater.fe.response import Ambient, AmbientResponse
+from updater.fe.rotations import Hinges, flexibility, hinges_of
+from updater.fe.section_forces import parts_between, weighted_actions
+from updater.fe.self_stress import self_stress
+
+__all__ = [
+    "Ambient",
+    "AmbientResponse",
+    "Element",
+    "Hinges",
+    "Matrices",
+    "Model",
+    "Modes",
+    "build_model",
+    "flexibility",
+    "hinges_of",
+    "local_axes",
+    "parts_between",
+    "read_matrices",
+    "save_matrices",
+    "self_stress",
+    "weighted_actions",
+]

@@ -13,9 +13,7 @@ from updater.fe.element import Element
 from updater.fe.external.model import external_model
 from updater.fe.mesh import Mesh
 from updater.fe.model import Model
-from updater.structure.base import Vector
-from updater.structure.entries import AXES, Material, Member
-from updater.structure.structure import Structure
+from updater.structure import AXES, Material, Member, Structure, Vector
 
 MassKind = Literal["lumped", "consistent"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.linalg
 
 from daq import FloatArray
-from updater.structure.entries import Body
+from updater.structure import Body
 
 
 def body_mass(body: Body) -> FloatArray:

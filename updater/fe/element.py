@@ -11,9 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from daq import FloatArray
-from updater.structure.base import Vector
-from updater.structure.entries import Material
-from updater.structure.sections import Section
+from updater.structure import Material, Section, Vector
 
 #: DOFs bending in the x-y plane (v, rz), and in the x-z plane (w, ry, which turns the other way)
 _PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))

@@ -9,9 +9,7 @@ from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
-from updater.structure.base import ON_MEMBER
-from updater.structure.entries import AXES, Joint, Member
-from updater.structure.structure import Structure
+from updater.structure import AXES, ON_MEMBER, Joint, Member, Structure
 
 COINCIDENT = 1e-6  # m: points nearer than this are the same node
 _MISS = 1e-3  # m: points nearer to a member than this were meant to be on it

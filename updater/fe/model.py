@@ -15,9 +15,7 @@ from updater.fe.body import body_mass
 from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
-from updater.structure.entries import Body, Joint, Member
-from updater.structure.sensors import sensor_axes
-from updater.structure.structure import Structure
+from updater.structure import Body, Joint, Member, Structure, sensor_axes
 
 
 class Interpolation(Protocol):

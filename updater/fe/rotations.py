@@ -14,7 +14,7 @@ from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
 from updater.fe.factorization import factorise
 from updater.fe.model import Model
-from updater.structure.entries import AXES
+from updater.structure import AXES
 
 _TURNS = AXES[3:]
 _MOST_ELEMENTS = 1000  # whose hinges are read; of more every n-th, between which increments are smooth

@@ -12,7 +12,7 @@ from daq import FloatArray
 from updater.fe.eigen import Modes
 from updater.fe.element import Element
 from updater.fe.model import Model
-from updater.structure.entries import Member
+from updater.structure import Member
 
 N_ACTIONS = 6  # axial force, shear along y and z, twist, bending about y and z
 _TOTAL = (3, 4, 5)  # that follow from dynamic equilibrium at an element's ends

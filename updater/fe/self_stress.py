@@ -20,7 +20,7 @@ from updater.fe.assembly import build_model
 from updater.fe.element import Element
 from updater.fe.model import Model
 from updater.fe.section_forces import N_ACTIONS
-from updater.structure.entries import AXES, Axis, Joint, Member, Support
+from updater.structure import AXES, Axis, Joint, Member, Support
 
 _MOST = 30  # states: of more than that none are kept, and what gives is taken to bear its loads as before
 _LEAST = 1e-10  # of the largest singular value: what is less is none

@@ -1,1 +1,54 @@
 """Comparison of an event with the baseline, and the fit of hypotheses to it."""
+
+from updater.inference.compare import MODEL_ERROR, compare
+from updater.inference.comparison import Comparison, NewModes, Whitener
+from updater.inference.fit import BoolArray, Fit, Giving, Hypotheses, evaluate, fit, freedom_of_frequencies, slopes
+from updater.inference.linearization import foreseen, linear_in_mass, linearised, most_likely, pulls
+from updater.inference.new_shapes import shaken
+from updater.inference.phases_and_damping import without_mode
+from updater.inference.posterior import Place, credible, likeliest_place, places
+from updater.inference.priors import Magnitude, log_uniform
+from updater.inference.reanalysis import Changed, Effect, Tangent, in_modes, no_effect, picked, predict, reanalyse
+from updater.inference.residuals import Prediction, residual
+from updater.inference.shape_covariance import SHAPE_BIAS, beside
+
+__all__ = [
+    "MODEL_ERROR",
+    "SHAPE_BIAS",
+    "BoolArray",
+    "Changed",
+    "Comparison",
+    "Effect",
+    "Fit",
+    "Giving",
+    "Hypotheses",
+    "Magnitude",
+    "NewModes",
+    "Place",
+    "Prediction",
+    "Tangent",
+    "Whitener",
+    "beside",
+    "compare",
+    "credible",
+    "evaluate",
+    "fit",
+    "foreseen",
+    "freedom_of_frequencies",
+    "in_modes",
+    "likeliest_place",
+    "linear_in_mass",
+    "linearised",
+    "log_uniform",
+    "most_likely",
+    "no_effect",
+    "picked",
+    "places",
+    "predict",
+    "pulls",
+    "reanalyse",
+    "residual",
+    "shaken",
+    "slopes",
+    "without_mode",
+]

@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError
-from updater.fe.self_stress import self_stress
+from updater.fe import self_stress
 from updater.inference.comparison import Comparison, FiledModes, whiteners_of
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import dampings_of, lags_of, unsure_of
@@ -19,11 +19,8 @@ from updater.inference.shape_covariance import (
     shape_whiteners,
     turned_by_noise,
 )
-from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances
-from updater.modal_data.plausibility import check_event
-from updater.modal_data.tracked import ModalMean
-from updater.reference.nominal_modes import answers_of_file
-from updater.reference.reference import Reference
+from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean, check_event
+from updater.reference import Reference, answers_of_file
 
 MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
 _BIAS_OF_BANDWIDTH = 0.1  # of what a mode's half bandwidth has changed by: how far identification errs otherwise then

@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
-from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances
-from updater.modal_data.tracked import COMMON_STD
+from updater.modal_data import COMMON_STD, NOTHING_KNOWN, Circumstances
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -5,7 +5,7 @@ import numpy as np
 from daq import FloatArray
 from updater.inference.comparison import NewModes
 from updater.inference.shape_covariance import SHAPE_BIAS, shape_whiteners
-from updater.modal_data.tracked import ModalMean
+from updater.modal_data import ModalMean
 
 _NARROW = 0.02  # of a squared frequency: nearer than this a mode resonates
 _FREQUENCY_BIAS = 1e-4  # of ln f of a mode that is new

@@ -7,10 +7,8 @@ from scipy.linalg import block_diag
 
 from daq import FloatArray
 from updater.inference.shape_covariance import beside, shape_covariances
-from updater.modal_data.conditions import Circumstances
-from updater.modal_data.scatter import Scatter
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
+from updater.modal_data import Circumstances, ModalMean, Scatter
+from updater.reference import Reference
 
 _PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
 _LARGEST_DAMPING_STD = 1.0  # of log damping: from there on it was not measured, and is no datum

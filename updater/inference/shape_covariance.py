@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
+from updater.modal_data import ModalMean
+from updater.reference import Reference
 
 SHAPE_BIAS = 6e-4  #: of a unit shape: what identification errs beyond its noise, otherwise once something has changed
 _MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error

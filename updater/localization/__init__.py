@@ -1,1 +1,26 @@
 """Location of one or several masses."""
+
+from updater.localization.known_places import BodyRecord, BodySelection, select_bodies
+from updater.localization.more_windows import Sharpening, locate_and_sharpen, sharpening
+from updater.localization.nodal_masses import NodalMasses, spread_mass
+from updater.localization.one_mass import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
+from updater.localization.several_masses import MassChanges, locate_masses
+
+__all__ = [
+    "Alternative",
+    "BodyRecord",
+    "BodySelection",
+    "BodyShape",
+    "MassChange",
+    "MassChanges",
+    "NodalMasses",
+    "Sharpening",
+    "Stretch",
+    "locate_and_sharpen",
+    "locate_mass",
+    "locate_masses",
+    "open_question",
+    "select_bodies",
+    "sharpening",
+    "spread_mass",
+]

@@ -16,14 +16,11 @@ from scipy.optimize import Bounds, linear_sum_assignment, minimize
 from scipy.special import comb, logsumexp
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
+from updater.causes import Discrete
 from updater.errors import ModalDataError
-from updater.inference.compare import MODEL_ERROR, compare
-from updater.inference.comparison import Comparison, Whitener
-from updater.inference.fit import BoolArray, evaluate, slopes
-from updater.inference.reanalysis import Effect, no_effect
-from updater.modal_data.tracked import COMMON_STD, ModalMean
-from updater.reference.reference import Reference
+from updater.inference import MODEL_ERROR, BoolArray, Comparison, Effect, Whitener, compare, evaluate, no_effect, slopes
+from updater.modal_data import COMMON_STD, ModalMean
+from updater.reference import Reference
 
 _MOST_SETS = 2000  # sets of candidates that are compared
 _SCATTER, _SCATTER_SPREAD = 1e-3, 1.5  # median of the scatter of ln f, and standard deviation of its logarithm

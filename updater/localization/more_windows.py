@@ -11,14 +11,11 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.mass.added_mass import DENSITY_STD, AddedMass
-from updater.causes.mass.several_bodies import Bodies
-from updater.inference.compare import compare
-from updater.inference.fit import Fit
-from updater.inference.linearization import linearised
+from updater.causes import DENSITY_STD, AddedMass, Bodies
+from updater.inference import Fit, compare, linearised
 from updater.localization.one_mass import MassChange, fit_mass, mass_change
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
+from updater.modal_data import ModalMean
+from updater.reference import Reference
 
 _MOST = 1 << 16  # windows: two months of a window a minute and a half; more are as good as endless
 Limit = Literal["windows", "baseline", "model"]

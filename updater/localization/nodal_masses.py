@@ -13,14 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.fe.assembly import build_model
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, Tangent, no_effect, picked, predict, reanalyse
-from updater.inference.residuals import residual
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
-from updater.reference.sensitivity_method import Convergence, Prior, SensitivityFit, fit_parameters
+from updater.fe import build_model
+from updater.inference import Comparison, Effect, Tangent, compare, no_effect, picked, predict, reanalyse, residual
+from updater.modal_data import ModalMean
+from updater.reference import Convergence, Prior, Reference, SensitivityFit, fit_parameters
 
 _STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # prior of one node's mass, of the structure's
 _STEP = 1e-5  # kg, of the derivatives of residuals

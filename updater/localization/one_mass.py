@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.mass.added_mass import AddedMass, propose_added_mass
-from updater.fe.element import local_axes
-from updater.inference.compare import compare
-from updater.inference.fit import Fit, fit
-from updater.inference.posterior import Place, credible
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.causes import AddedMass, propose_added_mass
+from updater.fe import local_axes
+from updater.inference import Fit, Place, compare, credible, fit
+from updater.modal_data import ModalMean
+from updater.reference import Reference
+from updater.structure import Structure
 
 MODEL_ERRORS = (0.01, 0.03)  # of a mode's typical displacement: what the reference gets wrong at best, and at worst
 FITS = 0.05  # of chi-square, under which the larger one is tried

@@ -6,17 +6,12 @@ import numpy as np
 from scipy.special import gammaln, logsumexp, ndtr, softmax
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Nothing
-from updater.causes.composite import Beside
-from updater.causes.mass.added_mass import AddedMass, propose_added_mass
-from updater.causes.mass.several_bodies import PER_BODY, Bodies
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.fit import Fit, fit
+from updater.causes import PER_BODY, AddedMass, Beside, Bodies, Nothing, propose_added_mass
+from updater.inference import Comparison, Fit, compare, fit
 from updater.localization.one_mass import FITS, MODEL_ERRORS, MassChange, mass_change
 from updater.localization.starting_sets import same_places, starts
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
+from updater.modal_data import ModalMean
+from updater.reference import Reference
 
 _SAME = 0.02  # m: two ends nearer than this are one maximum, or nearer than two of its standard deviations
 _ROUGH = 0.1  # of a mode's displacement: the search's model error, since masses act to first order only in its scans

@@ -6,11 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.mass.added_mass import AddedMass
-from updater.causes.mass.several_bodies import PER_BODY, Bodies
-from updater.inference.comparison import Comparison
-from updater.inference.fit import Fit
-from updater.inference.linearization import linearised
+from updater.causes import PER_BODY, AddedMass, Bodies
+from updater.inference import Comparison, Fit, linearised
 
 _STARTS = 6  # sets of places of each scan from which a fit begins
 _KNOWN = 2  # sets of one mass fewer that a further mass is sought beside

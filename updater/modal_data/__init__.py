@@ -1,1 +1,70 @@
 """Measured modes of many windows: tracked, averaged, checked, matched, freed from device delays."""
+
+from updater.modal_data.averaging import LEAST_PRESENCE, FusedModes, choose_tracks, fuse
+from updater.modal_data.change_point import ChangePoint, find_change, windows_of_one_state
+from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
+from updater.modal_data.delay_removal import NOT_LATE, InTime, in_time, without_known
+from updater.modal_data.device_delays import (
+    NO_DELAYS,
+    DeviceDelays,
+    estimate_delays,
+    learn_delays,
+    real_shape,
+    remove_delays,
+)
+from updater.modal_data.mass_from_modes import ModalMass, mass_of_modes
+from updater.modal_data.matching import match_modes, matched, may_answer, without_fault
+from updater.modal_data.plausibility import check_baseline, check_event, check_unit, doubles
+from updater.modal_data.scatter import Scatter, learn_scatter, stated_scatter
+from updater.modal_data.setups import merge_setups
+from updater.modal_data.stationarity import is_steady
+from updater.modal_data.synchrony import LOW_MPC, Asynchrony, asynchrony
+from updater.modal_data.tracked import COMMON_STD, ModalMean, TrackedModes, mean_modes, stack_tracks
+
+__all__ = [
+    "COMMON_STD",
+    "LEAST_PRESENCE",
+    "LOW_MPC",
+    "NOTHING_KNOWN",
+    "NOT_LATE",
+    "NO_DELAYS",
+    "Asynchrony",
+    "ChangePoint",
+    "Circumstances",
+    "DeviceDelays",
+    "FusedModes",
+    "InTime",
+    "ModalMass",
+    "ModalMean",
+    "Scatter",
+    "TrackedModes",
+    "Trend",
+    "asynchrony",
+    "check_baseline",
+    "check_event",
+    "check_unit",
+    "choose_tracks",
+    "doubles",
+    "estimate_delays",
+    "find_change",
+    "fuse",
+    "in_time",
+    "is_steady",
+    "learn_delays",
+    "learn_scatter",
+    "mass_of_modes",
+    "match_modes",
+    "matched",
+    "may_answer",
+    "mean_modes",
+    "merge_setups",
+    "real_shape",
+    "remove_delays",
+    "stack_tracks",
+    "stated_scatter",
+    "tone_ratios",
+    "trend_of",
+    "windows_of_one_state",
+    "without_fault",
+    "without_known",
+]

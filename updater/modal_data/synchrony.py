@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, Recording
-from oma import ModalEstimate, channel_delays, mpc
+from oma import ModalEstimate, mpc
+from oma.spectral import channel_delays
 from updater.modal_data.device_delays import estimate_delays, remove_delays
 
 LOW_MPC = 0.7  #: modal phase collinearity below which a shape is marked [-]
@@ -42,7 +43,7 @@ class Asynchrony:
 def asynchrony(recording: Recording, estimate: ModalEstimate) -> Asynchrony | None:
     """Return the channels' delays if modes show any; None if shapes are real enough or no delays explain them.
 
-    Delays are sought in the cross spectra (`oma.channel_delays`), each channel by itself, and then fitted to the phases
+    Delays are sought in the cross spectra (`oma.spectral.channel_delays`), each channel by itself, and then fitted to the phases
     of the modes. Their standard deviations come from leaving out one mode after the other (Efron 1982: jackknife), and
     they count only if they make the modes left out real.
 

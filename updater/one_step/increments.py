@@ -8,11 +8,16 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError, PairingError
-from updater.modal_data.plausibility import check_event
-from updater.modal_data.tracked import ModalMean
+from updater.modal_data import ModalMean, check_event
 from updater.one_step.significance import moderated_variance, z_limit
-from updater.reference.expansion import LARGEST_CLUSTER, ExpandedChange, expand_change, expand_shape, well_posed_cluster
-from updater.reference.reference import Reference
+from updater.reference import (
+    LARGEST_CLUSTER,
+    ExpandedChange,
+    Reference,
+    expand_change,
+    expand_shape,
+    well_posed_cluster,
+)
 
 _WORST_CONDITION = 30.0  # of [A B2]: beyond it noise decides, and smaller clusters are taken
 _NEGLIGIBLE = 1e-9  # of the largest: a deviation, or a singular value of what inputs err, that is rounding

@@ -18,14 +18,13 @@ import numpy.typing as npt
 from scipy.stats import f as f_distribution
 
 from daq import FloatArray, IndexArray
-from updater.causes.mass.added_mass import LARGEST_REMOVED
-from updater.inference.posterior import credible
-from updater.modal_data.tracked import ModalMean
+from updater.causes import LARGEST_REMOVED
+from updater.inference import credible
+from updater.modal_data import ModalMean
 from updater.one_step.increments import Increments
 from updater.one_step.lumped_mass import Particles
-from updater.reference.expansion import ExpandedChange
-from updater.reference.reference import Reference
-from updater.structure.structure import extent, fineness, size
+from updater.reference import ExpandedChange, Reference
+from updater.structure import extent, fineness, size
 
 _SPACING = 0.01  # m between positions on a structure of 1.5 m
 _MAX_POSITIONS = 2000

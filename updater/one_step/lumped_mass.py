@@ -10,10 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.fe.assembly import build_model
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
-from updater.reference.reference import Reference, first_stage, pair_baseline
+from updater.fe import Model, Modes, build_model
+from updater.reference import Reference, first_stage, pair_baseline
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

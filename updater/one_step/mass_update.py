@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.modal_data.tracked import COMMON_STD, ModalMean
+from updater.modal_data import COMMON_STD, ModalMean
 from updater.one_step.increments import (
     Expansion,
     Increments,
@@ -22,8 +22,7 @@ from updater.one_step.increments import (
 from updater.one_step.location import IncrementLocation, IncrementLocator
 from updater.one_step.lumped_mass import lump
 from updater.one_step.update import mass_slope, normalised_increments, scale_by_stiffness, update_mass
-from updater.reference.expansion import ExpandedChange
-from updater.reference.reference import Reference
+from updater.reference import ExpandedChange, Reference
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,13 +12,12 @@ import numpy as np
 from scipy import sparse
 
 from daq import FloatArray, IndexArray
-from updater.fe.rotations import Hinges, flexibility, hinges_of
-from updater.modal_data.tracked import COMMON_STD, ModalMean
+from updater.fe import Hinges, flexibility, hinges_of
+from updater.modal_data import COMMON_STD, ModalMean
 from updater.one_step.increments import Increments, NullDistribution, expand_changes, seen_tracks
 from updater.one_step.lumped_mass import Particles, lump
 from updater.one_step.update import normalised_increments
-from updater.reference.expansion import orthonormal, orthonormal_slope
-from updater.reference.reference import Reference
+from updater.reference import Reference, orthonormal, orthonormal_slope
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

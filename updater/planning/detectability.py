@@ -13,19 +13,15 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
 from daq import FloatArray, IndexArray
-from updater.causes.mass.added_mass import AddedMass, propose_added_mass
+from updater.causes import AddedMass, propose_added_mass
 from updater.errors import ModelError
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
-from updater.inference.compare import compare
-from updater.inference.shape_covariance import SHAPE_BIAS
-from updater.modal_data.tracked import COMMON_STD
+from updater.fe import Model, Modes
+from updater.inference import SHAPE_BIAS, compare
+from updater.modal_data import COMMON_STD
 from updater.planning.expected_reference import expected_reference, shape_covariance, told_apart
 from updater.planning.record_noise import Record, shape_errors
-from updater.reference.calibration import best_model
-from updater.reference.reference import Reference
-from updater.structure.sensors import Sensor
-from updater.structure.structure import Structure
+from updater.reference import Reference, best_model
+from updater.structure import Sensor, Structure
 
 _HEAVY = 0.1  # of the structure's mass: where not even so much is noticed, the rig is blind
 Stretches = list[tuple[float, float]]

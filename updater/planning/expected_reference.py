@@ -4,14 +4,10 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import mac_matrix
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
-from updater.modal_data.device_delays import NO_DELAYS
-from updater.modal_data.scatter import Scatter
-from updater.modal_data.tracked import ModalMean, TrackedModes
+from updater.fe import Model, Modes
+from updater.modal_data import NO_DELAYS, ModalMean, Scatter, TrackedModes
 from updater.planning.record_noise import Record, shape_errors
-from updater.reference.calibration import Calibration
-from updater.reference.reference import Reference
+from updater.reference import Calibration, Reference
 
 UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
 _STILL = 1e-6  # of a typical motion, 1 / sqrt(total mass): what moves less only turns, a bar about its axis

@@ -8,15 +8,12 @@ import numpy as np
 from daq import FloatArray
 from oma import mac_matrix
 from updater.errors import ModelError
-from updater.fe.assembly import build_model
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
+from updater.fe import Model, Modes, build_model
 from updater.planning.detectability import Outlook, foresee
 from updater.planning.expected_reference import UNSEEN, largest_motion, motion, seen_by
 from updater.planning.record_noise import Record
 from updater.planning.sensor_placement import Choice, one_more
-from updater.structure.sensors import Sensor
-from updater.structure.structure import Structure
+from updater.structure import Sensor, Structure
 
 ALIKE = 0.9  #: MAC at the sensors above which two modes cannot be told apart by their shapes [-]
 _NODES = 60  # at which one sensor more is tried

@@ -13,12 +13,8 @@ from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError, ModelError
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.posterior import likeliest_place
-from updater.inference.reanalysis import picked, predict, reanalyse
-from updater.inference.residuals import Prediction
-from updater.modal_data.tracked import ModalMean
+from updater.inference import Comparison, Prediction, compare, likeliest_place, picked, predict, reanalyse
+from updater.modal_data import ModalMean
 from updater.planning.detectability import Outlook
 
 _DRAWS = 200

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from oma import uncertainty_law
+from oma.selection import uncertainty_law
 
 _OVER_THE_LAW = 1.1  # what identification reaches, as docs/oma.md measures it
 _YEAR = 365.25 * 86400  # s

@@ -16,7 +16,7 @@ import numpy as np
 
 from updater.errors import ModelError
 from updater.planning.detectability import Outlook, with_sensors
-from updater.structure.sensors import Sensor
+from updater.structure import Sensor
 
 _MOST_PLACES = 40  # where one more is tried
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

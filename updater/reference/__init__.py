@@ -1,1 +1,65 @@
 """The reference: calibrated model, expansion of measured modes, pairing with model modes."""
+
+from updater.reference.calibration import (
+    UNLIKE,
+    Calibration,
+    Parameter,
+    best_model,
+    calibrate,
+    channel_rows,
+    share_within,
+    spring_of,
+)
+from updater.reference.expansion import (
+    LARGEST_CLUSTER,
+    ExpandedChange,
+    expand_change,
+    expand_shape,
+    orthonormal,
+    orthonormal_slope,
+    well_posed_cluster,
+)
+from updater.reference.model_fit import ModelFit, fit_of_model
+from updater.reference.model_modes import FREQUENCY_STD, own_modes
+from updater.reference.new_modes import matched_and_new, matched_surely
+from updater.reference.nominal_modes import answers_of_file
+from updater.reference.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
+from updater.reference.reference import NEAR, SAME_SHAPE, Filed, Reference, first_stage, pair_baseline
+from updater.reference.sensitivity_method import Convergence, Prior, SensitivityFit, fit_parameters
+
+__all__ = [
+    "FREQUENCY_STD",
+    "LARGEST_CLUSTER",
+    "NEAR",
+    "SAME_SHAPE",
+    "UNLIKE",
+    "Calibration",
+    "Convergence",
+    "ExpandedChange",
+    "Filed",
+    "ModelFit",
+    "Parameter",
+    "ParameterSensitivity",
+    "Prior",
+    "Reference",
+    "SensitivityFit",
+    "answers_of_file",
+    "best_model",
+    "calibrate",
+    "channel_rows",
+    "expand_change",
+    "expand_shape",
+    "first_stage",
+    "fit_of_model",
+    "fit_parameters",
+    "matched_and_new",
+    "matched_surely",
+    "orthonormal",
+    "orthonormal_slope",
+    "own_modes",
+    "pair_baseline",
+    "parameter_sensitivities",
+    "share_within",
+    "spring_of",
+    "well_posed_cluster",
+]

@@ -15,20 +15,21 @@ from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
-from oma import mac_of_moving, pair_modes
+from oma import pair_modes
+from oma.tracking import mac_of_moving
 from updater.errors import PairingError
-from updater.fe.assembly import build_model
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
-from updater.fe.section_forces import parts_between
-from updater.modal_data.plausibility import check_baseline, check_unit
-from updater.modal_data.tracked import ModalMean
+from updater.fe import Model, Modes, build_model, parts_between
+from updater.modal_data import ModalMean, check_baseline, check_unit
 from updater.quantities import ParameterChange
 from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
-from updater.structure.entries import AXES, Axis, Joint, Support
-from updater.structure.parameters import (
+from updater.structure import (
+    AXES,
     TURNS,
+    Axis,
+    Joint,
     Knob,
+    Structure,
+    Support,
     apply_knobs,
     connection_of,
     flexibility_unit,
@@ -38,7 +39,6 @@ from updater.structure.parameters import (
     physical_value,
     welded,
 )
-from updater.structure.structure import Structure
 
 FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model

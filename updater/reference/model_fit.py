@@ -11,11 +11,10 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
 from daq import FloatArray, IndexArray
-from updater.modal_data.matching import match_modes
-from updater.modal_data.tracked import ModalMean
+from updater.modal_data import ModalMean, match_modes
 from updater.reference.calibration import UNLIKE, best_model, share_within
 from updater.reference.model_modes import own_modes
-from updater.structure.structure import Structure
+from updater.structure import Structure
 
 _LEAST_P = 1e-3  # of residuals by measurement noise alone, under which they are more than noise
 _NEAR = 0.02  # of ln f: a mode of the structure that is the one expected

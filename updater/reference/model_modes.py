@@ -3,9 +3,8 @@
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
-from updater.modal_data.tracked import ModalMean
+from updater.fe import Model, Modes
+from updater.modal_data import ModalMean
 from updater.reference.calibration import channel_rows, enough_modes
 
 FREQUENCY_STD = 2e-3  #: of ln f: model error of a beam model, whatever its parameters

@@ -6,8 +6,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import mac_matrix
-from updater.modal_data.matching import match_modes, matched, may_answer, without_fault
-from updater.modal_data.tracked import ModalMean
+from updater.modal_data import ModalMean, match_modes, matched, may_answer, without_fault
 from updater.reference.reference import NEAR, SAME_SHAPE, Reference
 
 _NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with

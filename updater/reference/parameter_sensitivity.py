@@ -8,8 +8,9 @@ import numpy as np
 from daq import FloatArray
 from updater.reference.calibration import best_model
 from updater.reference.sensitivity_method import frequency_slope
-from updater.structure.parameters import (
+from updater.structure import (
     Knob,
+    Structure,
     apply_knobs,
     as_filed,
     knobs_of,
@@ -17,7 +18,6 @@ from updater.structure.parameters import (
     physical_value,
     with_springs,
 )
-from updater.structure.structure import Structure
 
 _RELATIVE_STEP = 1e-3  # of a flexibility or of ln E, in the central difference of the stiffness matrix
 _WELD_STEP = 1e-3  # of the share of its flexibility that a joint zone loses

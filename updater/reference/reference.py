@@ -7,11 +7,8 @@ import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
 from oma import pair_modes
-from updater.fe.eigen import Modes
-from updater.fe.model import Model
-from updater.modal_data.device_delays import DeviceDelays
-from updater.modal_data.scatter import Scatter
-from updater.modal_data.tracked import ModalMean, TrackedModes
+from updater.fe import Model, Modes
+from updater.modal_data import DeviceDelays, ModalMean, Scatter, TrackedModes
 from updater.reference.calibration import Calibration, channel_rows
 from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
 

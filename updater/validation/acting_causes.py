@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from updater.modal_data.matching import match_modes
-from updater.reference.reference import Reference
-from updater.structure.sensors import Correction
-from updater.structure.structure import Structure
+from updater.modal_data import match_modes
+from updater.reference import Reference
+from updater.structure import Correction, Structure
 from updater.validation.modal_correlation import as_extended
 
 _OF_THE_CHAIN = ("sensor", "recorder")  # parts of a structure that are the measuring chain's, beside `sensors`

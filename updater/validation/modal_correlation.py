@@ -18,11 +18,9 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from oma import mac_matrix
 from updater.errors import ModalDataError
-from updater.modal_data.matching import match_modes
-from updater.modal_data.tracked import ModalMean
-from updater.reference.calibration import best_model, channel_rows
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.modal_data import ModalMean, match_modes
+from updater.reference import Reference, best_model, channel_rows
+from updater.structure import Structure
 
 _ROOM = 1.1  # of the highest measured frequency: up to here a simulated mode should have been seen
 _MODAL = tuple(field.name for field in fields(ModalMean) if field.name != "channels")

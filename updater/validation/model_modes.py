@@ -6,10 +6,10 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate, comac, mac_matrix, pair_modes
-from updater.fe.assembly import build_model
-from updater.modal_data.device_delays import real_shape
-from updater.reference.calibration import channel_rows
-from updater.structure.structure import Structure
+from updater.fe import build_model
+from updater.modal_data import real_shape
+from updater.reference import channel_rows
+from updater.structure import Structure
 
 _BEYOND = 1.2
 _SPARE = 10  # modes of the model beyond as many as are measured

@@ -27,12 +27,10 @@ from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray
 from updater.errors import ModelError
-from updater.fe.model import Model
-from updater.fe.rotations import flexibility, hinges_of
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
+from updater.fe import Model, flexibility, hinges_of
+from updater.inference import Comparison, compare
+from updater.modal_data import ModalMean
+from updater.reference import Reference
 
 Reading = Literal["stiffness", "mass"]
 _SIZES = np.geomspace(1e-4, 1.0, 41)  # of a relative error of K or M between two modes, that the data may choose

@@ -19,15 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
-from updater.causes.sensors.delay import begin_at
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.fit import fit
-from updater.inference.reanalysis import Effect, no_effect
-from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances
-from updater.modal_data.tracked import ModalMean
-from updater.reference.reference import Reference
+from updater.causes import Discrete, begin_at
+from updater.inference import Comparison, Effect, compare, fit, no_effect
+from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
+from updater.reference import Reference
 
 _WIDE = (2.0, 5e-3)  # of a gain about one, and of a delay [s]: while the data speak for themselves
 _USUAL = (0.02, 5e-5)  # the same, of most channels

@@ -23,8 +23,7 @@ import numpy.typing as npt
 
 from daq import FloatArray, IndexArray, Recording
 from updater.errors import ModalDataError
-from updater.modal_data.matching import match_modes
-from updater.modal_data.tracked import ModalMean
+from updater.modal_data import ModalMean, match_modes
 from updater.validation.modal_correlation import known
 
 ComplexArray = npt.NDArray[np.complex128]

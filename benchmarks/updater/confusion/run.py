@@ -15,7 +15,7 @@ from benchmarks.updater.confusion.table import Result, read_results, version
 from tests.examiner.cases import CAUSES, CELLS, N_AFTER, N_BEFORE, Case
 from tests.examiner.score import score
 from tests.examiner.signals import N_MODES, modal_std
-from updater.causes.catalogue import CATALOGUE
+from updater.causes import CATALOGUE
 
 Task = tuple[str, int, str]  #: cell, seed, noise
 _MOST_DRAWS = 1000  # of a cell in one run

@@ -32,7 +32,8 @@ from tests.measured.six_masses import (
     share_explained,
     write_bodies_file,
 )
-from updater import BodySelection, build_model, dump_structure
+from updater import build_model, dump_structure
+from updater.localization import BodySelection
 
 FOLDS, SEED = 7, 0
 STRICTER = 2e-3  # model error: whether the answer hangs on it

@@ -14,16 +14,8 @@ from scipy.stats import t as student
 
 from daq import FloatArray
 from tests.measured.three_storeys import FLOOR, LEG, Frame, read_frame, simulation
-from updater import (
-    Explained,
-    ModalMass,
-    Structure,
-    build_model,
-    diagnose,
-    matched,
-    nominal_reference,
-    stack_tracks,
-)
+from updater import Explained, Structure, build_model, diagnose, matched, nominal_reference, stack_tracks
+from updater.modal_data import ModalMass
 
 MEASURED, BEFORE, AFTER = "#263238", "#ef6c00", "#1565c0"
 

@@ -17,8 +17,8 @@ from monitor.analysis.modal_table.columns import Columns, read_columns
 from monitor.analysis.observation import Observation
 from oma import ComplexArray, ModalEstimate, normalise
 from oma.windows import Windows
-from updater import Structure, build_model, doubles, mean_modes, stack_tracks
-from updater.modal_data.averaging import choose_tracks
+from updater import Structure, build_model, mean_modes, stack_tracks
+from updater.modal_data import choose_tracks, doubles
 
 _SUFFIXES = (".csv", ".json")
 _FREQUENCY_STD = 1e-3  # relative, where a table states none: what minutes of ambient vibration give

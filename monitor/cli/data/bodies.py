@@ -15,7 +15,7 @@ from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text
-from updater import Quantity
+from updater.quantities import Quantity
 
 console = Terminal()
 _MAX_LISTED = 5  # sets of bodies

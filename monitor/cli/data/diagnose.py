@@ -31,17 +31,10 @@ from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report
 from oma import OmaError
-from updater import (
-    Calibration,
-    Diagnosis,
-    Explained,
-    SelectionError,
-    Structure,
-    allowed_causes,
-    dump_structure,
-    load_structure,
-    parse_structure,
-)
+from updater import Diagnosis, Explained, Structure, dump_structure, load_structure, parse_structure
+from updater.diagnosis import allowed_causes
+from updater.errors import SelectionError
+from updater.reference import Calibration
 
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 

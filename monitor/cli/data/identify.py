@@ -23,10 +23,8 @@ from monitor.settings import Settings, parse_attached
 from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
-from updater.modal_data.averaging import FusedModes, fuse
-from updater.modal_data.setups import merge_setups
-from updater.modal_data.synchrony import LOW_MPC, Asynchrony, asynchrony
-from updater.validation.model_modes import ModelModes, model_modes
+from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
+from updater.validation import ModelModes, model_modes
 
 
 @dataclass(frozen=True, kw_only=True)

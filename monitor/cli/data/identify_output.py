@@ -13,11 +13,11 @@ from rich.table import Table
 from daq import AnyLog
 from monitor.analysis.stationarity import FrequencyChange
 from monitor.cli.terminal import Terminal
-from oma import ALIAS_FREE, mpc, mpd
+from oma import mpc, mpd
+from oma.preparation import ALIAS_FREE
 from oma.windows import Windows, are_near
-from updater.modal_data.averaging import FusedModes
-from updater.modal_data.synchrony import LOW_MPC, Asynchrony
-from updater.validation.model_modes import ModelPartner
+from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
+from updater.validation import ModelPartner
 
 console = Terminal()
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]

@@ -27,7 +27,8 @@ from monitor.cli.exit_codes import DONE
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
-from updater import parse_structure, portable_text
+from updater import parse_structure
+from updater.structure import portable_text
 
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
 

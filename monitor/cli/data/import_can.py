@@ -11,7 +11,8 @@ from monitor.cli.exit_codes import DONE
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
-from updater import parse_structure, portable_text
+from updater import parse_structure
+from updater.structure import portable_text
 
 _DEVICE = "import"
 _AXES = 3

@@ -9,7 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.text.causes import change_texts
-from updater import ParameterChange, ParameterSensitivity
+from updater.quantities import ParameterChange
+from updater.reference import ParameterSensitivity
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 _N_LISTED = 3  # modes that are named for each parameter; `--json` has all of them

@@ -22,20 +22,11 @@ from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
-from oma import PASS
-from updater import (
-    ModelError,
-    ParameterSensitivity,
-    Record,
-    Structure,
-    StructureError,
-    Target,
-    load_structure,
-    parameter_sensitivities,
-)
-from updater.planning.mode_visibility import ALIKE, Sight, look
-from updater.planning.target_mass import Plan, plan
-from updater.structure.unit_check import odd_units
+from oma.preparation import PASS
+from updater import ModelError, Record, Structure, StructureError, load_structure
+from updater.planning import ALIKE, Plan, Sight, Target, look, plan
+from updater.reference import ParameterSensitivity, parameter_sensitivities
+from updater.structure import odd_units
 
 console = Terminal()
 _USUAL_RATE = 1000.0  # Hz

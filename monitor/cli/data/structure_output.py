@@ -13,10 +13,9 @@ from rich.text import Text
 from daq import FloatArray, IndexArray
 from monitor.analysis.channels import ChannelCheck, twins
 from monitor.text.quantities import duration_words, mass_words, stretches_text
-from updater import Outlook, Sensor, Structure, vagueness
-from updater.planning.detectability import blind
-from updater.planning.mode_visibility import Sight, clearer
-from updater.planning.target_mass import Plan, SensorSet
+from updater import Structure
+from updater.planning import Outlook, Plan, SensorSet, Sight, blind, clearer, vagueness
+from updater.structure import Sensor
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
 _PAIRS = 4  # that are named

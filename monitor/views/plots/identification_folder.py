@@ -20,7 +20,7 @@ from monitor.views.plots.identification import (
 from monitor.views.plots.mode_shapes import shapes_figure
 from oma import Identification, ModalEstimate, Place, write_universal
 from updater import Structure
-from updater.validation.model_modes import ModelModes
+from updater.validation import ModelModes
 
 _DPI = 110
 _OVER_TIME = "tracks.png"

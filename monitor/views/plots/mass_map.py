@@ -16,10 +16,7 @@ from monitor.results.windows import Vector
 from monitor.text.quantities import duration_words, mass_words
 from monitor.views.member_axis import Unrolled
 from monitor.views.plots.axes3d import frame_axes, size
-from updater import Outlook
-from updater.planning.detectability import heaviest
-from updater.planning.mode_visibility import Sight
-from updater.planning.target_mass import Plan
+from updater.planning import Outlook, Plan, Sight, heaviest
 
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"

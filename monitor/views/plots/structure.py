@@ -8,9 +8,8 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from monitor.views.plots.axes3d import SWAY, frame_axes, lines, size
 from monitor.views.plots.mass_map import draw_map
-from updater import Support
-from updater.planning.mode_visibility import Sight
-from updater.planning.target_mass import Plan
+from updater.planning import Plan, Sight
+from updater.structure import Support
 
 _COLUMNS = 3  # of modes
 _MOTIONS = 6  # that a support can hold

@@ -35,7 +35,8 @@ from monitor.views.report.evidence_figures import evidence_figure
 from monitor.views.report.figure import Picture, optional, picture
 from monitor.views.run import Run
 from oma import mac_matrix
-from updater import Diagnosis, Gain, ModeFit
+from updater import Diagnosis, Gain
+from updater.diagnosis import ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 

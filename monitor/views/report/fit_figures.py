@@ -8,7 +8,8 @@ from daq import FloatArray
 from monitor.results.windows import Interval, ReferenceResult
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, OK, SOFT, new_figure
-from updater import Cause, Diagnosis, ModeFit
+from updater import Cause, Diagnosis
+from updater.diagnosis import ModeFit
 
 _LEAST = 1e-6  # of 1 - MAC that is drawn
 

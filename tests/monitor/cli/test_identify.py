@@ -15,7 +15,7 @@ from oma.windows import identify_windows
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.oma.structures import chain, simulate
 from updater import t_structure_toml
-from updater.modal_data.averaging import fuse
+from updater.modal_data import fuse
 
 CHAIN = chain(4, first=2.0, damping=0.01)
 RATE = 40.0  # Hz; modes at 2.0, 5.8, 8.8 and 10.8 Hz

@@ -10,8 +10,8 @@ from PIL import Image
 from daq import LogWriter
 from tests.support.monitor.cli import Commands, assert_refused
 from updater import Structure, parse_structure, t_structure_toml
-from updater.planning.mode_visibility import look
-from updater.structure.unit_check import odd_units
+from updater.planning import look
+from updater.structure import odd_units
 
 CANTILEVER = """
 name = "cantilever"

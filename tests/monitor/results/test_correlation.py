@@ -14,17 +14,8 @@ from monitor.results.correlation import discrepancy_result
 from oma.windows import Windows
 from tests.support.monitor import answers
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import (
-    Body,
-    Explained,
-    ModalMean,
-    Reference,
-    as_before,
-    build_model,
-    learn_reference,
-    stack_tracks,
-    virtual_sensing,
-)
+from updater import Body, Explained, ModalMean, Reference, build_model, learn_reference, stack_tracks, virtual_sensing
+from updater.validation import as_before
 
 TRACK = np.arange(8)
 BODY = Body(at=(0.2, 0, 1.48), mass=0.3)

@@ -8,7 +8,8 @@ from daq import EPSON_SCALE, FloatArray
 from monitor.rig import Scenario, World, draw_t_frame, make_sources, true_structure
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from tests.support.thorough import few_of
-from updater import Body, Model, Modes, build_model, parse_structure
+from updater import Body, Model, build_model, parse_structure
+from updater.fe import Modes
 
 MODES = range(8)
 HEAVY = Body(at=(0.25, 0.0, 1.48), mass=0.304)

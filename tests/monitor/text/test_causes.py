@@ -20,7 +20,9 @@ from monitor.text.verdicts import is_one_mass
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
-from updater import Cause, Gain, Pair, ParameterChange, Quantity, Where
+from updater import Cause, Gain
+from updater.diagnosis import Pair
+from updater.quantities import ParameterChange, Quantity, Where
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from monitor.text.sensors import health_result, health_rows, health_text
-from updater import SensorHealth
+from updater.validation import SensorHealth
 
 
 def health(gain: list[float], delay: list[float], std: float = 0.005) -> SensorHealth:

@@ -16,7 +16,7 @@ from tests.support.monitor.cli import Commands
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run, without_answers
 from tests.support.thorough import few_of
 from updater import Body, parse_structure, t_structure_toml
-from updater.causes.catalogue import CATALOGUE
+from updater.causes import CATALOGUE
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
 SECOND = Body(at=(0.3, 0.0, 1.48), mass=0.2)

@@ -6,7 +6,7 @@ import pytest
 from monitor.results.windows import AlarmResult, SelfTestResult
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
 from updater import Body
-from updater.causes.catalogue import CATALOGUE
+from updater.causes import CATALOGUE
 
 
 def fails(*_: object, **__: object) -> None:

@@ -7,18 +7,9 @@ import pytest
 from scipy import signal
 
 from daq import FloatArray, Recording
-from oma import (
-    EFDD,
-    FDD,
-    FSDD,
-    METHODS,
-    IdentificationError,
-    ModalEstimate,
-    identify,
-    mac_matrix,
-    uncertainty_law,
-)
-from oma.preparation.pyramid import Level
+from oma import EFDD, FDD, FSDD, METHODS, IdentificationError, ModalEstimate, identify, mac_matrix
+from oma.preparation import Level
+from oma.selection import uncertainty_law
 from oma.spectral.bell_fit import Windowed, fit_bell
 from oma.spectral.spectra import spectral_sums
 from tests.support.oma.structures import Structure, chain, frame, simulate

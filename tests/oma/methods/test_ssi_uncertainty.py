@@ -11,8 +11,8 @@ from daq import FloatArray
 from oma import ComplexArray, ModalEstimate, identify, normalise
 from oma.methods.realization import Realisation, Subspace, realisations
 from oma.methods.ssi_uncertainty import perturbation, pole_influence
-from oma.selection.pole_uncertainty import block_std, normalised_move, pole_moves
-from oma.spectral.correlation import CorrelationSums
+from oma.selection import block_std, normalised_move, pole_moves
+from oma.spectral import CorrelationSums
 from tests.support.oma.structures import chain, simulate
 from tests.support.thorough import few_of
 

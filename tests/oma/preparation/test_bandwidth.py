@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from oma import PASS, TOP, identify_all
-from oma.preparation.bandwidth import usable_share
+from oma import identify_all
+from oma.preparation import PASS, TOP, usable_share
 from tests.support.oma.structures import Structure, anti_aliased, frame_with_higher_modes, simulate
 
 BUILDING = Structure(

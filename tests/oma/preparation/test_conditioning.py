@@ -2,7 +2,7 @@ import numpy as np
 
 from daq import Channel, FloatArray, Recording
 from oma import channel_faults
-from oma.preparation.conditioning import detrended
+from oma.preparation import detrended
 
 
 def recording(data: FloatArray) -> Recording:

@@ -8,7 +8,7 @@ import pytest
 
 from daq import Channel, FloatArray, Recording
 from oma import IdentificationError, channel_faults, identify_all
-from oma.preparation.conditioning import cleaned
+from oma.preparation import cleaned
 from oma.preparation.faults import without_spikes
 from tests.support.oma.scenes import FAULTS, SCENES, faulty, pairs
 from tests.support.oma.structures import chain, simulate

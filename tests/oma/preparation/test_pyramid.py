@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from oma.preparation.pyramid import Decimator, HighPass, levels
+from oma.preparation import Decimator, HighPass, levels
 
 
 @pytest.mark.parametrize(("frequency", "kept"), [(5.0, True), (8.0, True), (12.0, False), (20.0, False), (45.0, False)])

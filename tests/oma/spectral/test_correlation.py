@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from oma import IdentificationError
-from oma.spectral.correlation import CorrelationAccumulator, correlation_sums
+from oma.spectral import CorrelationAccumulator
+from oma.spectral.correlation import correlation_sums
 
 
 def brute(data: np.ndarray, n_lags: int, start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:

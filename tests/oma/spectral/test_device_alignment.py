@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from daq import Channel, Recording
-from oma import TooFewChannels, aligned, device_delays, identify_all, mac_matrix
+from oma import aligned, device_delays, identify_all, mac_matrix
+from oma.errors import TooFewChannels
 from tests.support.oma.structures import frame, simulate
 
 LATE = {"beam_left": 4.1e-3, "beam_right": -2.3e-3}  # s: most of a period of the highest mode, 271 Hz

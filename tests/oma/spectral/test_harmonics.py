@@ -7,8 +7,10 @@ import pytest
 from scipy import fft, signal, stats
 
 from daq import Recording
-from oma import ComplexArray, ModalEstimate, Selection, identify_all
-from oma.spectral.harmonics import LineClasses, _multiples, classify, steadiest
+from oma import ComplexArray, ModalEstimate, identify_all
+from oma.selection import Selection
+from oma.spectral import LineClasses, classify
+from oma.spectral.harmonics import _multiples, steadiest
 from oma.spectral.narrow_band import line_test
 from tests.support.oma.scenes import RATE, SCENES, Tone, tower, with_tone
 from tests.support.oma.structures import Structure, simulate

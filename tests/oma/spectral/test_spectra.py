@@ -3,7 +3,8 @@ import pytest
 
 from daq import Channel, FloatArray, Recording
 from oma import IdentificationError, TooShort, singular_values
-from oma.spectral.spectra import SpectrumAccumulator, spectral_sums
+from oma.spectral import SpectrumAccumulator
+from oma.spectral.spectra import spectral_sums
 from tests.support.oma.structures import frame, simulate
 
 

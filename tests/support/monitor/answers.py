@@ -6,7 +6,9 @@ import numpy as np
 
 from monitor.results.windows import FlaggedDof, IncrementPlace, Interval, MassIncrements
 from tests.support.monitor import results as made
-from updater import Cause, Diagnosis, FrequencyFit, Gain, ModeFit, Pair, Quantity, Rejected, Where
+from updater import Cause, Diagnosis, Gain
+from updater.diagnosis import FrequencyFit, ModeFit, Pair, Rejected
+from updater.quantities import Quantity, Where
 
 DIRECTIONS = ("x", "y", "z")
 

@@ -11,7 +11,8 @@ from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.watch.memory import Memory
 from monitor.watch.pipeline import Pipeline
-from oma import ChannelFault, Identification, ModalEstimate, Stabilization, WindowQuality
+from oma import ChannelFault, Identification, ModalEstimate, WindowQuality
+from oma.selection import Stabilization
 from tests.support.updater.reference_frame import measure, true_model
 from updater import Body, ModalDataError, parse_structure, t_structure_toml
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
-from oma import ModalEstimate, normalise, uncertainty_law
+from oma import ModalEstimate, normalise
+from oma.selection import uncertainty_law
 from tests.support.oma.structures import Structure, simulate
 
 WINDOW = 600.0  # s

@@ -13,7 +13,8 @@ from tests.examiner.models.frame import Lump
 from tests.examiner.models.specimen import State, draw_state
 from tests.examiner.path import FRAME, observation
 from tests.examiner.signals import estimated
-from updater import ModalMean, Reference, Structure, build_model, learn_reference, matched_surely, parse_structure
+from updater import ModalMean, Reference, Structure, build_model, learn_reference, parse_structure
+from updater.reference import matched_surely
 
 FRAMES = ("T-frame", "portal", "mast")
 _NOISE = "coarse"  # 0.1 % on frequencies and 2 % on shapes, in one window

@@ -8,7 +8,9 @@ import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate
-from updater import Body, Joint, Model, Modes, Structure, Support, build_model, parse_structure, t_structure_toml
+from updater import Body, Model, Structure, build_model, parse_structure, t_structure_toml
+from updater.fe import Modes
+from updater.structure import Joint, Support
 
 ALL: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = ("x", "y", "z", "rx", "ry", "rz")
 N_MODES = 8

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from oma import ModalEstimate
 from tests.support.updater.frames import Truth, t_frame, t_truth, unmoved
-from updater import Body, Modes, Reference, learn_reference, learn_scatter, mean_modes, stack_tracks
+from updater import Body, Reference, learn_reference, learn_scatter, mean_modes, stack_tracks
+from updater.fe import Modes
 
 LOCATION_1 = Body(at=(0.25, 0, 1.48), mass=0.304)
 N_BASELINE, N_EVENT = 8, 4

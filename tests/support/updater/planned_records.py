@@ -8,7 +8,7 @@ from daq import FloatArray, IndexArray
 from oma import ModalEstimate
 from tests.support.updater.reference_frame import t_frame, true_model
 from updater import Body, MassChange, Record, Reference, learn_reference, locate_mass, stack_tracks
-from updater.fe.model import Model
+from updater.fe import Model
 from updater.planning.record_noise import shape_errors
 
 N_BEFORE, N_AFTER = 8, 4  # windows that a record is cut into

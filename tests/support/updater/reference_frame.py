@@ -5,7 +5,9 @@ from functools import lru_cache
 import numpy as np
 
 from oma import ModalEstimate
-from updater import Body, Joint, Model, Modes, Structure, Support, build_model, parse_structure, t_structure_toml
+from updater import Body, Model, Structure, build_model, parse_structure, t_structure_toml
+from updater.fe import Modes
+from updater.structure import Joint, Support
 
 
 def t_frame() -> Structure:

@@ -10,7 +10,8 @@ from tests.examiner.models.storeys import FOOT, LOOSE_FOOT, as_it_stands, toml, 
 from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
-from updater import Reference, diagnose, learn_reference, matched_surely, parse_structure
+from updater import Reference, diagnose, learn_reference, parse_structure
+from updater.reference import matched_surely
 
 STRUCTURE = parse_structure(toml())
 

@@ -22,10 +22,10 @@ from updater import (
     nominal_reference,
     stack_tracks,
 )
-from updater.causes.mass.added_mass import AddedMass
+from updater.causes import AddedMass
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.weighing import Weighing
-from updater.inference.compare import compare
+from updater.inference import compare
 
 GAIN = np.ones(12)
 

@@ -11,21 +11,16 @@ from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Circumstances,
     Reference,
-    Trend,
     build_model,
-    channel_rows,
     dump_structure,
     learn_reference,
     parse_structure,
     stack_tracks,
 )
-from updater.causes.base import Cause
-from updater.causes.catalogue import CATALOGUE
-from updater.causes.composite import Chosen
-from updater.causes.prediction import prediction
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.fit import fit
+from updater.causes import CATALOGUE, Cause, Chosen, prediction
+from updater.inference import Comparison, compare, fit
+from updater.modal_data import Trend
+from updater.reference import channel_rows
 
 TRACK = np.arange(8)
 OF_FILES = ("mesh_error", "model_parameters")  # asked where nothing was learnt: they have tests of their own

@@ -16,7 +16,7 @@ from updater import (
     stack_tracks,
 )
 from updater.causes.model.coarse_mesh import propose_mesh_error
-from updater.inference.compare import compare
+from updater.inference import compare
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)

@@ -19,8 +19,8 @@ from updater import (
     learn_reference,
     matched,
     stack_tracks,
-    tone_ratios,
 )
+from updater.modal_data import tone_ratios
 
 TRACK = np.arange(8)
 EVERYTHING = {"global_stiffness", "global_density", "temperature", "sampling_clock"}

@@ -9,9 +9,8 @@ from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.frames import t_frame
 from updater import Reference, learn_reference, parse_structure
-from updater.structure.entries import Axis
-from updater.structure.parameters import apply_knobs, flexibility_unit, knobs_of, meetings, with_springs
-from updater.structure.structure import Structure
+from updater.structure import Axis, Structure, apply_knobs, flexibility_unit, knobs_of, with_springs
+from updater.structure.parameters import meetings
 
 
 def _learnt(name: str, seed: int) -> Reference:

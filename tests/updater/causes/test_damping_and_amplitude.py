@@ -20,8 +20,8 @@ from updater import (
     match_modes,
     matched,
     stack_tracks,
-    trend_of,
 )
+from updater.modal_data import trend_of
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)

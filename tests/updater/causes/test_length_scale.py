@@ -17,9 +17,8 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.causes.mass.added_mass import propose_added_mass
-from updater.inference.compare import compare
-from updater.inference.fit import fit
+from updater.causes import propose_added_mass
+from updater.inference import compare, fit
 
 TRACK = np.arange(8)
 

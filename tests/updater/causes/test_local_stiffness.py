@@ -8,20 +8,11 @@ import pytest
 from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import (
-    Body,
-    Member,
-    ModalMean,
-    Model,
-    Reference,
-    build_model,
-    diagnose,
-    learn_reference,
-    matched,
-    stack_tracks,
-)
-from updater.causes.stiffness.local_stiffness import LocalStiffness, propose_local_stiffness
-from updater.inference.compare import compare
+from updater import Body, ModalMean, Model, Reference, build_model, diagnose, learn_reference, matched, stack_tracks
+from updater.causes import LocalStiffness
+from updater.causes.stiffness.local_stiffness import propose_local_stiffness
+from updater.inference import compare
+from updater.structure import Member
 
 TRACK = np.arange(8)
 

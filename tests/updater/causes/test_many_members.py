@@ -3,10 +3,10 @@
 import numpy as np
 
 from tests.support.updater.reference_frame import measure, t_frame
-from updater import Segment, Structure, build_model, learn_reference, matched, stack_tracks
-from updater.causes.catalogue import CATALOGUE
-from updater.inference.compare import compare
-from updater.inference.fit import fit
+from updater import Structure, build_model, learn_reference, matched, stack_tracks
+from updater.causes import CATALOGUE
+from updater.inference import compare, fit
+from updater.structure import Segment
 
 TRACK = np.arange(8)
 

@@ -9,16 +9,9 @@ from tests.examiner.path import answer, structure_of
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
-from updater.causes.base import Cause
-from updater.causes.composite import Chosen
-from updater.causes.model.parameters import ModelParameters, propose_model_parameters
-from updater.causes.prediction import prediction
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.fit import Fit, fit
-from updater.inference.linearization import linearised
-from updater.structure.parameters import knobs_of
-from updater.structure.structure import Structure
+from updater.causes import Cause, Chosen, ModelParameters, prediction, propose_model_parameters
+from updater.inference import Comparison, Fit, compare, fit, linearised
+from updater.structure import Structure, knobs_of
 
 TRACK = np.arange(8)
 

@@ -11,7 +11,8 @@ import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import build_model, diagnose, learn_reference, matched, stack_tracks
-from updater.causes.catalogue import CATALOGUE, GROUP, Catalogue
+from updater.causes import CATALOGUE
+from updater.causes.catalogue import GROUP, Catalogue
 from updater.causes.overall.stiffness import propose_global_stiffness
 
 TRACK = np.arange(8)

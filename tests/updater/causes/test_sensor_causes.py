@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from daq import FloatArray
-from oma import ChannelFault, FaultKind, ModalEstimate
+from oma import ChannelFault, ModalEstimate
+from oma.preparation import FaultKind
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (

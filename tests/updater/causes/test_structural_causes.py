@@ -5,7 +5,8 @@ import pytest
 
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Body, Cause, Member, Support, build_model, diagnose, learn_reference, matched, stack_tracks
+from updater import Body, Cause, build_model, diagnose, learn_reference, matched, stack_tracks
+from updater.structure import Member, Support
 
 TRACK = np.arange(8)
 

@@ -5,11 +5,10 @@ import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
-from updater.causes.composite import Chosen
-from updater.causes.mass.added_mass import AddedMass
+from updater.causes import AddedMass, Chosen
 from updater.diagnosis.combinations import likeliest_pair
 from updater.diagnosis.weighing import Weighing
-from updater.inference.compare import compare
+from updater.inference import compare
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)

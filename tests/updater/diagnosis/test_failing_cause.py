@@ -12,12 +12,11 @@ from monitor.analysis.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
 from tests.support.updater.frames import as_estimate
-from updater import Structure, learn_reference, parse_structure, trend_of
-from updater.causes.catalogue import CATALOGUE
+from updater import Structure, learn_reference, parse_structure
+from updater.causes import CATALOGUE
 from updater.causes.overall.amplitude_softening import propose_amplitude_softening
-from updater.inference.compare import compare
-from updater.inference.fit import fit
-from updater.modal_data.conditions import Circumstances
+from updater.inference import compare, fit
+from updater.modal_data import Circumstances, trend_of
 
 PIERS = (0.0, 18.0, 42.0, 60.0)  # m
 SENSORS = (4.5, 9.0, 13.5, 22.0, 27.0, 33.0, 38.0, 46.5, 53.0)  # m, all vertical

@@ -8,11 +8,11 @@ import pytest
 from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, diagnose
-from updater.causes.prediction import prediction
+from updater.causes import prediction
 from updater.diagnosis.held_out_gain import change_gain_left_out, change_gain_on
 from updater.diagnosis.model_extension import agreeing
 from updater.diagnosis.weighing import Weighing
-from updater.inference.compare import compare
+from updater.inference import compare
 
 CHANGE = Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))  # over 1 % in frequency
 ONLY = ("added_mass",)  # which cause is found is tested elsewhere

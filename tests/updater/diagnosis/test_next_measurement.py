@@ -10,13 +10,13 @@ import pytest
 from oma import ModalEstimate
 from tests.support.updater.diagnosis_data import TRACK, Change, learnt
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Body, Sensor, Structure, diagnose, learn_reference, matched, stack_tracks
-from updater.causes.composite import Chosen
-from updater.causes.mass.added_mass import AddedMass
+from updater import Body, Structure, diagnose, learn_reference, matched, stack_tracks
+from updater.causes import AddedMass, Chosen
 from updater.diagnosis.naming import named_causes, oddest
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.weighing import Weighing
-from updater.inference.compare import compare
+from updater.inference import compare
+from updater.structure import Sensor
 
 AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))

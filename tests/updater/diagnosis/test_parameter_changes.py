@@ -8,7 +8,8 @@ from monitor.text.causes import cause_text
 from tests.examiner.cases import draw
 from tests.examiner.path import FRAME, after, stiffer
 from tests.support.updater.diagnosis_data import Change, learnt
-from updater import Explained, ParameterChange, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
+from updater import Explained, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
+from updater.quantities import ParameterChange
 
 TOO_STIFF = 1.2
 LEAST_FLEXIBILITY = 1.5e-5  # c E I / L under which a connection is written as rigid

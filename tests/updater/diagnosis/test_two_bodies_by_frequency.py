@@ -15,7 +15,7 @@ from monitor.analysis.modal_table.table import read_tables
 from monitor.analysis.observation import Observation
 from tests.support.updater.ritz_cantilever import BEAM, Clamp, frequencies, structure_file
 from updater import Structure, parse_structure
-from updater.inference.compare import compare
+from updater.inference import compare
 
 STD = 2e-4  # of a frequency
 BODIES = [(0.05 * k, 0.028 * BEAM) for k in range(1, 7)]

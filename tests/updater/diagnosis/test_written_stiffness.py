@@ -3,8 +3,8 @@
 import pytest
 
 from tests.support.updater.reference_frame import t_frame
+from updater.diagnosis import Cause
 from updater.diagnosis.naming import as_written
-from updater.diagnosis.schema import Cause
 from updater.quantities import Quantity, Where
 
 

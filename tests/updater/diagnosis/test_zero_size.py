@@ -14,15 +14,13 @@ from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
 from updater import Body, Diagnosis, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
-from updater.causes.base import Cause
-from updater.causes.composite import Chosen
-from updater.causes.stiffness.local_stiffness import LENGTHS, LocalStiffness, propose_local_stiffness
+from updater.causes import Cause, Chosen, LocalStiffness
+from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.simplification import is_significant, merged, significant_only
 from updater.diagnosis.weighing import Weighing
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
+from updater.inference import Comparison, compare
 
 
 def softened(state: State, bar: str, left: float, share: tuple[float, float] = (0.0, 1.0)) -> State:

@@ -5,7 +5,8 @@ import pytest
 
 from daq import FloatArray
 from tests.support.updater.reference_frame import t_frame
-from updater import Body, Joint, ModelError, Structure, Support, build_model, parse_structure, t_structure_toml
+from updater import Body, ModelError, Structure, build_model, parse_structure, t_structure_toml
+from updater.structure import Joint, Support
 
 E, G, RHO, AREA, SECOND, J, LENGTH = 210e9, 80.8e9, 7850.0, 4.1934e-4, 9.3e-8, 1.58e-7, 1.5
 TABLE = {

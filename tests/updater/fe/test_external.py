@@ -23,12 +23,12 @@ from updater import (
     load_structure,
     locate_mass,
     parse_structure,
-    portable_text,
     save_matrices,
-    spread_mass,
     stack_tracks,
 )
 from updater.fe.external.files import whole_blocks
+from updater.localization import spread_mass
+from updater.structure import portable_text
 
 FOOT = '\n[[support]]\nat = [0.0, 0.0, 0.0]\nfixed = ["x", "y", "z", "rx", "ry", "rz"]\n'
 

@@ -8,7 +8,8 @@ from scipy.sparse.linalg import spsolve
 
 from daq import FloatArray
 from tests.support.updater.frames import ALL, all_modes, beam, clamped, of_axis
-from updater import Model, ModelError, Support, build_model
+from updater import Model, ModelError, build_model
+from updater.structure import Support
 
 # roots of cos x cosh x = -1, Blevins (1979), table 8-1
 CANTILEVER = np.array([1.87510406871196, 4.69409113297417, 7.85475743823761, 10.9955407348755])

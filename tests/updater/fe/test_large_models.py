@@ -9,13 +9,11 @@ from scipy.sparse.linalg import eigsh
 
 from tests.support.updater.frames import N_MODES, beam, clamped, t_frame, t_truth, unmoved
 from updater import Body, Model, ModelError, build_model, learn_reference, locate_mass, stack_tracks
+from updater.causes import propose_added_mass
 from updater.causes.mass import added_mass
-from updater.causes.mass.added_mass import propose_added_mass
 from updater.fe.eigen import block_lanczos, lowest_modes
 from updater.fe.factorization import factorise
-from updater.inference.compare import compare
-from updater.inference.fit import fit
-from updater.inference.linearization import most_likely
+from updater.inference import compare, fit, most_likely
 
 SOLVERS = [False, True] if find_spec("pypardiso") else [False]  # an extra
 

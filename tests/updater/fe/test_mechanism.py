@@ -10,8 +10,10 @@ from scipy import sparse
 from daq import FloatArray
 from tests.support.updater.frames import ALL, beam, t_frame
 from tests.support.updater.published_frames import frame
-from updater import MechanismError, Structure, Support, build_model
+from updater import Structure, build_model
+from updater.errors import MechanismError
 from updater.fe.mechanism import free_motion
+from updater.structure import Support
 
 HANGS = "what hangs free needs the soft springs that it hangs on, as a support's stiffness"
 EVERY_WAY = "along x, along y, along z, about x, about y, about z"

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.support.updater.reference_frame import t_frame
-from updater import Oscillator, StructureError, build_model, dump_structure, parse_structure, t_structure_toml
+from updater import StructureError, build_model, dump_structure, parse_structure, t_structure_toml
+from updater.structure import Oscillator
 
 ROD = """
 name = "rod"

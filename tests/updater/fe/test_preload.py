@@ -5,8 +5,9 @@ import pytest
 
 from daq import FloatArray
 from tests.support.updater.frames import beam, clamped
-from updater import Model, ModelError, Structure, Support, build_model
-from updater.fe.element import Element
+from updater import Model, ModelError, Structure, build_model
+from updater.fe import Element
+from updater.structure import Support
 
 # E = rho = A = L = 1, slender: rotary inertia and stretch do not show
 MOMENT = 1e-8

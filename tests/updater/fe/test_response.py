@@ -6,7 +6,9 @@ from scipy.signal import welch
 
 from daq import FloatArray
 from tests.support.updater.frames import ALL, beam, clamped
-from updater import Ambient, AmbientResponse, Model, Structure, Support, build_model
+from updater import Model, Structure, build_model
+from updater.fe import Ambient, AmbientResponse
+from updater.structure import Support
 
 TIP = (1.0, 0.0, 0.0)
 DENSITY = 0.3

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.support.updater.reference_frame import t_frame
-from updater import Material, Member, Segment, Structure, StructureError, build_model, dump_structure, parse_structure
+from updater import Structure, StructureError, build_model, dump_structure, parse_structure
+from updater.structure import Material, Member, Segment
 
 STEEL = t_frame().material["steel"]
 

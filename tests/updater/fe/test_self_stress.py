@@ -9,15 +9,10 @@ from daq import FloatArray
 from tests.examiner.path import structure_of
 from tests.support.updater.reference_frame import measure
 from updater import Reference, build_model, learn_reference
-from updater.causes.catalogue import CATALOGUE
-from updater.causes.composite import Chosen
-from updater.causes.prediction import prediction
-from updater.fe.self_stress import self_stress
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.structure.entries import Joint, Support
-from updater.structure.parameters import with_springs
-from updater.structure.structure import Structure
+from updater.causes import CATALOGUE, Chosen, prediction
+from updater.fe import self_stress
+from updater.inference import Comparison, compare
+from updater.structure import Joint, Structure, Support, with_springs
 
 STATES = {"frame": 0, "mast": 0, "bridge": 1, "portal": 6, "grid": 19}  # by hand: 6 a loop, less what is let go
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from tests.support.updater.frames import Truth, t_frame, t_truth, unmoved
-from updater import Body, Modes, Structure, Support, learn_reference, locate_mass, stack_tracks
+from updater import Body, Structure, learn_reference, locate_mass, stack_tracks
+from updater.fe import Modes
+from updater.structure import Support
 
 N_RIGID = 6
 

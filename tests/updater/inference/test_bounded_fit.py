@@ -10,7 +10,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from daq import FloatArray, IndexArray
-from updater.inference.fit import Point, fit
+from updater.inference import fit
+from updater.inference.fit import Point
 
 PRIOR = np.array([10.0, 20.0, 5.0])
 # the second parameter makes up for the first: without bounds it is far off

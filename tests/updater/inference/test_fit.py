@@ -6,11 +6,10 @@ from scipy.stats import chi2
 
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body
-from updater.causes.base import Nothing
+from updater.causes import Nothing
 from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.weighing import Weighing
-from updater.inference.compare import compare
-from updater.inference.fit import fit, freedom_of_frequencies
+from updater.inference import compare, fit, freedom_of_frequencies
 
 
 @pytest.mark.parametrize("seed", [181, 182, 183])

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from updater.inference.priors import log_uniform
+from updater.inference import log_uniform
 
 GAUSSIAN, LEAST, MOST = 1.5, 1e-3, 7.5
 

@@ -9,9 +9,7 @@ from scipy.linalg import eig, eigh
 from daq import FloatArray
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, learn_reference, stack_tracks
-from updater.inference.compare import compare
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Tangent, no_effect, picked, predict, reanalyse
+from updater.inference import Comparison, Tangent, compare, no_effect, picked, predict, reanalyse
 
 TRACK = np.arange(8)
 

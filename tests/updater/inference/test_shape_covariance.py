@@ -12,9 +12,10 @@ from daq import FloatArray
 from oma import ComplexArray
 from tests.support.updater.diagnosis_data import CHANNELS, TRACK, Change, learnt
 from updater import Body
-from updater.inference.shape_covariance import beside, mixed_by_change, own_phases, turned_back, turned_by_noise
+from updater.inference import beside
+from updater.inference.shape_covariance import mixed_by_change, own_phases, turned_back, turned_by_noise
 from updater.modal_data.device_delays import split_shape
-from updater.reference.reference import Reference
+from updater.reference import Reference
 
 
 @pytest.mark.parametrize("seed", range(3))

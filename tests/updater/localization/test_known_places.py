@@ -11,16 +11,8 @@ import pytest
 
 from oma import ModalEstimate
 from tests.support.updater.ritz_cantilever import BEAM, LENGTH, Clamp, frequencies, structure_file
-from updater import (
-    BodyRecord,
-    ModalDataError,
-    Reference,
-    learn_reference,
-    matched,
-    parse_structure,
-    select_bodies,
-    stack_tracks,
-)
+from updater import ModalDataError, Reference, learn_reference, matched, parse_structure, stack_tracks
+from updater.localization import BodyRecord, select_bodies
 
 NOISE, SCATTER = 2e-4, 8e-3  # of a frequency
 MASS = 0.03 * BEAM

@@ -7,7 +7,9 @@ import pytest
 
 from oma import ModalEstimate
 from tests.support.updater.frames import Truth, t_frame, t_truth, unmoved
-from updater import Body, ModalMean, Modes, Reference, learn_reference, locate_mass, sharpening, stack_tracks
+from updater import Body, ModalMean, Reference, learn_reference, locate_mass, stack_tracks
+from updater.fe import Modes
+from updater.localization import sharpening
 
 BODY = Body(at=(0.2, 0, 1.48), mass=0.1)
 NOISE = 3.0  # 0.3 % at 10 Hz and 0.9 % of a shape in each window

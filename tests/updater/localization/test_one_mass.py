@@ -8,17 +8,8 @@ from scipy.stats import binom
 
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import (
-    Body,
-    MassChange,
-    ModalDataError,
-    ModalMean,
-    Reference,
-    learn_reference,
-    locate_mass,
-    open_question,
-    stack_tracks,
-)
+from updater import Body, MassChange, ModalDataError, ModalMean, Reference, learn_reference, locate_mass, stack_tracks
+from updater.localization import open_question
 
 TRACK = np.arange(8)
 

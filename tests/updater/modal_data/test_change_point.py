@@ -6,7 +6,8 @@ from scipy.stats import binom
 
 from daq import FloatArray
 from tests.examiner.sites import KINDS, SimulatedSites, SiteWindows
-from updater import TrackedModes, find_change, windows_of_one_state
+from updater import TrackedModes
+from updater.modal_data import find_change, windows_of_one_state
 from updater.modal_data.change_point import FALSE_POSITIVE
 
 

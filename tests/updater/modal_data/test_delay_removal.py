@@ -5,9 +5,9 @@ import pytest
 
 from oma import ModalEstimate
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import DeviceDelays, remove_delays
-from updater.inference.phases_and_damping import without_mode
-from updater.modal_data.delay_removal import in_time, without_known
+from updater import remove_delays
+from updater.inference import without_mode
+from updater.modal_data import DeviceDelays, in_time, without_known
 
 CHANNELS = t_frame().channels
 DEVICES = {channel: channel.rsplit("_", 1)[0] for channel in CHANNELS}

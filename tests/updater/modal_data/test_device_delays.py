@@ -6,7 +6,8 @@ import pytest
 from daq import FloatArray
 from oma import ModalEstimate
 from tests.support.updater.frames import t_frame
-from updater import NO_DELAYS, DeviceDelays, build_model, estimate_delays, learn_delays, remove_delays
+from updater import build_model, estimate_delays, learn_delays, remove_delays
+from updater.modal_data import NO_DELAYS, DeviceDelays
 
 MODEL = build_model(t_frame(), shear_flexible=True)
 MODES = MODEL.modes(8)

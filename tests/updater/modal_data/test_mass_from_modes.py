@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from updater import ModalDataError, mass_of_modes
+from updater import ModalDataError
+from updater.modal_data import mass_of_modes
 
 MASS = np.diag([5.0, 4.0, 3.0])
 STIFFNESS = np.array([[9.0, -4.0, 0.0], [-4.0, 7.0, -3.0], [0.0, -3.0, 3.0]])

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, ModalMean, match_modes, matched, mean_modes, stack_tracks
-from updater.modal_data.matching import without_fault
+from updater.modal_data import without_fault
 
 CHANNELS = t_frame().channels
 

@@ -13,7 +13,6 @@ from updater import (
     ModalMean,
     Reference,
     diagnose,
-    doubles,
     learn_reference,
     locate_mass,
     matched,
@@ -21,6 +20,7 @@ from updater import (
     nominal_reference,
     stack_tracks,
 )
+from updater.modal_data import doubles
 
 Spoil = Callable[[ModalEstimate], ModalEstimate]
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from daq import FloatArray
-from updater import TrackedModes, is_steady, learn_scatter
+from updater import TrackedModes, learn_scatter
+from updater.modal_data import is_steady
 
 N, STD = 12, 1e-3
 

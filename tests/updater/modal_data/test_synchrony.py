@@ -11,7 +11,7 @@ from daq import Channel, Recording, write_recording
 from oma import aligned, identify_all, mpc
 from tests.support.monitor.cli import Commands
 from tests.support.oma.structures import frame, simulate
-from updater.modal_data.synchrony import asynchrony
+from updater.modal_data import asynchrony
 
 LATE = {"col_037": 1.0e-3, "col_074": 2.2e-3, "beam_left": 5.0e-3}  # s
 

@@ -5,7 +5,8 @@ import pytest
 import scipy.linalg
 
 from tests.support.updater.frames import t_frame
-from updater import Body, Joint, Model, build_model
+from updater import Body, Model, build_model
+from updater.structure import Joint
 
 
 def _model(bodies: tuple[Body, ...] = (), n: int = 6) -> Model:

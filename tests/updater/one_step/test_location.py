@@ -10,7 +10,7 @@ from tests.examiner.cases import draw
 from tests.support.thorough import few_of
 from tests.support.updater.flags import Specimen, specimen, specimen_of
 from updater import MassUpdater
-from updater.one_step.location import IncrementLocation
+from updater.one_step import IncrementLocation
 
 _NEAR = 0.1  # m
 

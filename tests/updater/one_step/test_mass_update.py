@@ -10,18 +10,9 @@ from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.frames import t_frame, unmoved
 from tests.support.updater.one_step import LOCATION_1, N_BASELINE, N_EVENT, Rig
-from updater import (
-    Body,
-    MassUpdater,
-    ModalDataError,
-    PairingError,
-    expand_changes,
-    expand_shapes,
-    learn_reference,
-    mean_modes,
-    stack_tracks,
-)
-from updater.modal_data.tracked import COMMON_STD
+from updater import Body, MassUpdater, ModalDataError, PairingError, learn_reference, mean_modes, stack_tracks
+from updater.modal_data import COMMON_STD
+from updater.one_step import expand_changes, expand_shapes
 from updater.one_step.lumped_mass import lump
 
 

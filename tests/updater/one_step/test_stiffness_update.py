@@ -8,10 +8,10 @@ import pytest
 from tests.support.thorough import few_of
 from tests.support.updater.frames import beam, clamped, t_frame, unmoved
 from tests.support.updater.one_step import N_BASELINE, N_EVENT, Rig
-from updater import ModalMean, StiffnessUpdater, Structure, build_model, hinges_of, mean_modes, stack_tracks
-from updater.fe.rotations import flexibility
-from updater.modal_data.tracked import COMMON_STD
-from updater.reference.expansion import orthonormal, orthonormal_slope
+from updater import ModalMean, StiffnessUpdater, Structure, build_model, mean_modes, stack_tracks
+from updater.fe import flexibility, hinges_of
+from updater.modal_data import COMMON_STD
+from updater.reference import orthonormal, orthonormal_slope
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,8 @@ from updater.one_step.update import (
     update_mass,
     update_stiffness,
 )
-from updater.reference.expansion import expand, expand_shape, orthonormal
+from updater.reference import expand_shape, orthonormal
+from updater.reference.expansion import expand
 
 N, M = 40, 8
 

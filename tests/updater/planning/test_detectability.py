@@ -11,25 +11,10 @@ from scipy.stats import binom, chi2
 from daq import FloatArray
 from tests.support.updater.frames import beam, clamped, t_frame
 from tests.support.updater.planned_records import TrueRig, away
-from updater import (
-    Body,
-    Foresight,
-    ModelError,
-    Outlook,
-    Record,
-    Sensor,
-    Structure,
-    Target,
-    build_model,
-    ever_fewer,
-    foresee,
-    one_more,
-    parse_structure,
-    seen_by,
-    vagueness,
-)
-from updater.inference.posterior import likeliest_place, places
-from updater.inference.shape_covariance import SHAPE_BIAS
+from updater import Body, ModelError, Record, Structure, build_model, foresee, parse_structure
+from updater.inference import SHAPE_BIAS, likeliest_place, places
+from updater.planning import Foresight, Outlook, Target, ever_fewer, one_more, seen_by, vagueness
+from updater.structure import Sensor
 
 MINUTE = Record(seconds=60.0)
 

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 from daq import FloatArray
-from updater.reference.expansion import (
-    expand,
-    expand_change,
-    expand_shape,
-    orthonormal,
-    orthonormal_slope,
-    well_posed_cluster,
-)
+from updater.reference import expand_change, expand_shape, orthonormal, orthonormal_slope, well_posed_cluster
+from updater.reference.expansion import expand
 
 N, SENSORS, PAIRED = 6, 5, 2
 OMEGA = np.array([10.0, 21.0, 23.0, 24.0, 40.0, 60.0])  # outwards from the third by squares: 23, 24, 21, 10, 40, 60

@@ -11,7 +11,8 @@ from tests.examiner.models.specimen import State
 from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import ModalMean, Reference, learn_reference, matched_and_new, matched_surely
+from updater import ModalMean, Reference, learn_reference
+from updater.reference import matched_and_new, matched_surely
 
 SEED = 71
 

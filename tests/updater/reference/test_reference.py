@@ -17,9 +17,9 @@ from updater import (
     learn_reference,
     learn_scatter,
     locate_mass,
-    real_shape,
     stack_tracks,
 )
+from updater.modal_data import real_shape
 from updater.one_step.update import update_mass, update_stiffness
 
 

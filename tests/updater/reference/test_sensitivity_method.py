@@ -9,10 +9,12 @@ from scipy.stats import multivariate_normal
 from daq import FloatArray
 from tests.support.updater.frames import t_frame, unmoved
 from tests.support.updater.one_step import Rig
-from updater import Body, calibrate, mean_modes, spread_mass, stack_tracks
-from updater.reference.calibration import _Misfit, best_model
-from updater.reference.sensitivity_method import Prior, fit_parameters, frequency_slope
-from updater.structure.parameters import knobs_of
+from updater import Body, calibrate, mean_modes, stack_tracks
+from updater.localization import spread_mass
+from updater.reference import Prior, best_model, fit_parameters
+from updater.reference.calibration import _Misfit
+from updater.reference.sensitivity_method import frequency_slope
+from updater.structure import knobs_of
 
 
 class Linear:

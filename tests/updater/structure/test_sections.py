@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.support.updater.frames import t_frame
-from updater import Section, StructureError, build_model, parse_structure, t_structure_toml
+from updater import StructureError, build_model, parse_structure, t_structure_toml
+from updater.structure import Section
 
 COLD = {"shape": "box", "thickness": 3e-3, "corner_radius": 6e-3}
 

@@ -10,22 +10,16 @@ from pydantic import BaseModel
 from tests.support.updater.frames import t_frame
 from updater import (
     Body,
-    Joint,
-    Material,
-    Member,
     ModelError,
-    Section,
-    Segment,
-    Sensor,
     Structure,
     StructureError,
-    Support,
     build_model,
     dump_structure,
     load_structure,
     parse_structure,
     t_structure_toml,
 )
+from updater.structure import Joint, Material, Member, Section, Segment, Sensor, Support
 
 ROOT = Path(__file__).parents[3]
 

@@ -10,19 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.updater.frames import ALL, t_frame
-from updater import (
-    Body,
-    Correction,
-    Joint,
-    Section,
-    Sensor,
-    Structure,
-    StructureError,
-    Support,
-    dump_structure,
-    parse_structure,
-    t_structure_toml,
-)
+from updater import Body, Structure, StructureError, dump_structure, parse_structure, t_structure_toml
+from updater.structure import Correction, Joint, Section, Sensor, Support
 
 # Ways of saying things that TOML and the structure file have: inline tables, dotted keys, shapes, a mesh, comments.
 ODD = """# A bench rig.

@@ -5,10 +5,9 @@ import pytest
 
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, StructureError, calibrate, diagnose, dump_structure, parse_structure, t_structure_toml
-from updater.diagnosis.weighing import allowed_causes
-from updater.reference.calibration import best_model
-from updater.reference.parameter_sensitivity import parameter_sensitivities
-from updater.structure.parameters import Knob, apply_knobs, as_filed, knobs_of, with_springs
+from updater.diagnosis import allowed_causes
+from updater.reference import best_model, parameter_sensitivities
+from updater.structure import Knob, apply_knobs, as_filed, knobs_of, with_springs
 
 FRAME = t_structure_toml()
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from tests.support.updater.diagnosis_data import CHANNELS, Change, learnt
-from updater import Body, Correction, sensor_health
-from updater.validation.acting_causes import with_acting
+from updater import Body, sensor_health
+from updater.structure import Correction
+from updater.validation import with_acting
 
 BODY = Body(at=(0.25, 0, 1.48), mass=1.0)
 FAULTY = CHANNELS.index("beam_left_z")

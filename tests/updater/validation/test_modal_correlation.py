@@ -7,19 +7,9 @@ import pytest
 
 from daq import FloatArray
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import (
-    Body,
-    Correction,
-    ModalDataError,
-    ModalMean,
-    as_before,
-    as_extended,
-    build_model,
-    learn_reference,
-    mean_modes,
-    set_beside,
-    stack_tracks,
-)
+from updater import Body, ModalDataError, ModalMean, build_model, learn_reference, mean_modes, set_beside, stack_tracks
+from updater.structure import Correction
+from updater.validation import as_before, as_extended
 
 TRACK = np.arange(8)
 STD = 3e-3

@@ -9,7 +9,8 @@ from daq import FloatArray
 from oma import ModalEstimate
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Model, SensorHealth, build_model, learn_reference, sensor_health, stack_tracks
+from updater import Model, build_model, learn_reference, sensor_health, stack_tracks
+from updater.validation import SensorHealth
 
 TRACK = np.arange(8)
 CHANNELS = t_frame().channels

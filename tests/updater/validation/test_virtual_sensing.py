@@ -7,7 +7,8 @@ import pytest
 
 from daq import FloatArray, Recording
 from tests.support.oma.structures import frame, simulate
-from updater import ModalMean, VirtualSensing, virtual_sensing
+from updater import ModalMean, virtual_sensing
+from updater.validation import VirtualSensing
 
 FRAME = frame()
 NOISE = 0.02  # of the signals, at every sensor

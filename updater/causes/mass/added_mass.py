@@ -14,20 +14,25 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.mass.removed_mass import mass_outside_model
-from updater.fe.element import local_axes
-from updater.inference.comparison import Comparison
-from updater.inference.linearization import most_likely
-from updater.inference.posterior import Place, credible, places
-from updater.inference.priors import Magnitude, log_uniform
-from updater.inference.reanalysis import Effect, no_effect
+from updater.fe import local_axes
+from updater.inference import (
+    Comparison,
+    Effect,
+    Magnitude,
+    Place,
+    credible,
+    log_uniform,
+    most_likely,
+    no_effect,
+    places,
+)
 from updater.quantities import Quantity, Vector, Where, vector
-from updater.reference.reference import Reference
-from updater.structure.entries import Body, Member
-from updater.structure.structure import Structure, fineness, size
+from updater.reference import Reference
+from updater.structure import Body, Member, Structure, fineness, size
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 DENSITY_STD = 0.015  # of the structure's own mass: frequencies tell a body, a spring or a force only as a share of it
 FINE = 0.001  # m between positions where the posterior is

@@ -17,20 +17,16 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.mass.oscillator_start import hung, not_known, shaking, translations
-from updater.fe.element import local_axes
-from updater.inference.comparison import Comparison, NewModes
-from updater.inference.fit import fit as fit_all
-from updater.inference.posterior import credible, places
-from updater.inference.priors import Magnitude, log_uniform
-from updater.inference.reanalysis import Effect, no_effect
+from updater.fe import local_axes
+from updater.inference import Comparison, Effect, Magnitude, NewModes, credible, log_uniform, no_effect, places
+from updater.inference import fit as fit_all
 from updater.quantities import Quantity, Where, vector
-from updater.reference.reference import Reference
-from updater.structure.entries import Oscillator
-from updater.structure.structure import Structure, fineness, size
+from updater.reference import Reference
+from updater.structure import Oscillator, Structure, fineness, size
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _COARSE = 0.02  # m between positions, less on structures of less than a metre and a half
 _FINER = 10  # times, where the posterior is

@@ -15,18 +15,15 @@ from daq import FloatArray, IndexArray
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.member_grid import Cells, cut
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
-from updater.fe.element import local_axes
-from updater.inference.comparison import Comparison
-from updater.inference.priors import log_uniform
-from updater.inference.reanalysis import Effect, no_effect
+from updater.fe import local_axes
+from updater.inference import Comparison, Effect, log_uniform, no_effect
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.entries import Segment
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Segment, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _LEAST = 1e-4  # of the structure's mass
 _GYRATION_STD = 0.7  # of g: nobody knows how a load lies

@@ -6,12 +6,9 @@ What answers at omega acts along its spring like a mass m / (1 - omega_i^2 / ome
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.fe.element import local_axes
-from updater.inference.comparison import Comparison, NewModes
-from updater.inference.linearization import linear_in_mass
-from updater.inference.new_shapes import shaken
-from updater.inference.shape_covariance import beside
-from updater.reference.reference import Reference
+from updater.fe import local_axes
+from updater.inference import Comparison, NewModes, beside, linear_in_mass, shaken
+from updater.reference import Reference
 
 _LEAST_START = 0.01  # of the largest mass, from where a fit begins
 _SAME_FREQUENCY, _SAME_SHAPE = 0.1, 0.6  # of ln f, and MAC: a mode of the reference that was not seen before

@@ -15,8 +15,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
 from updater.causes.composite import Beside, Chosen
 from updater.causes.mass.added_mass import LARGEST_REMOVED, AddedMass, along
-from updater.inference.reanalysis import Effect, no_effect
-from updater.structure.structure import fineness
+from updater.inference import Effect, no_effect
+from updater.structure import fineness
 
 _SPACING = 0.01  # m between the splines' points
 _INTERVALS = (4, 2000)  # of one member, at least and at most

@@ -13,17 +13,15 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
-from updater.fe.model import Model
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, in_modes, no_effect
+from updater.fe import Model
+from updater.inference import Comparison, Effect, in_modes, no_effect
 from updater.quantities import Quantity
-from updater.reference.calibration import best_model
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference, best_model
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _FINER = 4  # elements for one
 _WORTH = 1e-4  # of ln f: less than this is a fine mesh

@@ -14,15 +14,14 @@ from scipy.special import log_ndtr
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.modal_loads import borne, borne_by_spring
-from updater.fe.model import Model
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
+from updater.fe import Model
+from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity
-from updater.reference.calibration import spring_of
-from updater.reference.reference import Reference
-from updater.structure.parameters import (
+from updater.reference import Reference, spring_of
+from updater.structure import (
     TURNS,
     Knob,
+    Structure,
     apply_knobs,
     connection_of,
     flexibility_unit,
@@ -31,11 +30,10 @@ from updater.structure.parameters import (
     physical_value,
     welded,
 )
-from updater.structure.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STIFFNESS_STD = 0.05  # of ln E, density's share included, which frequencies cannot tell from it
 _GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, for nobody has looked

@@ -18,16 +18,15 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.overall.common_factor import stiffened
 from updater.causes.stiffness.connections import LOOSE, Springs, propose_joint_stiffness, propose_support_stiffness
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, in_modes, no_effect
-from updater.modal_data.conditions import Trend
+from updater.inference import Comparison, Effect, in_modes, no_effect
+from updater.modal_data import Trend
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _FALL = 0.01  # of ln f over the spread of the windows' rms: prior standard deviation
 _OWN = 0.1  # share of that variance which is a mode's own

@@ -13,16 +13,14 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.modal_loads import borne_by_spring
-from updater.fe.self_stress import self_stress
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
-from updater.reference.reference import Reference
-from updater.structure.entries import AXES
-from updater.structure.structure import Structure
+from updater.fe import self_stress
+from updater.inference import Comparison, Effect, no_effect
+from updater.reference import Reference
+from updater.structure import AXES, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 COMMON_FACTOR_STD = 0.025  # of ln f: stiffness or density known to 5 %
 

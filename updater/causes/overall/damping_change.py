@@ -11,15 +11,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STD = 0.7  # of the factor's logarithm: half to twice the damping
 _ALL = 0.5  # prior probability that it is all modes

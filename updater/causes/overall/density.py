@@ -7,16 +7,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.overall.common_factor import CommonFactor, standard_score, stiffened
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import Quantity
-from updater.reference.calibration import best_model
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference, best_model
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,15 +11,14 @@ import numpy as np
 
 from daq import FloatArray
 from updater.causes.overall.common_factor import COMMON_FACTOR_STD, CommonFactor, standard_score
-from updater.inference.comparison import Comparison
+from updater.inference import Comparison
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.entries import Recorder
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Recorder, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STEADY = 5e-4  # of ln f: how far a mains tone wanders
 _RESTLESS = 0.1  # probability that a tone has moved by itself

@@ -7,14 +7,14 @@ import numpy as np
 
 from daq import FloatArray
 from updater.causes.overall.common_factor import OwnFactor, ground_compliance, standard_score, stiffened
-from updater.inference.comparison import Comparison
+from updater.inference import Comparison
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -23,14 +23,14 @@ from updater.causes.overall.common_factor import (
     standard_score,
     stiffened,
 )
-from updater.inference.comparison import Comparison
+from updater.inference import Comparison
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 SOFTENING = 3.5e-4  # 1/K, of Young's modulus
 SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from updater.causes.base import Discrete
-from updater.inference.comparison import Comparison
+from updater.inference import Comparison
 from updater.quantities import Quantity, Where
-from updater.reference.reference import Reference
-from updater.structure.sensors import Correction
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Correction, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _SAME_PLACE = 1e-3  # m
 

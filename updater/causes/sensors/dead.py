@@ -11,10 +11,9 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.sensors.channel_fault import Chain, corrected, groups_of
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.inference import Comparison, Effect, no_effect
+from updater.reference import Reference
+from updater.structure import Structure
 
 _LOG_ODDS = float(np.log(1e6))  # that a channel which works has a signal in some window of an event
 

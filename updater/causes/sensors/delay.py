@@ -7,16 +7,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.sensors.channel_fault import Chain, corrected, groups_of
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect, picked, predict, reanalyse
-from updater.inference.residuals import residual
+from updater.inference import Comparison, Effect, no_effect, picked, predict, reanalyse, residual
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STD = 2e-3  # s: filters of other settings, stations on a bus, clocks that are not disciplined
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at

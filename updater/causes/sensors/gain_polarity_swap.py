@@ -8,15 +8,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.sensors.channel_fault import Chain, corrected, exchanged
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _GAIN_STD = 0.3  # of a gain's logarithm
 _LATE_STD = 1e-4  # s, of one device beside another

@@ -13,16 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from daq import FloatArray, IndexArray
 from updater.causes.sensors.channel_fault import Chain, groups_of
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.sensors import sensor_axes
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Structure, sensor_axes
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
 _ASKEW = 0.02  # rad: what any sensor is

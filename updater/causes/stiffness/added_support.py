@@ -22,18 +22,15 @@ from updater.causes.stretches import (
     may_be_cut,
     strength,
 )
-from updater.fe.rotations import flexibility
-from updater.inference.comparison import Comparison
-from updater.inference.priors import log_uniform
-from updater.inference.reanalysis import Effect, in_modes, no_effect
+from updater.fe import flexibility
+from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect
 from updater.quantities import Quantity, vector
-from updater.reference.reference import Reference
-from updater.structure.entries import AXES, Support
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import AXES, Structure, Support
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STD = 2.0  # of ln(1 + k f), while it is fitted
 _LEAST, _MOST = 0.003, 7.0  # of it: from what hardly shows to what stands still

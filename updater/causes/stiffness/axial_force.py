@@ -15,18 +15,15 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.stretches import may_be_cut
-from updater.fe.element import Element
-from updater.inference.comparison import Comparison
-from updater.inference.priors import log_uniform
-from updater.inference.reanalysis import Effect, in_modes, no_effect
+from updater.fe import Element
+from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect
 from updater.quantities import Quantity, Where, vector
-from updater.reference.reference import Reference
-from updater.structure.entries import Member
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Member, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STD = 0.3  # of the force over that of buckling, while it is fitted
 _LEAST, _MOST = 0.003, 3.0  # of its magnitude

@@ -15,17 +15,14 @@ import numpy.typing as npt
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.modal_loads import borne_by_spring
-from updater.inference.comparison import Comparison
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
-from updater.reference.reference import Reference
-from updater.structure.entries import AXES, Axis, Joint, Support
-from updater.structure.parameters import all_knobs, flexibility_unit, is_of
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import AXES, Axis, Joint, Structure, Support, all_knobs, flexibility_unit, is_of
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 BoolArray = npt.NDArray[np.bool_]
 TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")

@@ -15,17 +15,14 @@ from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells, cut
 from updater.causes.modal_loads import borne
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
-from updater.inference.comparison import Comparison
-from updater.inference.priors import log_uniform
-from updater.inference.reanalysis import Effect, no_effect
+from updater.inference import Comparison, Effect, log_uniform, no_effect
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.entries import Segment
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Segment, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _STD = 1.0  # of ln of the factor on stiffness, while it is fitted
 _LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two

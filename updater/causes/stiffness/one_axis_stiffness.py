@@ -16,15 +16,14 @@ from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells
 from updater.causes.stiffness.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, first_order
 from updater.causes.stretches import Kinds, begun, everywhere, may_be_cut
-from updater.inference.comparison import Comparison
+from updater.inference import Comparison
 from updater.quantities import Quantity
-from updater.reference.reference import Reference
-from updater.structure.entries import Segment
-from updater.structure.structure import Structure
+from updater.reference import Reference
+from updater.structure import Segment, Structure
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
-    from updater.inference.fit import Fit
+    from updater.inference import Fit
 
 _SHARE = 0.3  # of the compliance about the axis, about the other and in twist: a cut of a third of the depth adds it
 _ABOUT_Z = 1000  # beyond the kinds about y, those about z

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import eigsh
 
 from daq import DataError, FloatArray, IndexArray, IntArray, check_archive
 from updater.errors import StructureError
-from updater.structure.entries import AXES
+from updater.structure import AXES
 
 _MAX_ROWS = 10_000_000
 _BLANK, _NEWLINE = ord(" "), ord("\n")

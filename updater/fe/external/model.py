@@ -17,9 +17,7 @@ from updater.errors import ModelError
 from updater.fe.element import local_axes
 from updater.fe.external.files import Matrices, read_matrices
 from updater.fe.model import Model
-from updater.structure.base import ON_MEMBER
-from updater.structure.entries import AXES, External, Member, Support
-from updater.structure.structure import Structure
+from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support
 
 BoolArray = npt.NDArray[np.bool_]
 
