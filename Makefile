@@ -47,8 +47,8 @@ flags: $(VENV)/.done
 paper: $(VENV)/.done
 	$(BIN)/python examples/paper_t_structure.py docs
 	$(BIN)/python examples/paper_stiffness.py docs
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/paper_sweep.py docs
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/paper_reference.py 30
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/paper/sweep.py docs
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/paper/reference.py 30
 
 # The frame element beside published answers: the tables in docs/structure.md, two seconds.
 frames: $(VENV)/.done
@@ -109,20 +109,20 @@ sensors: $(VENV)/.done
 
 # How often one and two masses are counted rightly, and how near the worse is placed: prints a table, half an hour.
 several: $(VENV)/.done
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/several_masses.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/localization/several_masses.py
 
 # Reliability of the stated number of masses, one to three of them: the tables in docs/localization.md, an hour;
 # it continues where it was stopped (count_masses.jsonl): `make counting ARGUMENTS="--minutes 10 --seed 1"`.
 counting: $(VENV)/.done
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/count_masses.py $(ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/localization/count_masses.py $(ARGUMENTS)
 
 # One added mass at 1000 random places a line, from modes with known noise: the table in docs/localization.md, an hour.
 localization: $(VENV)/.done
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/localization.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/localization/modes.py
 
 # The same from accelerations, 200 places a length of record: half an hour.
 localization-records: $(VENV)/.done
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/localization_records.py
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/updater/localization/records.py
 
 # Other methods on the same modes: a quarter of an hour.
 rivals: $(VENV)/.done

@@ -13,7 +13,7 @@ from multiprocessing import Pool
 import numpy as np
 from scipy.optimize import minimize, nnls
 
-from benchmarks.updater.localization import LINES, SEED, STRUCTURE, Case, case
+from benchmarks.updater.localization.modes import LINES, SEED, STRUCTURE, Case, case
 from daq import FloatArray
 from updater import MassUpdater, Reference, locate_mass
 from updater.inference import Comparison, compare, no_effect, picked, predict, reanalyse

@@ -10,7 +10,7 @@ from oma.mac import mac_matrix, normalise
 from oma.preparation import BoolArray
 from oma.selection.pole_uncertainty import PoleInfluence, block_std
 from oma.selection.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_law
-from oma.selection.stabilization import Stabilization
+from oma.selection.stabilization_diagram import Stabilization
 from oma.types import ComplexArray, ModalEstimate
 
 _CHANCE = 2.0  # standard deviations that may lie between two groups of one mode

@@ -5,7 +5,7 @@ from oma.spectral.decomposition import Decomposition, decompose
 from oma.spectral.device_alignment import aligned, channel_delays, delays_of_clean, device_delays
 from oma.spectral.frequency_response import Resonance, fit_resonance
 from oma.spectral.harmonics import LineClasses, classify
-from oma.spectral.resonances import SpectralResonance, residue_weight, resonances
+from oma.spectral.resonance_search import SpectralResonance, residue_weight, resonances
 from oma.spectral.spectra import SpectrumAccumulator, singular_values
 
 __all__ = [

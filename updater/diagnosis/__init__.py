@@ -1,6 +1,5 @@
 """Diagnosis: causes fitted and compared, combined, named, and checked on data not used."""
 
-from updater.diagnosis.diagnose import Explained, diagnose
 from updater.diagnosis.places import Density, densities
 from updater.diagnosis.schema import (
     CalibrationSummary,
@@ -15,6 +14,7 @@ from updater.diagnosis.schema import (
     Rejected,
     Verdict,
 )
+from updater.diagnosis.search import Explained, diagnose
 from updater.diagnosis.weighing import allowed_causes
 
 __all__ = [

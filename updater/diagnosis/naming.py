@@ -18,7 +18,7 @@ from updater.reference import ModelFit, Reference, answers_of_file
 from updater.structure import Joint, Structure, Support, size
 
 if TYPE_CHECKING:
-    from updater.causes import base as causes
+    from updater import causes
     from updater.diagnosis.weighing import Candidate
     from updater.inference import Fit
 

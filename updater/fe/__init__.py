@@ -5,10 +5,10 @@ from updater.fe.eigen import Modes
 from updater.fe.element import Element, local_axes
 from updater.fe.external.files import Matrices, read_matrices, save_matrices
 from updater.fe.model import Model
+from updater.fe.redundants import self_stress
 from updater.fe.response import Ambient, AmbientResponse
 from updater.fe.rotations import Hinges, flexibility, hinges_of
 from updater.fe.section_forces import parts_between, weighted_actions
-from updater.fe.self_stress import self_stress
 
 __all__ = [
     "Ambient",

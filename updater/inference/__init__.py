@@ -1,8 +1,17 @@
 """Comparison of an event with the baseline, and the fit of hypotheses to it."""
 
-from updater.inference.compare import MODEL_ERROR, compare
 from updater.inference.comparison import Comparison, NewModes, Whitener
-from updater.inference.fit import BoolArray, Fit, Giving, Hypotheses, evaluate, fit, freedom_of_frequencies, slopes
+from updater.inference.event_comparison import MODEL_ERROR, compare
+from updater.inference.laplace_fit import (
+    BoolArray,
+    Fit,
+    Giving,
+    Hypotheses,
+    evaluate,
+    fit,
+    freedom_of_frequencies,
+    slopes,
+)
 from updater.inference.linearization import foreseen, linear_in_mass, linearised, most_likely, pulls
 from updater.inference.new_shapes import shaken
 from updater.inference.phases_and_damping import without_mode

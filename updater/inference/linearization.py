@@ -12,7 +12,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
-from updater.inference.fit import Hypotheses, Point, evaluate, normal, slopes
+from updater.inference.laplace_fit import Hypotheses, Point, evaluate, normal, slopes
 from updater.inference.shape_covariance import beside
 
 _CHUNK = 4096  # positions at a time

@@ -1,11 +1,11 @@
 """Test-analysis correlation: modes, residual forces, virtual sensors, sensor health."""
 
 from updater.validation.acting_causes import with_acting
+from updater.validation.channel_health import SensorHealth, sensor_health
 from updater.validation.modal_correlation import Discrepancy, as_before, as_extended, as_written, set_beside
-from updater.validation.model_modes import ModelModes, ModelPartner, model_modes
+from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
 from updater.validation.residual_forces import ForceBalance, force_balance
-from updater.validation.sensor_health import SensorHealth, sensor_health
-from updater.validation.virtual_sensing import VirtualSensing, virtual_sensing
+from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
 
 __all__ = [
     "Discrepancy",

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from daq import FloatArray, IndexArray
 from updater.inference import fit
-from updater.inference.fit import Point
+from updater.inference.laplace_fit import Point
 
 PRIOR = np.array([10.0, 20.0, 5.0])
 # the second parameter makes up for the first: without bounds it is far off
@@ -42,7 +42,7 @@ class Linear:
 @pytest.fixture
 def linear(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Put linear residuals in the place of those of a structure; return what stands for the measured data."""
-    module = sys.modules["updater.inference.fit"]
+    module = sys.modules["updater.inference.laplace_fit"]
 
     def evaluate(_: object, h: Linear, theta: FloatArray, rows: IndexArray) -> Point:
         residual = np.concatenate([theta @ A.T - h.b[rows], theta / h.prior_std], axis=1)

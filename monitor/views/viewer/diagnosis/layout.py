@@ -6,8 +6,8 @@ import rerun.blueprint as rrb
 from monitor.results.comparison import BalanceResult, DiscrepancyResult
 from monitor.results.windows import ReferenceResult
 from monitor.views.geometry import Geometry
-from monitor.views.viewer import blueprint as views
 from monitor.views.viewer import scene
+from monitor.views.viewer import view_specs as views
 from monitor.views.viewer.diagnosis.plots import BOUNDS
 from updater import Diagnosis
 

@@ -5,7 +5,7 @@ their own, sensor noise, quantization) teach references by eight windows each; o
 Prints a table of docs/localization.md. The bound is that of places.py, with frequency noise by the uncertainty law and
 the deviations of shapes that identification stated.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization_records.py [PLACES] [SECONDS ...], or make
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/records.py [PLACES] [SECONDS ...], or make
 localization-records
 """
 

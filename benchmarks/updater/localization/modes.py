@@ -3,7 +3,7 @@
 Every place is on one of ten true frames that differ from the reference in kind, with a baseline of its own that is as
 noisy as the event. Prints tables of docs/localization.md.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization.py [PLACES] [LINES ...], or make
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/modes.py [PLACES] [LINES ...], or make
 localization
 """
 

@@ -1,9 +1,9 @@
 """How often masses that came together are counted rightly, and how near the worse of them is placed.
 
 Plain masses of 2 to 4 % of the structure each, anywhere, at least 0.3 m apart, on the true frames and with the noise of
-benchmarks/updater/localization.py. Prints a table.
+benchmarks/updater/localization/modes.py. Prints a table.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/several_masses.py [CASES], or make several
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/several_masses.py [CASES], or make several
 """
 
 import itertools
@@ -14,7 +14,7 @@ from multiprocessing import Pool
 import numpy as np
 
 from benchmarks.common.random_bodies import TOTAL, Placed, share
-from benchmarks.updater.localization import (
+from benchmarks.updater.localization.modes import (
     FRAMES,
     LINES,
     N_BASELINE,

@@ -1,0 +1,200 @@
+"""The single views: what each shows and from where."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import TimelineColumn
+
+from daq import FloatArray, Recording
+from monitor.results.story import Story
+from monitor.results.windows import MassAnswer, ReferenceResult
+from monitor.views.geometry import Geometry, flat_aspect
+from monitor.views.palette import BACKGROUND
+from monitor.views.viewer import increments as steps
+from monitor.views.viewer import mode_shapes as shapes
+from monitor.views.viewer import posterior as change
+from monitor.views.viewer import scene, spectrum
+from monitor.views.viewer.primitives import TIME
+from monitor.views.viewer.signals import SECONDS, signal_path
+
+_LEGEND_ROOM = 0.2  # of the time axis, left free of data for the legend
+_MARGIN = 0.01  # of the time axis, after the last window
+_ROOM = 0.06  # of a plot's values, above and below them
+_FILL = 0.92  # of a picture
+_SCREEN = 1.9  # width over height of all views together
+_PLOT = rrb.archetypes.PlotBackground(color=BACKGROUND, show_grid=True)
+
+
+def structure(reference: ReferenceResult, answers: Sequence[MassAnswer], aspect: float) -> rrb.Spatial3DView:
+    """Return the view of the structure with the located mass; `aspect` is its width over height on a wide screen."""
+    geometry = Geometry(reference)
+    points = scene.seen(geometry, answers)
+    return scene_view("Structure", "/structure", geometry, geometry.side(*scene.SIDE), points, aspect)
+
+
+def mode_shapes(reference: ReferenceResult) -> rrb.Grid:
+    """Return the views of all mode shapes, seen from the same place, in the grid that shows them largest."""
+    geometry, modes = Geometry(reference), reference.modes
+    side, points = geometry.side(*shapes.SIDE), shapes.seen(geometry, reference.modes)
+    columns, aspect = best_grid(len(modes), flat_aspect(side, points))
+    pictures = [
+        scene_view(
+            f"Mode {m.id}, MAC {m.mac:.4f} with the model", f"/modes/mode_{m.id}", geometry, side, points, aspect
+        )
+        for m in modes
+    ]
+    return rrb.Grid(*pictures, grid_columns=columns, name="Mode shapes")
+
+
+def best_grid(n: int, aspect: float) -> tuple[int, float]:
+    """Return the number of columns that shows n pictures largest, and the aspect (width over height) of its cells."""
+    cells = {c: (_SCREEN / c, 1 / math.ceil(n / c)) for c in range(1, n + 1)}
+    columns = max(cells, key=lambda c: min(cells[c][0] / aspect, cells[c][1]))
+    width, height = cells[columns]
+    return columns, width / height
+
+
+def scene_view(
+    name: str, origin: str, geometry: Geometry, side: FloatArray, points: FloatArray, aspect: float
+) -> rrb.Spatial3DView:
+    """Return a view of something in space from a side, near enough to fill it."""
+    eye = geometry.eye(side, points, aspect, _FILL)
+    return rrb.Spatial3DView(
+        name=name,
+        origin=origin,
+        background=BACKGROUND,
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(position=eye.position, look_target=eye.target),
+    )
+
+
+def singular_values() -> rrb.Spatial2DView:
+    """Return the view of the spectrum and the poles."""
+    return drawing_view("Singular values and stabilisation", "/spectrum", spectrum.BOUNDS)
+
+
+def posterior() -> rrb.Spatial2DView:
+    """Return the view of the posterior along the members."""
+    name = "Where: misfit compared with the best place [σ]; the mass that fits there"
+    return drawing_view(name, "/posterior", change.BOUNDS)
+
+
+def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
+    """Return one view a direction of the one-step update's increments, seen from where the structure is seen."""
+    geometry = Geometry(reference)
+    side, points = geometry.side(*scene.SIDE), scene.seen(geometry, [])
+    points = np.concatenate([points, geometry.nodes + np.array([0, 0, 1.3 * steps.LABEL * geometry.size])])
+    return [
+        scene_view(f"One-step update, {d}: added mass (normalised)", f"/increments/{d}", geometry, side, points, 0.8)
+        for d in steps.DIRECTIONS
+    ]
+
+
+def increment_curves() -> rrb.Spatial2DView:
+    """Return the view of the increments along the members."""
+    name = "One-step update: normalised (blue) and raw (grey) increments a node, limits, flagged nodes"
+    return drawing_view(name, "/increment_curves", steps.BOUNDS)
+
+
+def drawing_view(name: str, origin: str, bounds: tuple[tuple[float, float], tuple[float, float]]) -> rrb.Spatial2DView:
+    """Return the view of a drawing with axes of its own."""
+    return rrb.Spatial2DView(
+        name=name,
+        origin=origin,
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=list(bounds[0]), y_range=list(bounds[1])),
+    )
+
+
+def events() -> rrb.TextLogView:
+    """Return the list of events; their time stands in the text."""
+    hidden = TimelineColumn(TIME, visible=False)
+    columns = rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["loglevel", "body"])
+    return rrb.TextLogView(name="Events", origin="/events", columns=columns)
+
+
+def card(name: str, origin: str) -> rrb.TextDocumentView:
+    """Return the view of a text."""
+    return rrb.TextDocumentView(name=name, origin=origin)
+
+
+def signal(channel: str, span: rr.TimeRange) -> rrb.TimeSeriesView:
+    """Return the view of a channel."""
+    return _series(f"{channel} [m/s²]", signal_path(channel), span)
+
+
+def plot_view(name: str, origin: str) -> rrb.TimeSeriesView:
+    """Return a plot of all that is under an entity, over all of its time."""
+    legend = rrb.PlotLegend(visible=False)
+    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=legend, background=_PLOT)
+
+
+def last_seconds(signals: Recording) -> rr.TimeRange:
+    """Return the last ten seconds of signals."""
+    return _span(max(signals.start, signals.end - round(SECONDS * 1e9)), signals.end)
+
+
+def following(seconds: float) -> rr.TimeRange:
+    """Return the seconds up to the cursor, which follows a live stream."""
+    boundary = rrb.TimeRangeBoundary.cursor_relative
+    return rr.TimeRange(start=boundary(seconds=-seconds), end=boundary(seconds=0))
+
+
+class Trends:
+    """Views over the whole run, all with the same time axis.
+
+    Parameters
+    ----------
+    story : gives the axis, with room for a legend where no mode is watched yet
+    follow : seconds up to now that a live view shows; None for all of a run that has ended
+    """
+
+    def __init__(self, story: Story, follow: float | None = None) -> None:
+        self._live = follow is not None
+        if follow is not None:
+            self._span = following(follow)
+            return
+        length = story.end - story.start
+        watched = story.watched[0].start if story.watched else story.end
+        room = max(0.0, _LEGEND_ROOM * length - (watched - story.start))
+        self._span = _span(story.start - round(room), story.end + round(_MARGIN * length))
+
+    def series(
+        self, name: str, origin: str, *, values: tuple[float, float] | None = None, legend: bool = False
+    ) -> rrb.TimeSeriesView:
+        """Return a plot of all that is under an entity, from the lowest to the highest of `values` if given."""
+        return _series(name, origin, self._span, values=None if self._live else values, legend=legend)
+
+    def lanes(self) -> rrb.StateTimelineView:
+        """Return the lanes of states."""
+        return rrb.StateTimelineView(
+            name="State",
+            origin="/state",
+            time_view=rrb.TimeAxis(view_range=self._span),
+            time_ranges=rrb.VisibleTimeRange(TIME, range=self._span),
+        )
+
+
+def _span(start: int, end: int) -> rr.TimeRange:
+    boundary = rrb.TimeRangeBoundary.absolute
+    return rr.TimeRange(start=boundary(nanos=start), end=boundary(nanos=end))
+
+
+def _series(
+    name: str, origin: str, span: rr.TimeRange, *, values: tuple[float, float] | None = None, legend: bool = False
+) -> rrb.TimeSeriesView:
+    low, high = values or (0.0, 0.0)
+    room = _ROOM * (high - low)
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        axis_x=rrb.TimeAxis(view_range=span),
+        axis_y=rrb.ScalarAxis(range=(low - room, high + room)) if high > low else None,
+        time_ranges=rrb.VisibleTimeRange(TIME, range=span),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftBottom) if legend else rrb.PlotLegend(visible=False),
+        background=_PLOT,
+        interaction=rrb.PlotInteraction(tooltip_mode="All"),
+    )
