@@ -5,7 +5,7 @@ sets the pace; the ratio is of turns one after the other, so that other work on 
 of three. In the second at the pace of nodes that scan 1000 times a second, and what finds no room is lost, as with
 hardware; a pty holds less than 0.1 s of it.
 
-Usage: python benchmarks/daq/can_bus.py, or make bench
+Usage: python benchmarks/daq/can_bus.py, or make bench-daq-speed
 """
 
 import os

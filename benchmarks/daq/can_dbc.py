@@ -5,7 +5,7 @@ Four sensors send a counter frame and an acceleration frame a scan, 1000 times a
 process that writes lines of SLCAN to a pty at that pace, read by our bus, for ten seconds: by the driver, its readers
 and blocks included, and by cantools a frame at a time.
 
-Usage: python benchmarks/daq/can_dbc.py, or make bench
+Usage: python benchmarks/daq/can_dbc.py, or make bench-daq-speed
 """
 
 import statistics

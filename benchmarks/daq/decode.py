@@ -3,7 +3,7 @@
 The stream comes in blocks of 4 kB that end amid frames, whole or with one byte in a thousand replaced. CPU time of the
 process counts, so that other work on the machine does not.
 
-Usage: python benchmarks/daq/decode.py, or make bench
+Usage: python benchmarks/daq/decode.py, or make bench-daq-speed
 """
 
 import time

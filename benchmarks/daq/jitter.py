@@ -6,7 +6,7 @@ later. Reads are as long as `daq.drivers.serial.buffered_port` makes them. These
 `Blocks` and the `ClockFit` of live and replayed data; the error of a scan's time is what the fit says two seconds after
 it, when windows are cut, against when it was taken. Jitter is its standard deviation over the hour, late its mean.
 
-Usage: python benchmarks/daq/jitter.py [SECONDS], or make jitter
+Usage: python benchmarks/daq/jitter.py [SECONDS], or make bench-jitter
 """
 
 import sys

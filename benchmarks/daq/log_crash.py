@@ -5,7 +5,7 @@ stock settings and is killed (SIGKILL) at a random moment. Lost is the time from
 kill, of the device that lost most. Power cuts are the same kills with all bytes dropped that were not yet synced:
 files are cut back to the length at their last completed fdatasync, as the recording process has noted it.
 
-Usage: python benchmarks/daq/log_crash.py [N_KILLS] [SEED], or make log-crash
+Usage: python benchmarks/daq/log_crash.py [N_KILLS] [SEED], or make bench-log-crash
 """
 
 import json

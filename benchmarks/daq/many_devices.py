@@ -4,7 +4,7 @@ Another process emulates the devices on ptys and hands their bytes on every ten 
 sixteen of USB adapters. This one records them as `modalwatch run` does (readers, writer, disk guard; no analysis) and
 states its own CPU time, system calls included, as a share of one core: other work on the machine does not count.
 
-Usage: python benchmarks/daq/many_devices.py [SECONDS] [DRIVER] [VIEW_RATE], or make many-devices
+Usage: python benchmarks/daq/many_devices.py [SECONDS] [DRIVER] [VIEW_RATE], or make bench-many-devices
 """
 
 import json

@@ -3,7 +3,7 @@
 Prints the tables of docs/oma.md: root mean square errors over the Cramér-Rao bound of Whittle's likelihood, and what
 share of the errors lies within two stated standard deviations.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/accuracy.py [WINDOWS], or make oma-accuracy
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/accuracy.py [WINDOWS], or make bench-oma-accuracy
 """
 
 import sys

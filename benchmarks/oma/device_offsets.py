@@ -7,7 +7,7 @@ The record goes through `import`, windows, identification, `oma.device_delays` a
 baseline does. Offsets mean something only against one another: all are less their mean.
 Stated is their deviation as the program says it; held: how many errors are within 1.96 of it.
 
-Usage: python benchmarks/oma/device_offsets.py [DRAWS] [SEED], or make device-offsets
+Usage: python benchmarks/oma/device_offsets.py [DRAWS] [SEED], or make bench-device-offsets
 """
 
 import sys

@@ -2,7 +2,7 @@
 
 Prints the table of docs/oma.md.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/faults.py [WINDOWS], or make oma-faults
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/faults.py [WINDOWS], or make bench-oma-faults
 """
 
 import sys

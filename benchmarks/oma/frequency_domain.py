@@ -5,7 +5,7 @@ has none of these methods). Ours choose their modes themselves and state standar
 told the true frequencies, and of its pLSCF (order 30) a mode counts as found if a third of the orders have a pole
 within 1 %. Then the errors of ours over many windows, beside the smallest possible ones: the tables of docs/oma.md.
 
-Usage: python benchmarks/oma/frequency_domain.py [SIZES, such as ab] [WINDOWS], or make oma-frequency
+Usage: python benchmarks/oma/frequency_domain.py [SIZES, such as ab] [WINDOWS], or make bench-oma-frequency
 """
 
 import sys

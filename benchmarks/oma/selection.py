@@ -3,7 +3,7 @@
 Prints the table of docs/oma.md. pyOMA2's `hier_avg` is the best of its selections; it runs on the first windows only,
 in a child process with one BLAS thread as ours.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/selection.py [WINDOWS [THEIRS]]; make oma-selection
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/selection.py [WINDOWS [THEIRS]]; make bench-oma-selection
 """
 
 import sys

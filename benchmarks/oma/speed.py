@@ -3,7 +3,7 @@
 Every run is a child process with one BLAS thread, ours and theirs in turn; 50 block rows, orders 2 to 60 in steps of 2,
 poles of all orders with hard criteria and stability, as each package does it. Prints the tables of docs/oma.md.
 
-Usage: python benchmarks/oma/speed.py [SIZES, such as ab], or make oma-speed (an hour; ab: minutes)
+Usage: python benchmarks/oma/speed.py [SIZES, such as ab], or make bench-oma-speed (an hour; ab: minutes)
 """
 
 import sys

@@ -3,7 +3,7 @@
 A label is right if the mode has the identity that most sightings of it have, and no other mode has that one more often.
 What is no mode must not get the identity of one.
 
-Usage: python benchmarks/oma/tracking.py [SEEDS], or make tracking; with `recorded` in the place of SEEDS a
+Usage: python benchmarks/oma/tracking.py [SEEDS], or make bench-tracking; with `recorded` in the place of SEEDS a
 month whose windows, one an hour, are simulated as recordings and identified: some minutes more.
 """
 

@@ -2,7 +2,7 @@
 
 Prints the tables of docs/weimar.md; FOLDER holds measurement_01.npz, channel_dofs_01.txt, ..., grid.txt, lines.txt.
 
-Usage: python benchmarks/oma/weimar.py FOLDER [PICTURE.png], or make weimar DATA=FOLDER
+Usage: python benchmarks/oma/weimar.py FOLDER [PICTURE.png], or make bench-weimar ARGUMENTS=FOLDER
 """
 
 import sys

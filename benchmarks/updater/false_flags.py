@@ -3,7 +3,7 @@
 Eight windows teach the reference, four make an event, as in a demo; noise by the uncertainty law. Prints the tables
 of docs/updater.md, and false flags of the stiffness twin.
 
-Usage: python benchmarks/updater/false_flags.py [BASELINES], or make flags
+Usage: python benchmarks/updater/false_flags.py [BASELINES], or make bench-flags
 """
 
 import sys

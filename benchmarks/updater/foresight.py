@@ -4,7 +4,7 @@ Each frame is made by another model than the reference's (10 mm Timoshenko eleme
 density off, gains scattered). A body is put anywhere along the members; a record before teaches the reference, one
 after is searched. Prints the tables of docs/structure.md.
 
-Usage: python benchmarks/updater/foresight.py [PLACES], or make foresight
+Usage: python benchmarks/updater/foresight.py [PLACES], or make bench-foresight
 """
 
 import sys

@@ -2,7 +2,7 @@
 
 The cases are those of localization.py. Prints a table of docs/localization.md.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/other_methods.py [PLACES] [LINE], or make rivals
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/other_methods.py [PLACES] [LINE], or make bench-rivals
 """
 
 import sys

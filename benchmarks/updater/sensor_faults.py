@@ -5,7 +5,7 @@ law of identification), each on a fresh rig with gains off by half a per cent an
 docs/sensors.md.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/sensor_faults.py [--draws N] [--seed S]
-or make sensors
+or make bench-sensors
 """
 
 from collections.abc import Iterator

@@ -4,7 +4,7 @@ The cases are those of the confusion matrix (tests/sealed_*.py, finite elements 
 in the 95 % region, and within two deviations of what is said? Prints the table of docs/updater.md.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/structural_causes.py [--draws N] [--seed S]
-or make structural
+or make bench-structural
 """
 
 from collections.abc import Iterator

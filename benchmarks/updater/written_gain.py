@@ -6,7 +6,7 @@ ones by a pairing of the examiner's own (tests/support/updater/written_models.py
 windows. Prints a table and the misses.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/written_gain.py [--draws N] [--seed S] [--minutes M]
-[--cells CELL ...] [--alone], or make written-gain
+[--cells CELL ...] [--alone], or make bench-written-gain
 """
 
 import argparse

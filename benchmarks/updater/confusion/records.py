@@ -4,7 +4,7 @@ The draws are those of benchmarks/updater/confusion/modes.py, on specimens that 
 before is one). Wind at eight places, an anti-alias filter, noise, quantization. A run goes on where the last one ended.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/confusion/records.py [--draws N] [--seconds S ...]
-[--minutes M] [--seed S] [--cells CELL ...] [--file FILE], or make confusion-records
+[--minutes M] [--seed S] [--cells CELL ...] [--file FILE], or make bench-confusion-records
 """
 
 import argparse

@@ -4,8 +4,8 @@ One, two or three masses, equally often, on models that share nothing with the o
 T-frame with frequencies and shapes, and a Ritz model of a cantilever with frequencies alone. Results are appended to a
 file as they come, and a run goes on where the last one ended.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/count_masses.py [--cases N] [--seed S] [--minutes M]
-[--only LINE ...] [--file FILE] [--processes N], or make counting
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/count_masses.py [--cases N] [--seed S]
+[--minutes M] [--only LINE ...] [--file FILE] [--processes N], or make bench-counting
 """
 
 import argparse

@@ -3,7 +3,7 @@
 Plain masses of 2 to 4 % of the structure each, anywhere, at least 0.3 m apart, on the true frames and with the noise of
 benchmarks/updater/localization/modes.py. Prints a table.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/several_masses.py [CASES], or make several
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/several_masses.py [CASES], or make bench-several
 """
 
 import itertools

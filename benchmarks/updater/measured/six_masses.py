@@ -2,7 +2,7 @@
 
 Prints the tables of docs/beam_six_masses.md; FOLDER holds frf.npz and mass_positions_cm.csv.
 
-Usage: python benchmarks/updater/measured/six_masses.py FOLDER [PICTURE.png], or make real DATA=FOLDER-ABOVE
+Usage: python benchmarks/updater/measured/six_masses.py FOLDER [PICTURE.png], or make bench-six-masses
 """
 
 import subprocess

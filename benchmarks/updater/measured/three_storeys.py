@@ -2,7 +2,7 @@
 
 Prints the tables of docs/soton.md; FOLDER holds acc_frf_force_floor1.csv ... 3.csv.
 
-Usage: python benchmarks/updater/measured/three_storeys.py FOLDER [PICTURE.png], or make real DATA=FOLDER-ABOVE
+Usage: python benchmarks/updater/measured/three_storeys.py FOLDER [PICTURE.png], or make bench-three-storeys
 """
 
 import sys

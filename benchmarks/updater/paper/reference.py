@@ -3,7 +3,7 @@
 One body of 4 % of the mass at random places of ten frames that differ from the reference in kind, located by the
 likelihood from the same data with each of the four references. Prints a table of docs/paper.md.
 
-Usage: python benchmarks/updater/paper/reference.py [PLACES A FRAME], or make paper
+Usage: python benchmarks/updater/paper/reference.py [PLACES A FRAME], or make bench-paper
 """
 
 import sys
