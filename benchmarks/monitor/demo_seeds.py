@@ -14,8 +14,8 @@ SEEDS = (101, 102, 103, 104, 105)
 TABLE = Path(__file__).parents[2] / "docs" / "seeds.md"
 HEAD = """# Five demos
 
-Written by `make bench-seeds`: five whole demos, each with a rig drawn from its seed, started as a user starts it. `found`
-means within 0.10 m and 15 %, and no alarm before the body was there. Positions on the member's axis, in m.
+Written by `make bench-seeds`: five whole demos, each with a rig drawn from its seed, started as a user starts it.
+`found` means within 0.10 m and 15 %, and no alarm before the body was there. Positions on the member's axis, in m.
 
 | seed | truth | mass | answer | ± | mass | ± | off by | mass off | alarm after | scans dropped | |
 |---:|:--|---:|:--|---:|---:|---:|---:|---:|---:|---:|:--|

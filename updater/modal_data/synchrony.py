@@ -44,8 +44,8 @@ def asynchrony(recording: Recording, estimate: ModalEstimate) -> Asynchrony | No
     """Return the channels' delays if modes show any; None if shapes are real enough or no delays explain them.
 
     Delays are sought in the cross spectra (`oma.spectral.channel_delays`), each channel by itself, and then fitted
-    to the phases of the modes. Their standard deviations come from leaving out one mode after the other (Efron 1982: jackknife), and
-    they count only if they make the modes left out real.
+    to the phases of the modes. Their standard deviations come from leaving out one mode after the other (Efron 1982:
+    jackknife), and they count only if they make the modes left out real.
 
     Parameters
     ----------

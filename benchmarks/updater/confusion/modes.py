@@ -6,7 +6,8 @@ gains scattered; or a solid bar by scikit-fem. Results are appended to a file as
 last one ended, unless the code that is judged has changed since. Prints tables of docs/diagnosis.md and the misses.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/confusion/modes.py [--draws N] [--nulls N] [--minutes M]
-[--noise law|coarse] [--seed S] [--cells CELL ... | --elsewhere | --built | --far] [--file FILE], or make bench-confusion
+[--noise law|coarse] [--seed S] [--cells CELL ... | --elsewhere | --built | --far] [--file FILE],
+or make bench-confusion
 """
 
 import argparse
