@@ -36,7 +36,7 @@ class Effect:
     #: (n_alternatives, n_modes + n_stress, same) compliance added in modes [s2], states of self-stress [-], and across
     compliance: FloatArray
     #: (n_alternatives, n_channels, 3 n_channels) what the channels say over what is true along their own directions,
-    #: along the first axis across each of them, and along the second (`updater.structure.structure.sensor_axes`)
+    #: along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
     chain: FloatArray
     lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
     log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's

@@ -1,0 +1,22 @@
+"""Files that the pages and the docstrings name exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PATH = re.compile(r"\b(?:daq|oma|updater|monitor|tests|benchmarks|examples)/[\w/]+\.(?:py|toml)\b")
+PAGES = [*sorted(ROOT.glob("docs/*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "pyproject.toml"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_name_files_that_exist(page: Path) -> None:
+    named = set(PATH.findall(page.read_text(encoding="utf-8")))
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
+
+
+def test_sources_name_files_that_exist() -> None:
+    sources = [path for top in ("daq", "oma", "updater", "monitor", "benchmarks") for path in (ROOT / top).rglob("*.py")]
+    named = {name for path in sources for name in PATH.findall(path.read_text(encoding="utf-8"))}
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
