@@ -1,6 +1,6 @@
 """How well faults of the measuring chain are named and sized, and whether their deviations hold.
 
-The cases are those of the confusion matrix (tests/sealed_*.py, finite elements of their own, modes with noise by the
+The cases are those of the confusion matrix (tests/examiner, finite elements of their own, modes with noise by the
 law of identification), each on a fresh rig with gains off by half a per cent and clocks by 20 us. Prints the table of
 docs/sensors.md.
 

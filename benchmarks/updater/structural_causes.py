@@ -1,6 +1,6 @@
 """How near stretches, props and axial forces are placed and sized, and whether their deviations and regions hold.
 
-The cases are those of the confusion matrix (tests/sealed_*.py, finite elements of their own), asked more: is the truth
+The cases are those of the confusion matrix (tests/examiner, finite elements of their own), asked more: is the truth
 in the 95 % region, and within two deviations of what is said? Prints the table of docs/updater.md.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/structural_causes.py [--draws N] [--seed S]

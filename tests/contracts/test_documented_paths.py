@@ -17,6 +17,7 @@ def test_pages_name_files_that_exist(page: Path) -> None:
 
 
 def test_sources_name_files_that_exist() -> None:
-    sources = [path for top in ("daq", "oma", "updater", "monitor", "benchmarks") for path in (ROOT / top).rglob("*.py")]
+    folders = ("daq", "oma", "updater", "monitor", "benchmarks")
+    sources = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     named = {name for path in sources for name in PATH.findall(path.read_text(encoding="utf-8"))}
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
