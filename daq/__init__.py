@@ -27,16 +27,16 @@ from daq.files.measurement_file import DataOptions, Measured, read_data, read_me
 from daq.files.message_export import expand_log
 from daq.files.sequence import in_order, read_in_order
 from daq.log.channel_map import CHANNELS, ChannelMap
-from daq.log.mcap_log import LogWriter, log_span, read_attachments, read_events, read_log
+from daq.log.mcap_log import McapWriter, log_span, read_attachments, read_events, read_log
 from daq.log.naming import as_logs, newest_log
 from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
 from daq.log.recordings import DEVICE_LOST, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
 from daq.log.repair import LogState, has_end, inspect_log, repair_log
-from daq.log.resilient_writer import LogKeeper
+from daq.log.resilient_writer import ResilientWriter
 from daq.log.retention import DiskGuard, Retention
-from daq.log.rotating_writer import LogRecorder, Rotation
+from daq.log.rotating_writer import RotatingWriter, Rotation
 from daq.log.summary import DeviceInfo, LogInfo, log_info
-from daq.log.writer_thread import LogThread
+from daq.log.writer_thread import WriterThread
 from daq.protocol.epson import SCALE as EPSON_SCALE
 from daq.supervision import FAILURES, Failures, SupervisedThread, error_text, short_line
 from daq.timing.clock_fit import ClockFit
@@ -101,17 +101,16 @@ __all__ = [
     "LogError",
     "LogExcerpt",
     "LogInfo",
-    "LogKeeper",
-    "LogRecorder",
     "LogState",
-    "LogThread",
-    "LogWriter",
     "LoggedSensor",
+    "McapWriter",
     "Measured",
     "PartedLog",
     "PortAnswer",
     "Recording",
+    "ResilientWriter",
     "Retention",
+    "RotatingWriter",
     "Rotation",
     "SampleSource",
     "ScaledClock",
@@ -121,6 +120,7 @@ __all__ = [
     "SerialPortInfo",
     "SupervisedThread",
     "SystemClock",
+    "WriterThread",
     "absent_devices",
     "acceleration",
     "as_logs",

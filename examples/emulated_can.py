@@ -25,9 +25,9 @@ from daq import (
     Event,
     IntArray,
     Item,
-    LogThread,
-    LogWriter,
+    McapWriter,
     SystemClock,
+    WriterThread,
     load_recordings,
     make_driver,
     read_log,
@@ -68,8 +68,8 @@ channels = tuple(Channel(name=f"{name}_z", device=name, axis=2) for name in name
 seen: list[Item] = []
 with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
     path = Path(folder) / "shaker.mcap"
-    writer = LogWriter(path, {CHANNELS: ChannelMap(channels=channels, on_grid=False).to_json()})
-    with LogThread(writer, seen.append) as log:
+    writer = McapWriter(path, {CHANNELS: ChannelMap(channels=channels, on_grid=False).to_json()})
+    with WriterThread(writer, seen.append) as log:
         readers = []
         for name, node in names.items():
             address = CanAddress(interface="slcan", channel=adapter.port, node=node)

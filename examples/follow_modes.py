@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from daq import Channel, Recording
-from oma import Follower, Tracks, identify
+from oma import LongTermTracker, Tracks, identify
 
 n_windows, window, rate, damping = 48, 300.0, 20.0, 0.01  # 48 windows, one each quarter of an hour [s, Hz]
 shapes = np.array([[0.3, 0.7, 1.0], [0.9, 0.6, -0.6]])  # of either direction
@@ -41,7 +41,7 @@ for k in range(n_windows):
     recording = Recording(channels=channels, data=acceleration, rate=rate, start=round(k * 900e9))
 
     estimate = identify(recording)
-    followed = Follower().follow(tracks, estimate)
+    followed = LongTermTracker().follow(tracks, estimate)
     tracks = followed.tracks  # tracks.to_json() is what a restart needs
     for shape, identity, doubt in zip(estimate.shape.real, followed.identity.tolist(), followed.doubtful, strict=True):
         # which mode it is, its shape says, unless the window shows both first ones as mixtures of each other

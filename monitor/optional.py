@@ -9,7 +9,7 @@ from monitor.errors import MonitorError
 T = TypeVar("T")
 
 
-class Extras:
+class OptionalWork:
     """Diagnosis, self-tests, health of the sensors: where one fails, that is said, and the watch goes on without it.
 
     The process of the analysis would end with it before the window's result is told, and again with the next window,

@@ -6,7 +6,7 @@ from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
 from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method
 from oma.preparation import ChannelFault, WindowQuality, channel_faults
 from oma.spectral import Resonance, aligned, device_delays, fit_resonance, singular_values
-from oma.tracking import Followed, Follower, Tracker, Tracks, match_setups, merge, pair_modes
+from oma.tracking import FollowedModes, LongTermTracker, Tracker, Tracks, match_setups, merge, pair_modes
 from oma.types import ComplexArray, ModalEstimate
 from oma.uff import Place, places_by_name, write_universal
 
@@ -20,11 +20,11 @@ __all__ = [
     "ComplexArray",
     "CovarianceSSI",
     "DataSSI",
-    "Followed",
-    "Follower",
+    "FollowedModes",
     "Identification",
     "IdentificationError",
     "IdentificationStream",
+    "LongTermTracker",
     "Method",
     "ModalEstimate",
     "NoCommonModes",

@@ -1,10 +1,10 @@
 """Modes and a structure in; a calibrated reference, mass updates and located changes out."""
 
 from updater.baseline import learn_reference, nominal_reference
-from updater.diagnosis import Cause, Diagnosis, Explained, Gain, diagnose
+from updater.diagnosis import Cause, Diagnosis, DiagnosisResult, Gain, diagnose
 from updater.errors import ModalDataError, ModelError, PairingError, StructureError, UpdaterError
 from updater.fe import Matrices, Model, build_model, read_matrices, save_matrices
-from updater.localization import MassChange, locate_and_sharpen, locate_mass, locate_masses
+from updater.localization import MassChange, locate_mass, locate_mass_with_forecast, locate_masses
 from updater.modal_data import (
     Circumstances,
     ModalMean,
@@ -20,17 +20,17 @@ from updater.modal_data import (
     stack_tracks,
 )
 from updater.one_step import MassUpdate, MassUpdater, StiffnessUpdater
-from updater.planning import Record, foresee
+from updater.planning import Record, study_detectability
 from updater.reference import Reference, calibrate
 from updater.structure import Body, Structure, dump_structure, load_structure, parse_structure, t_structure_toml
-from updater.validation import force_balance, sensor_health, set_beside, virtual_sensing
+from updater.validation import correlate_modes, force_balance, sensor_health, virtual_sensing
 
 __all__ = [
     "Body",
     "Cause",
     "Circumstances",
     "Diagnosis",
-    "Explained",
+    "DiagnosisResult",
     "Gain",
     "MassChange",
     "MassUpdate",
@@ -51,17 +51,17 @@ __all__ = [
     "UpdaterError",
     "build_model",
     "calibrate",
+    "correlate_modes",
     "diagnose",
     "dump_structure",
     "estimate_delays",
     "force_balance",
-    "foresee",
     "learn_delays",
     "learn_reference",
     "learn_scatter",
     "load_structure",
-    "locate_and_sharpen",
     "locate_mass",
+    "locate_mass_with_forecast",
     "locate_masses",
     "match_modes",
     "matched",
@@ -72,8 +72,8 @@ __all__ = [
     "remove_delays",
     "save_matrices",
     "sensor_health",
-    "set_beside",
     "stack_tracks",
+    "study_detectability",
     "t_structure_toml",
     "virtual_sensing",
 ]

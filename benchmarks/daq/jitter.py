@@ -3,8 +3,8 @@
 The device's clock is off by so much, or wanders by so much over the hour. Its adapter hands its bytes on every 1 or 16
 milliseconds; the host wakes up 0.1 ms after that on the mean, exponentially, and one read in a hundred 5 to 30 ms
 later. Reads are as long as `daq.drivers.serial.buffered_port` makes them. These arrivals go through the drivers'
-`Blocks` and the `ClockFit` of live and replayed data; the error of a scan's time is what the fit says two seconds after
-it, when windows are cut, against when it was taken. Jitter is its standard deviation over the hour, late its mean.
+`BlockBuilder` and the `ClockFit` of live and replayed data; the error of a scan's time is what the fit says two
+seconds after it, when windows are cut, against when it was taken. Jitter is its standard deviation over the hour, late its mean.
 
 Usage: python benchmarks/daq/jitter.py [SECONDS], or make bench-jitter
 """
@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from daq import ClockFit, FloatArray, IntArray, Scans
-from daq.drivers.block_builder import Blocks
+from daq.drivers.block_builder import BlockBuilder
 
 RATE, SECONDS, SEED = 1000.0, 3600.0, 1
 GATHER, AHEAD, SETTLED = 0.19, 2.0, 120.0  # s
@@ -52,7 +52,7 @@ def reads(oscillator: Oscillator, latency: float, seconds: float, seed: int) -> 
 
 def errors(oscillator: Oscillator, latency: float, seconds: float, seed: int) -> FloatArray:
     """Return the error of the time of a scan in each block [s], once the fit has settled."""
-    blocks, fit, found = Blocks("d", RATE, 1.0, 1 << 16, round(0.2 * RATE)), ClockFit(RATE), []
+    blocks, fit, found = BlockBuilder("d", RATE, 1.0, 1 << 16, round(0.2 * RATE)), ClockFit(RATE), []
     grid = np.linspace(0, seconds + 1, round(seconds) + 2)
     ticks = oscillator(grid)
     for end, number in reads(oscillator, latency, seconds, seed):

@@ -33,11 +33,11 @@ from daq import (
     DiskGuard,
     Event,
     IntArray,
-    LogKeeper,
-    LogRecorder,
-    LogThread,
+    ResilientWriter,
     Retention,
+    RotatingWriter,
     SystemClock,
+    WriterThread,
     as_logs,
     expand_log,
     log_info,
@@ -60,9 +60,9 @@ def record(folder: Path, ports: list[str]) -> None:
     """Record until killed; note how much is synced."""
     _note_syncs(folder / "synced")
     clock = SystemClock()
-    recorder = LogRecorder(folder, {"site.toml": "x = 1"}, clock.now())
-    keeper = LogKeeper(recorder, DiskGuard(folder, Retention()), _ignore)
-    with LogThread(keeper, _ignore, chunk_seconds=CHUNK) as log:
+    recorder = RotatingWriter(folder, {"site.toml": "x = 1"}, clock.now())
+    keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), _ignore)
+    with WriterThread(keeper, _ignore, chunk_seconds=CHUNK) as log:
         for k, port in enumerate(ports):
             reader = DeviceReader(f"d{k}", make_driver("epson-uart", port, RATE), RATE, clock, log.put)
             reader.connect()
@@ -200,7 +200,7 @@ def write(folder: Path, n_devices: int, seconds: int, rms: float, view_rate: flo
     """Write what devices record, with a chunk as often as live: reads are evenly apart, which makes it shortest."""
     random = np.random.default_rng(1)
     scans = [noise(60_000, rms, k) for k in range(n_devices)]
-    writer, waits = LogRecorder(folder, {}, START, view_rate=view_rate), 0
+    writer, waits = RotatingWriter(folder, {}, START, view_rate=view_rate), 0
     n, chunk = round(0.2 * RATE), round(1e9 * CHUNK)
     for first in range(0, round(seconds * RATE), n):
         for k, known in enumerate(scans):

@@ -28,11 +28,11 @@ from daq import (
     EmulatedNode,
     IntArray,
     LineFaults,
-    LogKeeper,
-    LogRecorder,
-    LogThread,
+    ResilientWriter,
     Retention,
+    RotatingWriter,
     SystemClock,
+    WriterThread,
     make_driver,
     newest_log,
     read_log,
@@ -94,9 +94,9 @@ def emulated(kind: str) -> Iterator[tuple[list[str], Callable[[], int]]]:
 def record(folder: Path, kind: str, ports: Sequence[str], seconds: float, view_rate: float) -> float:
     """Record for so long; return the share of a core that it took."""
     clock = SystemClock()
-    recorder = LogRecorder(folder, {}, clock.now(), view_rate=view_rate)
-    keeper = LogKeeper(recorder, DiskGuard(folder, Retention()), _ignore)
-    with LogThread(keeper, _ignore, chunk_seconds=RecorderSettings().chunk_seconds) as log, ExitStack() as stack:
+    recorder = RotatingWriter(folder, {}, clock.now(), view_rate=view_rate)
+    keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), _ignore)
+    with WriterThread(keeper, _ignore, chunk_seconds=RecorderSettings().chunk_seconds) as log, ExitStack() as stack:
         for k, port in enumerate(ports):
             reader = DeviceReader(f"d{k}", make_driver(kind, port, RATE), RATE, clock, log.put)
             reader.connect()

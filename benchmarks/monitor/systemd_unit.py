@@ -3,8 +3,8 @@
     python benchmarks/monitor/systemd_unit.py
 
 or `make bench-unit`. A user's manager of its own is started in a mount namespace and a control group of its own, as
-root or where control groups are delegated; the one of the machine, if there is one, is not asked. Exit code 1 if a check
-fails.
+root or where control groups are delegated; the one of the machine, if there is one, is not asked. Exit code 1 if a
+check fails.
 """
 
 import os

@@ -12,9 +12,9 @@ from monitor.detection import (
     DETECTORS,
     GUARD,
     NO_TREND,
-    Judged,
-    Watched,
-    Watching,
+    DetectionSettings,
+    ScoredWindows,
+    LawState,
     accept,
     follow_trend,
     judge,
@@ -60,10 +60,10 @@ class WatchedSites:
         """Learn."""
         b = self.source.batch(self.n_baseline)
         rate = self.source.step / YEAR_SECONDS / len(DETECTORS)
-        watching = Watching(rate=rate, overlap=0.0, hold=self.rules.hold_windows)
-        self.watched: Watched = start(b.log_frequency, b.std, b.temperature, b.seconds, watching, b.rms)
+        watching = DetectionSettings(rate=rate, overlap=0.0, hold=self.rules.hold_windows)
+        self.watched: LawState = start(b.log_frequency, b.std, b.temperature, b.seconds, watching, b.rms)
         self.alarms = [Alarm(rules=self.rules) for _ in b.log_frequency]
-        self.waiting: list[Judged] = []
+        self.waiting: list[ScoredWindows] = []
         self.raised: list[tuple[int, int, str]] = []  # site, window, detector
         self.window = self.in_alarm = self.trend_events = 0
         self.trends = [NO_TREND for _ in b.log_frequency]
@@ -101,7 +101,7 @@ class WatchedSites:
         """Site-years watched so far."""
         return len(self.alarms) * self.window * self.source.step / YEAR_SECONDS
 
-    def _alarm(self, judged: Judged) -> np.ndarray:
+    def _alarm(self, judged: ScoredWindows) -> np.ndarray:
         ratio = judged.value / judged.limit
         level, first = ratio.max(0), ratio.argmax(0)
         busy = (level > 1).any(1) | np.array([a.condition != "normal" or a.run > 0 for a in self.alarms])

@@ -21,7 +21,7 @@ import psutil
 
 from daq import SystemClock
 from monitor.service.servers.web import Source, WebServer, web_process
-from monitor.service.status import NAME, Vitals
+from monitor.service.status import NAME, MonitorStatus
 from tests.support.monitor.history import HOUR, run_events, sqlite_url, write_years
 from tests.support.monitor.status import PACE, WELL
 
@@ -85,7 +85,7 @@ def main() -> None:
         state = Path(folder)
         source = Source(name="bridge", state=state, url=sqlite_url(state))
         write_years(source.url, years=300 / 24 / 365.25, step=HOUR, n_modes=8)
-        vitals = Vitals(state / NAME, ("left",), PACE, SystemClock())
+        vitals = MonitorStatus(state / NAME, ("left",), PACE, SystemClock())
         for event in run_events():
             vitals.take(event)
         vitals.write(WELL)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from oma import Follower, IdentificationError, ModalEstimate, Tracker, Tracks, identify, pair_modes
+from oma import IdentificationError, LongTermTracker, ModalEstimate, Tracker, Tracks, identify, pair_modes
 from tests.support.monitor.seasons import STRANGE, Month, month, month_of_recordings
 
 Label = tuple[int, int]  #: mode, identity
@@ -33,7 +33,7 @@ def followed(what: Month, seed: int) -> list[Label]:
     tracks: Tracks | None = None
     labels: list[Label] = []
     for estimate, modes in month(what, seed):
-        found = Follower().follow(tracks, estimate)
+        found = LongTermTracker().follow(tracks, estimate)
         tracks = found.tracks
         labels += zip(modes.tolist(), found.identity.tolist(), strict=True)
     return labels
@@ -74,7 +74,7 @@ def recorded(seed: int) -> None:
             estimate = identify(recording)
         except IdentificationError:
             continue
-        found = Follower().follow(tracks, estimate)
+        found = LongTermTracker().follow(tracks, estimate)
         tracks, windows = found.tracks, windows + 1
         place = pair_modes(estimate.frequency, estimate.shape.real, truth.frequency, truth.shapes)
         modes = np.where(place >= 0, truth.modes[place], STRANGE)

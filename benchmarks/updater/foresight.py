@@ -19,10 +19,10 @@ from oma import identify
 from tests.measured.accelerometers import Rig
 from tests.support.updater.frames import t_frame
 from tests.support.updater.planned_records import N_AFTER, TrueRig, away, in_order
-from updater import Body, Record, Structure, foresee, learn_reference, locate_mass, matched, stack_tracks
+from updater import Body, Record, Structure, learn_reference, locate_mass, matched, stack_tracks, study_detectability
 from updater.fe import Modes
 from updater.modal_data import ModalMean
-from updater.planning import Foresight, Outlook, Target
+from updater.planning import DetectabilityStudy, LocalizationSimulation, Target
 from updater.planning.record_noise import shape_errors
 
 PLACES_A_FRAME = 10
@@ -49,9 +49,9 @@ def alarmed(base: ModalMean, event: ModalMean, record: Record) -> bool:
     return bool(z2.sum() > chi2.isf(record.false_alarm_probability, len(z2)))
 
 
-def trials(outlook: Outlook, mass: float, n: int) -> list[Trial]:
+def trials(outlook: DetectabilityStudy, mass: float, n: int) -> list[Trial]:
     """Search a mass at n random places, ten on each of n / 10 frames."""
-    foresight, record = Foresight(outlook, Target(mass=mass)), outlook.record
+    foresight, record = LocalizationSimulation(outlook, Target(mass=mass)), outlook.record
     place_bound, weakest = outlook.bound(mass)[0], outlook.weakest_mass()
     random = np.random.default_rng((SEED, round(1e4 * mass), round(record.seconds)))
     found = []
@@ -100,7 +100,7 @@ def found_line(mass: float, seconds: float, done: list[Trial]) -> str:
     )
 
 
-def weakest_line(outlook: Outlook, factor: float, n: int) -> str:
+def weakest_line(outlook: DetectabilityStudy, factor: float, n: int) -> str:
     """Return how often the weakest mass times a factor raises the alarm, on other frames at random places."""
     weakest, heaviest = outlook.weakest_mass(), 0.1 * outlook.reference.calibration.model.total_mass()
     usable = np.flatnonzero(weakest < heaviest)
@@ -144,10 +144,10 @@ def observed(recording: Recording, structure: Structure) -> Observation:
     )
 
 
-def heard_line(outlook: Outlook, mass: float, rigs: int) -> str:
+def heard_line(outlook: DetectabilityStudy, mass: float, rigs: int) -> str:
     """Return the line of a mass searched in accelerations: two bodies on each of some frames."""
     structure, seconds, random = t_frame(), outlook.record.seconds, np.random.default_rng((SEED, round(1e4 * mass)))
-    foresight = Foresight(outlook, Target(mass=mass))
+    foresight = LocalizationSimulation(outlook, Target(mass=mass))
     foreseen, found = [], []
     for seed in range(SEED, SEED + rigs):
         rig = Rig(seed=seed)
@@ -172,7 +172,7 @@ def law_line(seconds: float, rigs: int) -> str:
     frequency, shapes = [], []
     for seed in range(rigs):
         estimate = identify(Rig(seed=seed).record(0, seconds, rate=1000.0))
-        model = foresee(t_frame(), Record(seconds=seconds)).reference
+        model = study_detectability(t_frame(), Record(seconds=seconds)).reference
         modes: Modes = model.calibration.modes
         nearest = [int(np.argmin(np.abs(np.log(modes.frequency / f)))) for f in estimate.frequency]
         for k, mode in enumerate(nearest):
@@ -199,7 +199,7 @@ def main() -> int:
     for seconds, rigs in ((60.0, 6), (120.0, 6), (600.0, 2)):
         print(law_line(seconds, max(1, rigs * n // 200)), flush=True)
     print("\n| record | times the weakest mass | raise the alarm |\n| ---: | ---: | ---: |")
-    outlooks = {seconds: foresee(t_frame(), Record(seconds=seconds)) for seconds in (60.0, 600.0)}
+    outlooks = {seconds: study_detectability(t_frame(), Record(seconds=seconds)) for seconds in (60.0, 600.0)}
     for outlook in outlooks.values():
         for factor in (0.5, 1.0):
             print(weakest_line(outlook, factor, n), flush=True)
@@ -210,7 +210,7 @@ def main() -> int:
     for mass, seconds in CASES:
         print(found_line(mass, seconds, trials(outlooks[seconds], mass, n)), flush=True)
     print("\n| mass | record | foreseen | found in accelerations |\n| ---: | ---: | ---: | ---: |")
-    print(heard_line(foresee(t_frame(), Record(seconds=120.0)), 0.05, max(1, n // 20)), flush=True)
+    print(heard_line(study_detectability(t_frame(), Record(seconds=120.0)), 0.05, max(1, n // 20)), flush=True)
     return 0
 
 

@@ -9,7 +9,7 @@ from daq.timing.clock_fit import unwrap
 from daq.types import Block, Flag, IndexArray, IntArray
 
 
-class Blocks:
+class BlockBuilder:
     """Cuts scans into blocks: no gap inside, the earliest arrival as the (counter, host time) pair.
 
     A damaged frame passes its checksum once in 2^16: a false counter costs the scans around it, and nothing else. So
@@ -36,7 +36,7 @@ class Blocks:
         self._anchor = None
         self._flags = Flag.RESTARTED
 
-    def go_on_from(self, before: "Blocks", now: int) -> None:
+    def go_on_from(self, before: "BlockBuilder", now: int) -> None:
         """Begin where another reader of the same device and rate has ended, if it has read anything."""
         if before._anchor is not None:
             self._next, self._anchor, self._clock = before._next, before._anchor, before._clock

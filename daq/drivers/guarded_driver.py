@@ -8,7 +8,7 @@ from daq.errors import DriverError
 T = TypeVar("T")
 
 
-class StumbledError(DriverError):
+class DriverCrashedError(DriverError):
     """Error that no driver should raise: the device is lost, and must not be lost for good."""
 
     def __init__(self, device: str, error: Exception) -> None:
@@ -32,4 +32,4 @@ def guarded(device: str, work: Callable[[], T]) -> T:
     except DriverError:
         raise
     except Exception as error:
-        raise StumbledError(device, error) from error
+        raise DriverCrashedError(device, error) from error

@@ -7,7 +7,7 @@ _PART_SECONDS = 20.0  # of wall time
 _TOLERANCE = 0.05  # of the rate: far more than a clock is off
 
 
-class Pace:
+class RateCheck:
     """Tells, once, that a device does not send at the rate that is expected of it.
 
     One that cannot be told its rate, or does as it likes, would shift all frequencies by as much.

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import Any
 
 from daq.drivers.base import Driver
-from daq.drivers.block_builder import Blocks
+from daq.drivers.block_builder import BlockBuilder
 from daq.drivers.guarded_driver import guarded
-from daq.drivers.rate_check import Pace
+from daq.drivers.rate_check import RateCheck
 from daq.errors import DeviceLost, DriverError
 from daq.supervision import SupervisedThread
 from daq.timing.host_clock import HostClock
@@ -51,8 +51,8 @@ class DeviceReader(SupervisedThread):
         self._delay: float = getattr(driver, "delay", 0.0) if delay is None else delay
         self.bad_bytes = 0  #: dropped since the start, as no whole frame held them
         self._n_scans = max(1, round(block_seconds * rate))
-        self._blocks: Blocks = after._blocks if after else self._new_blocks()
-        self._pace = Pace(rate, clock)
+        self._blocks: BlockBuilder = after._blocks if after else self._new_blocks()
+        self._pace = RateCheck(rate, clock)
         self._end: int = after._end if after else 0  # index after the last block handed on
         self._shared: str = after._shared if after else ""  # clock of the last block, if devices share it
         self._identity: dict[str, Any] = {}  # of the device that was there at the start
@@ -80,8 +80,8 @@ class DeviceReader(SupervisedThread):
         self._blocks = self._new_blocks()  # some devices say their scale when they are asked
         self._blocks.go_on_from(before, self._moved())
 
-    def _new_blocks(self) -> Blocks:
-        return Blocks(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
+    def _new_blocks(self) -> BlockBuilder:
+        return BlockBuilder(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
 
     def stop(self) -> None:
         """Ask the thread to end."""

@@ -18,7 +18,7 @@ from daq.files.measurement_file import UNIVERSAL
 from daq.files.origin import Origin
 from daq.files.uff import write_universal
 from daq.log.channel_map import CHANNELS, ChannelMap
-from daq.log.mcap_log import LogWriter
+from daq.log.mcap_log import McapWriter
 from daq.types import Block, Channel, FloatArray, Recording, find_gaps
 
 _LARGEST = (1 << 30) - 1  # count
@@ -82,7 +82,7 @@ def write_recordings(
         if places.count((device, axis)) > 1:
             raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
     known = ChannelMap(channels=first.channels, on_grid=True)
-    writer = LogWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
+    writer = McapWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
     for number, recording in enumerate(recordings):
         warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
         skipped = round((recording.start - first.start) * 1e-9 * first.rate)

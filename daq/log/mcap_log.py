@@ -63,8 +63,8 @@ class Displacement:
     to: str | None = None  #: where it is now, if that is known
 
 
-class LogWriter:
-    """Writes one file of a log; not for several threads (see `LogThread`).
+class McapWriter:
+    """Writes one file of a log; not for several threads (see `WriterThread`).
 
     Parameters
     ----------

@@ -10,8 +10,8 @@ from pathlib import Path
 from daq.errors import ItemError, LogError
 from daq.log.mcap_log import Displacement
 from daq.log.repair import repair_log
-from daq.log.retention import DiskGuard, Surplus
-from daq.log.rotating_writer import LogRecorder
+from daq.log.retention import DiskGuard, ExpiredFile
+from daq.log.rotating_writer import RotatingWriter
 from daq.supervision import error_text
 from daq.types import Block, Event, Item
 
@@ -20,7 +20,7 @@ _RETRY_SECONDS = 5.0
 _LOOK_SECONDS = 1.0  # between looks at whether the open file is still where it was begun
 
 
-class LogKeeper:
+class ResilientWriter:
     """Writes a run's log for as long as there is a disk, and makes room on it; not for several threads.
 
     What was taken since the last flush is kept in memory. If the disk fails, the open file is cut back to that flush,
@@ -40,7 +40,7 @@ class LogKeeper:
     """
 
     def __init__(
-        self, recorder: LogRecorder, guard: DiskGuard, tell: Callable[[Event], None], *, kept: int = _KEPT
+        self, recorder: RotatingWriter, guard: DiskGuard, tell: Callable[[Event], None], *, kept: int = _KEPT
     ) -> None:
         self._recorder, self._guard, self._tell, self._room = recorder, guard, tell, kept
         self._pending: deque[Item] = deque()  # not known to be on the disk
@@ -153,7 +153,7 @@ class LogKeeper:
             self._low = low
             self._say("disk_low" if low else "disk_ok", {"free_gb": round(self._guard.free / 1e9, 3)})
 
-    def _delete(self, surplus: Surplus) -> None:
+    def _delete(self, surplus: ExpiredFile) -> None:
         self._say("log_deleted", {"file": surplus.path.name, "bytes": surplus.size, "why": surplus.why})
         if not self._stopped:
             try:
@@ -192,13 +192,13 @@ class LogKeeper:
                 repair_log(self._cut)
         self._cut = None
 
-    def _surplus(self) -> Surplus | None:
+    def _surplus(self) -> ExpiredFile | None:
         try:
             return self._guard.surplus(full=True)
         except OSError:
             return None  # not even the folder can be read
 
-    def _gone(self, surplus: Surplus) -> bool:
+    def _gone(self, surplus: ExpiredFile) -> bool:
         """Delete a file; tell whether it let itself be deleted."""
         try:
             self._delete(surplus)

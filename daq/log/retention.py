@@ -27,7 +27,7 @@ class Retention:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surplus:
+class ExpiredFile:
     """A file that goes, and why."""
 
     path: Path
@@ -59,7 +59,7 @@ class DiskGuard:
         """Tell whether there is less room than what is to be left free."""
         return self.free < self._retention.least_free
 
-    def surplus(self, *, full: bool = False) -> Surplus | None:
+    def surplus(self, *, full: bool = False) -> ExpiredFile | None:
         """Return the oldest file if it must go; None if nothing must, or if only the newest is left.
 
         A file that is open for writing, and the one finished last, always stay.
@@ -81,7 +81,7 @@ class DiskGuard:
         if why is None:
             return None
         self._due = 0.0  # there may be more
-        return Surplus(path=oldest, size=oldest.stat().st_size, why=why)
+        return ExpiredFile(path=oldest, size=oldest.stat().st_size, why=why)
 
     def _why(self, recorded: list[Path], oldest: Path, *, full: bool) -> str | None:
         """Return why the oldest one must go, None if it need not."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daq.log.format.preview import View, ViewMessage
-from daq.log.mcap_log import Displacement, LogWriter
+from daq.log.mcap_log import Displacement, McapWriter
 from daq.log.naming import log_path
 from daq.log.parts import Part
 from daq.supervision import FAILURES
@@ -24,8 +24,8 @@ class Rotation:
     seconds: float = math.inf  #: of data in a file [s]
 
 
-class LogRecorder:
-    """Writes one run as a sequence of files, each with all attachments; not for several threads (see `LogThread`).
+class RotatingWriter:
+    """Writes one run as a sequence of files, each with all attachments; not for several threads (see `WriterThread`).
 
     Files change between two items after a flush, the new one being there before the old one is finished: all that is
     written stands in one of them, once, and in order.
@@ -61,7 +61,7 @@ class LogRecorder:
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
         self.contents: Counter[str] = Counter()  #: of the open file: device -> scans, "events" -> their number
         self.paths = [log_path(folder, started)]  #: of all files so far
-        self._writer = LogWriter(self.paths[0], attachments, self._part)
+        self._writer = McapWriter(self.paths[0], attachments, self._part)
 
     def write(self, item: Item) -> None:
         """Append a block or an event to the open chunk."""
@@ -109,7 +109,7 @@ class LogRecorder:
         with contextlib.suppress(OSError):  # the file will tell
             self._folder.mkdir(parents=True, exist_ok=True)
         path = log_path(self._folder, self.newest)
-        self._writer = LogWriter(path, self._attachments, part)
+        self._writer = McapWriter(path, self._attachments, part)
         self._part, self._first, self._holds, self._full = part, self.newest, 0, False
         self.contents = Counter()
         self.paths.append(path)
@@ -151,7 +151,7 @@ class LogRecorder:
         self._writer.abandon()
 
 
-def _finish(writer: LogWriter) -> None:
+def _finish(writer: McapWriter) -> None:
     """Finish a file; one whose summary finds no room stays as it was after its last flush, to be mended."""
     try:
         writer.close()

@@ -15,7 +15,7 @@ _PAUSE = 0.05  # s between looks at the queue: to be woken by every item costs m
 
 
 class ItemWriter(Protocol):
-    """Writer of items to a disk: a `LogWriter` or a `LogRecorder`."""
+    """Writer of items to a disk: a `McapWriter` or a `RotatingWriter`."""
 
     def write(self, item: Item) -> None:
         """Take an item."""
@@ -41,7 +41,7 @@ class _Switch:
     then: Callable[[], None]
 
 
-class LogThread:
+class WriterThread:
     """Writes a log in a thread of its own, so that a slow disk never stops a reader.
 
     Parameters

@@ -11,7 +11,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from oma import ChannelFault
 from updater import Circumstances, ModalMean, Reference, stack_tracks
-from updater.modal_data import InTime, is_steady, tone_ratios, trend_of
+from updater.modal_data import SynchronizedWindows, is_steady, tone_ratios, trend_of
 from updater.reference import matched_and_new, matched_surely
 
 THERMOMETER_STD = 0.5  # K, of the mean of a log
@@ -39,7 +39,7 @@ class Event:
 
 def event_of(
     reference: Reference,
-    windows: InTime,
+    windows: SynchronizedWindows,
     tracks: Sequence[IndexArray],
     now: Conditions,
     before: Conditions | None,

@@ -10,7 +10,7 @@ from monitor.analysis.stationarity import of_one_state
 from monitor.errors import State, StateError
 from updater import (
     Circumstances,
-    Explained,
+    DiagnosisResult,
     ModalDataError,
     ModalMean,
     PairingError,
@@ -32,7 +32,7 @@ _FILE_MAY_BE_OFF = "model_parameters"
 class Explanation:
     """A diagnosis with what it rests on."""
 
-    explained: Explained
+    explained: DiagnosisResult
     sought: Reference  #: that the causes were sought with: of a file that is far off, a nearer model's
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
     event: ModalMean  #: (n_tracks,) those that this reference knows, as they were compared
@@ -138,7 +138,7 @@ def _blamed_on(state: State) -> Iterator[None]:
 
 def explain_change(
     structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
-) -> Explained:
+) -> DiagnosisResult:
     """Explain what has changed since the reference logs; errors as for `explain`."""
     return explain(structure, before, after, heldout).explained
 

@@ -18,7 +18,7 @@ from updater import (
     build_model,
     stack_tracks,
 )
-from updater.modal_data import NOT_LATE, InTime, choose_tracks, in_time, without_known
+from updater.modal_data import NOT_LATE, SynchronizedWindows, choose_tracks, in_time, without_known
 
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
@@ -36,7 +36,7 @@ class Observation:
     tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
     temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
-    lateness: InTime = NOT_LATE  #: what the devices were late by, which the estimates are without
+    lateness: SynchronizedWindows = NOT_LATE  #: what the devices were late by, which the estimates are without
     shaped: bool = True  #: whether shapes were measured; else only frequencies count
     stated: bool = False  #: whether deviations are taken at their word: too few windows to learn their scatter from
     sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept

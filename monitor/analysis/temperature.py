@@ -19,7 +19,7 @@ def reading(time: int, celsius: float, source: str) -> Event:
     return Event(topic=TOPIC_TEMPERATURE, time=time, payload={"celsius": celsius, "source": source})
 
 
-class Weather:
+class SiteTemperature:
     """Readings so far, and the temperature of windows.
 
     Parameters

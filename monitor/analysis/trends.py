@@ -4,7 +4,7 @@ import numpy as np
 
 from daq import FloatArray
 from monitor.analysis.observation import Observation
-from monitor.results.comparison import TrendBeside
+from monitor.results.comparison import FrequencyTrend
 from updater import TrackedModes
 
 _LEAST_WINDOWS = 4
@@ -12,13 +12,13 @@ _LEAST_KELVIN = 1.0  # between the coldest and the warmest window
 _LEAST_SPREAD = 0.1  # of amplitudes, standard deviation over mean
 
 
-def trends_beside(observation: Observation) -> tuple[TrendBeside, ...]:
+def trends_beside(observation: Observation) -> tuple[FrequencyTrend, ...]:
     """Return a straight line a mode over temperature and over amplitude; none over what hardly varied.
 
     A line's deviation is that of the windows' stated ones, or of their scatter about it where that is larger.
     """
     modes, temperature, rms = observation.modes, observation.temperature, observation.rms
-    found: list[TrendBeside] = []
+    found: list[FrequencyTrend] = []
     if (
         np.isfinite(temperature).sum() >= _LEAST_WINDOWS
         and np.nanmax(temperature) - np.nanmin(temperature) > _LEAST_KELVIN
@@ -30,7 +30,7 @@ def trends_beside(observation: Observation) -> tuple[TrendBeside, ...]:
     return tuple(found)
 
 
-def _lines(modes: TrackedModes, at: FloatArray, over: str, unit: str) -> list[TrendBeside]:
+def _lines(modes: TrackedModes, at: FloatArray, over: str, unit: str) -> list[FrequencyTrend]:
     lines = []
     for track in range(modes.log_frequency.shape[1]):
         known = np.isfinite(modes.log_frequency[:, track]) & np.isfinite(at)
@@ -40,14 +40,14 @@ def _lines(modes: TrackedModes, at: FloatArray, over: str, unit: str) -> list[Tr
     return lines
 
 
-def _line(value: FloatArray, std: FloatArray, at: FloatArray, over: str, unit: str) -> TrendBeside:
+def _line(value: FloatArray, std: FloatArray, at: FloatArray, over: str, unit: str) -> FrequencyTrend:
     """Return the weighted least-squares line through log frequencies (n,) over their circumstance (n,)."""
     weight = std**-2 / (std**-2).sum()
     off, change = at - weight @ at, value - weight @ value
     inertia = float(weight @ off**2)
     slope = float(weight @ (off * change)) / inertia
     scatter = max(1.0, float((((change - slope * off) / std) ** 2).sum()) / (len(at) - 2)) ** 0.5
-    return TrendBeside(
+    return FrequencyTrend(
         mode=float(np.exp(weight @ value)),
         over=over,
         unit=unit,

@@ -2,8 +2,8 @@
 
 from monitor.detection.baseline_shift import Shift, shift_of, shifted
 from monitor.detection.correlated_noise import effective_number
-from monitor.detection.detectors import DETECTORS, GUARD, DetectorName, Judged, Watched, accept, judge, start
-from monitor.detection.run_length import Watching
+from monitor.detection.detectors import DETECTORS, GUARD, DetectorName, LawState, ScoredWindows, accept, judge, start
+from monitor.detection.run_length import DetectionSettings
 from monitor.detection.sensitivity import Detectable, detectable_change, least_unsure
 from monitor.detection.temperature_law import CHUNK
 from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
@@ -14,13 +14,13 @@ __all__ = [
     "GUARD",
     "NO_TREND",
     "Detectable",
+    "DetectionSettings",
     "DetectorName",
-    "Judged",
+    "LawState",
+    "ScoredWindows",
     "Shift",
     "Trend",
     "TrendWatch",
-    "Watched",
-    "Watching",
     "accept",
     "detectable_change",
     "effective_number",

@@ -7,7 +7,7 @@ import numpy as np
 
 from daq import FloatArray
 from monitor.detection.constant import less_sure
-from monitor.detection.detectors import Judged, Watched
+from monitor.detection.detectors import LawState, ScoredWindows
 from monitor.detection.trend import next_state
 
 
@@ -19,7 +19,7 @@ class Shift:
     std: FloatArray  #: (..., n_tracks) [-]; likewise
 
 
-def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
+def shift_of(watched: LawState, judged: Sequence[ScoredWindows]) -> Shift:
     """Return how far windows of the changed structure lie from what the law predicts.
 
     Their own errors are averaged down; what moves slowly was there in all of them alike, and is not.
@@ -40,7 +40,7 @@ def shift_of(watched: Watched, judged: Sequence[Judged]) -> Shift:
     return Shift(log_frequency=mean * law.scale, std=np.sqrt(fast[..., None] / seen + lasting) * law.scale)
 
 
-def shifted(watched: Watched, shift: Shift, *, back: bool = False) -> Watched:
+def shifted(watched: LawState, shift: Shift, *, back: bool = False) -> LawState:
     """Return a watch whose law predicts the changed frequencies, what it knows of temperature and scatter kept.
 
     The shift is known as well as its deviations say; that much less is known of the law's constant. A mode that is not

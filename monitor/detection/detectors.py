@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from daq import FloatArray
 from monitor.detection.constant import wandered
-from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit
+from monitor.detection.run_length import DetectionSettings, averaged, drift_limit, jump_limit
 from monitor.detection.scores import alone, clipped, distance, tamed
 from monitor.detection.single_mode import SingleModeRuns, most_inconsistent, no_runs, wait
 from monitor.detection.temperature_law import Law, first_law, learn
@@ -32,11 +32,11 @@ _FREEDOMS = 1.25  # ratio of the degrees of freedom that limits are computed for
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Watched:
+class LawState:
     """A law and what watching by it has come to; leading dimensions are sites."""
 
     law: Law
-    watching: Watching
+    watching: DetectionSettings
     climate: Climate  #: temperatures so far
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
     average_lasting: FloatArray  #: (2, ..., n_tracks, n_tracks) covariance of what lasts, as averaged in `average`
@@ -48,7 +48,7 @@ class Watched:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Judged:
+class ScoredWindows:
     """Windows, judged; all distances are over their number of modes."""
 
     value: FloatArray  #: (3, ..., n_windows), by `DETECTORS`
@@ -78,9 +78,9 @@ def start(
     std: FloatArray,
     temperature: FloatArray,
     seconds: FloatArray,
-    watching: Watching,
+    watching: DetectionSettings,
     rms: FloatArray | None = None,
-) -> Watched:
+) -> LawState:
     """Learn from baseline windows.
 
     Parameters
@@ -104,7 +104,7 @@ def start(
     average = np.zeros((len(WEIGHTS), *law.centre.shape))
     lasting = np.repeat(law.lasting(known, np.zeros(1))[None, ..., -1, :, :], len(WEIGHTS), axis=0)
     level = np.repeat(scatter.variance[None, ..., -1], len(WEIGHTS), axis=0)
-    return Watched(
+    return LawState(
         law=law,
         watching=watching,
         climate=climate,
@@ -118,13 +118,13 @@ def start(
 
 
 def judge(
-    watched: Watched,
+    watched: LawState,
     log_frequency: FloatArray,
     temperature: FloatArray,
     seconds: FloatArray,
     std: FloatArray | None = None,
     rms: FloatArray | None = None,
-) -> tuple[Judged, Watched]:
+) -> tuple[ScoredWindows, LawState]:
     """Judge windows by the law; a window over the jump's limit, or whose temperature is unsure, enters no average.
 
     Parameters are those of `start`; without `std`, windows state what the law's baseline did. The law is not changed:
@@ -168,7 +168,7 @@ def judge(
     value, limit = np.array(values), np.array(limits)
     mode = _single(value > limit, np.array([s[0] for s in single]), np.array([s[1] for s in single]))
     waits, runs = wait(watched.runs, mode, score, watched.watching.rate)
-    judged = Judged(
+    judged = ScoredWindows(
         value=np.where(waits, np.minimum(value, limit), value),
         limit=limit,
         terms=known,
@@ -228,18 +228,18 @@ def _single(
 
 
 def accept(
-    watched: Watched,
+    watched: LawState,
     known: FloatArray,
     whitened: FloatArray,
     variance: FloatArray | None = None,
     age: FloatArray | None = None,
-) -> Watched:
+) -> LawState:
     """Learn from windows that have been judged and stayed calm; NaN for those that have not.
 
     Parameters
     ----------
-    known, whitened, variance, age : `terms`, `teaching`, `variance` and `age` of `Judged`; without age, windows enter
-        no weekly mean
+    known, whitened, variance, age : `terms`, `teaching`, `variance` and `age` of `ScoredWindows`; without age, windows
+        enter no weekly mean
     """
     weekly = watched.weekly
     if age is not None:
@@ -286,12 +286,12 @@ def _averaged_lasting(average: FloatArray, lasting: FloatArray, taken: FloatArra
     return out
 
 
-def _lag(watching: Watching) -> int:
+def _lag(watching: DetectionSettings) -> int:
     """Return the windows from one to the next that shares no sample with it."""
     return int(np.ceil(1 / (1 - watching.overlap) - 1e-9))
 
 
-def _limits(law: Law, scatter: Scatter, watching: Watching) -> tuple[FloatArray, FloatArray]:
+def _limits(law: Law, scatter: Scatter, watching: DetectionSettings) -> tuple[FloatArray, FloatArray]:
     """Return limits of jumps (..., n_windows, (p + 1) p), by lasting directions and modes seen, and of drifts (..., 2).
 
     What is open of a window's own variance is so much less of an average's as one window is of that.
@@ -303,7 +303,7 @@ def _limits(law: Law, scatter: Scatter, watching: Watching) -> tuple[FloatArray,
     return tables[0][..., :first], np.stack([table[..., first + i] for i, table in enumerate(tables[1:])], axis=-1)
 
 
-def _table(p: int, freedom: FloatArray, watching: Watching) -> FloatArray:
+def _table(p: int, freedom: FloatArray, watching: DetectionSettings) -> FloatArray:
     """Return limits (..., n_limits) for degrees of freedom (...,), rounded down in steps."""
     steps, back = np.unique(np.floor(np.log(freedom) / np.log(_FREEDOMS)), return_inverse=True)
     rows = np.array([_limits_of(p, float(_FREEDOMS**step), watching) for step in steps])
@@ -311,6 +311,6 @@ def _table(p: int, freedom: FloatArray, watching: Watching) -> FloatArray:
 
 
 @lru_cache(maxsize=256)
-def _limits_of(p: int, freedom: float, watching: Watching) -> tuple[float, ...]:
+def _limits_of(p: int, freedom: float, watching: DetectionSettings) -> tuple[float, ...]:
     jumps = (jump_limit(n, lasting, freedom, watching) for lasting in range(p + 1) for n in range(1, p + 1))
     return (*jumps, *(drift_limit(p, freedom, weight, watching) for weight in WEIGHTS))

@@ -25,7 +25,7 @@ _NODES = 120  # of integrals over a distance
 
 
 @dataclass(frozen=True)
-class Watching:
+class DetectionSettings:
     """Rules by which windows are judged."""
 
     rate: float  #: false alarms a window that a detector may give [-]
@@ -55,7 +55,7 @@ def averaged(weight: float, overlap: float) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=4096)
-def jump_limit(n: int, lasting: int, freedom: float, watching: Watching) -> float:
+def jump_limit(n: int, lasting: int, freedom: float, watching: DetectionSettings) -> float:
     """Return the limit of one window's T2 over its number of modes, for `hold` windows in a row.
 
     Parameters
@@ -69,7 +69,7 @@ def jump_limit(n: int, lasting: int, freedom: float, watching: Watching) -> floa
 
 
 @lru_cache(maxsize=4096)
-def drift_limit(n: int, freedom: float, weight: float, watching: Watching) -> float:
+def drift_limit(n: int, freedom: float, weight: float, watching: DetectionSettings) -> float:
     """Return the limit of an EWMA's squared distance over its number of modes."""
     correlation = averaged(weight, watching.overlap)[1]
     return _limit(_crossing_rate(n, correlation), n, freedom, watching.rate)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from monitor.detection.detectors import GUARD, WEIGHTS, Judged, Watched
+from monitor.detection.detectors import GUARD, WEIGHTS, LawState, ScoredWindows
 from monitor.detection.run_length import averaged
 from monitor.detection.scores import CLIP, distance, tamed
 from monitor.detection.temperature_law import BoolArray, Law
@@ -22,7 +22,7 @@ class Detectable:
     each: FloatArray  #: (n_tracks,) of one mode alone; infinite where no detector finds it
 
 
-def detectable_change(watched: Watched, judged: Judged) -> Detectable:
+def detectable_change(watched: LawState, judged: ScoredWindows) -> Detectable:
     """Return the smallest lasting changes that would be found in the conditions of the last window.
 
     All modes being identified, the change enters the averages for `GUARD` windows, after which the law begins to learn
@@ -49,7 +49,7 @@ def detectable_change(watched: Watched, judged: Judged) -> Detectable:
     return Detectable(alike=float(least[0]), each=least[1:])
 
 
-def least_unsure(watched: Watched, judged: Judged) -> float | None:
+def least_unsure(watched: LawState, judged: ScoredWindows) -> float | None:
     """Return the smallest change that would have put a window over the jump's limit, if the law hides smaller ones.
 
     Parameters
@@ -78,7 +78,7 @@ def least_unsure(watched: Watched, judged: Judged) -> float | None:
     return least if judged.carried[-1] or least > _MUCH * if_sure else None
 
 
-def _least(law: Law, age: FloatArray | None, judged: Judged, terms: FloatArray, seen: BoolArray) -> float:
+def _least(law: Law, age: FloatArray | None, judged: ScoredWindows, terms: FloatArray, seen: BoolArray) -> float:
     covariance = law.lasting(terms, age)[-1] + law.fast * judged.variance[-1] * np.eye(len(law.scale))
     found = _jump(np.where(seen, 1 / law.scale, np.nan), covariance, law, float(judged.limit[0, -1]))
     return min(found, float(_SIZES[-1]))

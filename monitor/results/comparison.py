@@ -11,7 +11,7 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
 
 
-class ModeBeside(_Part):
+class ModeComparison(_Part):
     """A mode, measured beside simulated; None where one of the two is missing."""
 
     simulated: float | None  #: frequency without the causes [Hz]
@@ -33,7 +33,7 @@ class ChannelHealth(_Part):
     delay_std: float | None = None  #: [s]
 
 
-class SensorBeside(_Part):
+class SensorComparison(_Part):
     """A sensor over all modes; the figures after are those with the causes."""
 
     channel: str
@@ -58,7 +58,7 @@ class BalanceResult(_Part):
     log_odds: float  #: log evidence of errors of mass over that of errors of stiffness [-]
 
 
-class SignalBeside(_Part):
+class SignalComparison(_Part):
     """A sensor's signal about the resonances, measured and predicted from the others by the model with the causes."""
 
     channel: str
@@ -72,7 +72,7 @@ class SignalBeside(_Part):
     missed_after: tuple[float | None, ...]  #: with the causes; as without them where there are none
 
 
-class TrendBeside(_Part):
+class FrequencyTrend(_Part):
     """A mode's frequency over what goes with it, window by window, with a straight line through it."""
 
     mode: float  #: mean frequency [Hz]
@@ -97,14 +97,14 @@ class PlaceDensity(_Part):
 class DiscrepancyResult(_Part):
     """All of it."""
 
-    modes: tuple[ModeBeside, ...]  #: pairs and what was simulated only, then what was measured only
+    modes: tuple[ModeComparison, ...]  #: pairs and what was simulated only, then what was measured only
     rows: tuple[float, ...]  #: simulated frequencies of the MAC's rows [Hz]
     columns: tuple[float, ...]  #: measured frequencies of its columns [Hz]
     mac: tuple[tuple[float | None, ...], ...]  #: empty where no shapes were measured
-    sensors: tuple[SensorBeside, ...]
+    sensors: tuple[SensorComparison, ...]
     balance: BalanceResult | None = None
-    signals: tuple[SignalBeside, ...] = ()
-    trends: tuple[TrendBeside, ...] = ()
+    signals: tuple[SignalComparison, ...] = ()
+    trends: tuple[FrequencyTrend, ...] = ()
     places: tuple[PlaceDensity, ...] = ()
     gain_std: Gain | None = None  #: standard deviations of what the causes gain, where that is more than chance
     note: str = ""  #: why a part is missing

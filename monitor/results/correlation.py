@@ -13,25 +13,25 @@ from monitor.results.comparison import (
     BalanceResult,
     ChannelHealth,
     DiscrepancyResult,
-    ModeBeside,
+    FrequencyTrend,
+    ModeComparison,
     PlaceDensity,
-    SensorBeside,
-    SignalBeside,
-    TrendBeside,
+    SensorComparison,
+    SignalComparison,
 )
 from updater import (
-    Explained,
+    DiagnosisResult,
     ModalDataError,
     ModalMean,
     Reference,
     Structure,
+    correlate_modes,
     force_balance,
-    set_beside,
     virtual_sensing,
 )
 from updater.diagnosis import Density, densities
 from updater.reference import matched_surely
-from updater.validation import Discrepancy, ForceBalance, VirtualSensing, as_before, as_extended, as_written
+from updater.validation import ForceBalance, ModalCorrelation, VirtualSensing, as_before, as_extended, as_written
 
 _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 16  # of a sensor's signal that are drawn
@@ -46,9 +46,9 @@ _UNKNOWN: Mapping[str, ChannelHealth] = MappingProxyType({})
 def discrepancy_result(
     reference: Reference,
     measured: ModalMean,
-    explained: Explained,
+    explained: DiagnosisResult,
     recording: Recording | None = None,
-    trends: tuple[TrendBeside, ...] = (),
+    trends: tuple[FrequencyTrend, ...] = (),
     health: Mapping[str, ChannelHealth] = _UNKNOWN,
     *,
     shaped: bool = True,
@@ -94,13 +94,13 @@ def discrepancy_result(
     )
 
 
-def _correlation(simulated: ModalMean, measured: ModalMean, *, shaped: bool) -> Discrepancy:
+def _correlation(simulated: ModalMean, measured: ModalMean, *, shaped: bool) -> ModalCorrelation:
     """Return modes paired; without MAC where the shapes are not measured but the model's own."""
-    paired = set_beside(simulated, measured)
+    paired = correlate_modes(simulated, measured)
     return paired if shaped else replace(paired, mac=np.full_like(paired.mac, np.nan))
 
 
-def _only_sensors(explained: Explained) -> bool:
+def _only_sensors(explained: DiagnosisResult) -> bool:
     """Tell whether faults of sensors are all that is wrong: then forces left over are theirs, not the structure's."""
     causes = explained.diagnosis.causes
     return bool(causes) and all(c.where is not None and c.where.channels and not c.where.position for c in causes)
@@ -150,7 +150,7 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _compared(reference: Reference, expected: ModalMean, told: ModalMean, before: Discrepancy) -> BoolArray:
+def _compared(reference: Reference, expected: ModalMean, told: ModalMean, before: ModalCorrelation) -> BoolArray:
     """Tell which of the modes that are expected (n_simulated,) take part in the search for causes.
 
     Those of the baseline do, where what was measured is surely the same mode; of those that were not seen none is in
@@ -161,22 +161,22 @@ def _compared(reference: Reference, expected: ModalMean, told: ModalMean, before
     return np.where(before.partner >= 0, sure, known)
 
 
-def _modes(before: Discrepancy, after: Discrepancy | None, compared: BoolArray) -> tuple[ModeBeside, ...]:
+def _modes(before: ModalCorrelation, after: ModalCorrelation | None, compared: BoolArray) -> tuple[ModeComparison, ...]:
     pairs = [_mode(before, after, i, compared=bool(compared[i])) for i in range(len(before.simulated))]
     extra = before.extra if after is None else np.array([k for k in before.extra if k in after.extra], np.intp)
     explained = [] if after is None else [_fresh(after, before, int(k)) for k in before.extra if k not in after.extra]
     lone = [
-        ModeBeside(simulated=None, measured=float(before.measured[k]), off_percent=None, std_percent=None, mac=None)
+        ModeComparison(simulated=None, measured=float(before.measured[k]), off_percent=None, std_percent=None, mac=None)
         for k in extra
     ]
     return (*pairs, *explained, *lone)
 
 
-def _mode(before: Discrepancy, after: Discrepancy | None, row: int, *, compared: bool) -> ModeBeside:
+def _mode(before: ModalCorrelation, after: ModalCorrelation | None, row: int, *, compared: bool) -> ModeComparison:
     """Return a simulated mode with its partner, and how the partner fits the extended model."""
     column = int(before.partner[row])
     if column < 0:
-        return ModeBeside(
+        return ModeComparison(
             simulated=float(before.simulated[row]),
             measured=None,
             off_percent=None,
@@ -185,7 +185,7 @@ def _mode(before: Discrepancy, after: Discrepancy | None, row: int, *, compared:
             compared=compared,
         )
     off, mac = _fit(after, column) if after else (None, None)
-    return ModeBeside(
+    return ModeComparison(
         simulated=float(before.simulated[row]),
         measured=float(before.measured[column]),
         off_percent=100 * float(np.expm1(before.off[row])),
@@ -197,17 +197,17 @@ def _mode(before: Discrepancy, after: Discrepancy | None, row: int, *, compared:
     )
 
 
-def _fresh(after: Discrepancy, before: Discrepancy, column: int) -> ModeBeside:
+def _fresh(after: ModalCorrelation, before: ModalCorrelation, column: int) -> ModeComparison:
     """Return a measured mode that only the extended model has."""
     off, mac = _fit(after, column)
     frequency = float(before.measured[column])
-    return ModeBeside(
+    return ModeComparison(
         simulated=None, measured=frequency, off_percent=None, std_percent=None, mac=None,
         off_percent_after=off, mac_after=mac,
     )  # fmt: skip
 
 
-def _fit(after: Discrepancy, column: int) -> tuple[float | None, float | None]:
+def _fit(after: ModalCorrelation, column: int) -> tuple[float | None, float | None]:
     row = np.flatnonzero(after.partner == column)
     if not len(row):
         return None, None
@@ -215,11 +215,11 @@ def _fit(after: Discrepancy, column: int) -> tuple[float | None, float | None]:
 
 
 def _sensors(
-    before: Discrepancy, after: Discrepancy | None, heard: Heard | None, health: Mapping[str, ChannelHealth]
-) -> tuple[SensorBeside, ...]:
+    before: ModalCorrelation, after: ModalCorrelation | None, heard: Heard | None, health: Mapping[str, ChannelHealth]
+) -> tuple[SensorComparison, ...]:
     missed: Mapping[str, dict[str, float]] = _missed(heard) if heard else {}
     return tuple(
-        SensorBeside(
+        SensorComparison(
             channel=channel,
             comac=float(before.comac[i]),
             residual=float(before.residual[i]),
@@ -255,13 +255,13 @@ def _balance(found: ForceBalance) -> BalanceResult:
     )
 
 
-def _signals(before: VirtualSensing, after: VirtualSensing | None) -> tuple[SignalBeside, ...]:
+def _signals(before: VirtualSensing, after: VirtualSensing | None) -> tuple[SignalComparison, ...]:
     """Return the sensors that are missed most beyond what must be missed."""
     excess = np.sqrt(np.maximum(before.error**2 - before.expected**2, 0))
     return tuple(_signal(before, after or before, int(c)) for c in np.argsort(-excess, kind="stable")[:_WORST])
 
 
-def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> SignalBeside:
+def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> SignalComparison:
     """Return a few periods in the middle, drawn finely (they are limited to the band), and the spectra."""
     power = before.spectrum[:, channel]
     typical = float(np.sqrt(np.nansum(before.frequency**2 * power) / np.nansum(power)))  # of zero crossings (Rice 1945)
@@ -275,7 +275,7 @@ def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> Sign
         part = values[whole, channel]
         return _plain(np.asarray(resample(part, over * len(part)))[drawn])
 
-    return SignalBeside(
+    return SignalComparison(
         channel=before.channels[channel],
         start=first / before.rate,
         step=1 / (before.rate * over),

@@ -22,7 +22,7 @@ _MOST_DRAWN = 300  # windows whose spectrum and posterior are kept in the file
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Story:
+class RunResults:
     """Results that are drawn, in the order of time."""
 
     name: str

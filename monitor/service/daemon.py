@@ -12,9 +12,9 @@ from monitor.errors import MonitorError
 from monitor.results.windows import Result
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site
-from monitor.service.site_run import Running
+from monitor.service.site_run import SiteRun
 from monitor.service.systemd.notify import ServiceManager
-from monitor.watch.memory import NOTHING, Recalled
+from monitor.watch.memory import NOTHING, LoadedState
 from updater import UpdaterError
 
 _MAX_REFUSAL = 500  # characters
@@ -66,7 +66,7 @@ def run(
     live: LiveView | None = None,
     *,
     takers: Sequence[Callable[[Item], None]] = (),
-    recalled: Recalled = NOTHING,
+    recalled: LoadedState = NOTHING,
     mended: Sequence[str] = (),
     reread: Callable[[], Site | None] = lambda: None,
 ) -> RunReport:
@@ -89,7 +89,7 @@ def run(
         If a device does not answer or the log cannot be made.
     """
     manager = ServiceManager()
-    with Running(site, on_result, live, takers, recalled, mended) as running:
+    with SiteRun(site, on_result, live, takers, recalled, mended) as running:
         manager.ready()
         while not stop.is_set():
             if running.turn():
@@ -101,7 +101,7 @@ def run(
     return RunReport(logs=running.logs.files, dropped=running.logs.dropped, disk_failure=running.logs.disk_failure)
 
 
-def _reload(running: Running, reread: Callable[[], Site | None], manager: ServiceManager) -> None:
+def _reload(running: SiteRun, reread: Callable[[], Site | None], manager: ServiceManager) -> None:
     """Go on with new settings if there are any; those that cannot be used, whatever they raise, are refused."""
     try:
         site = reread()

@@ -18,19 +18,19 @@ from daq import (
     Event,
     HostClock,
     Item,
-    LogKeeper,
-    LogRecorder,
-    LogThread,
+    ResilientWriter,
     Retention,
+    RotatingWriter,
     Rotation,
+    WriterThread,
 )
 from monitor.errors import StartError
 from monitor.results.events import TOPIC_STOPPED, result_event
 from monitor.results.windows import Result
 from monitor.service.site import Site
-from monitor.service.worker import AnalysisError, Kept, Told, Worker
+from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
 from monitor.settings import RecorderSettings
-from monitor.watch.memory import MEMORY, MemoryFile, Recalled, fitting
+from monitor.watch.memory import MEMORY, LoadedState, MemoryFile, fitting
 from updater import parse_structure
 
 _BLOCK_SECONDS = 0.2  # of data in a block of a device
@@ -41,7 +41,7 @@ _MOST_WINDOWS, _MOST_SECONDS = 10.0, 600.0  # that may wait: windows, but second
 class Analysis:
     """Both, not started yet: what is fed waits until the worker is."""
 
-    keeper: LogKeeper
+    keeper: ResilientWriter
     worker: Worker
 
 
@@ -70,7 +70,7 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
     }
     if memory:
         attachments[MEMORY] = memory
-    recorder = LogRecorder(
+    recorder = RotatingWriter(
         folder,
         attachments,
         clock.now(),
@@ -78,7 +78,7 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
         view_rate=recorder_settings.view_rate,
     )
     return Analysis(
-        keeper=LogKeeper(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),
+        keeper=ResilientWriter(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),
         worker=Worker(site.structure_text, site.site_text, memory, keep=True),
     )
 
@@ -154,7 +154,7 @@ class FinishedLog:
     problem: str | None
 
 
-class Succession:
+class LogAndAnalysis:
     """The log that is written and the analysis that is fed now, and all before them.
 
     All methods but `put`, `say` and `_take` are for one thread.
@@ -176,16 +176,16 @@ class Succession:
         on_result: Callable[[Result], None],
         hand_on: Callable[[Item], None],
         lost: Callable[[], list[str]],
-        recalled: Recalled,
+        recalled: LoadedState,
     ) -> None:
         self.site, self._clock, self._on_result, self._hand_on, self._lost = site, clock, on_result, hand_on, lost
         self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, clock, self._take, self._kept)
         self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
-        self._logs: list[LogKeeper | FinishedLog] = [self._analysis.keeper]  # all so far
+        self._logs: list[ResilientWriter | FinishedLog] = [self._analysis.keeper]  # all so far
         seconds = site.settings.recorder.chunk_seconds
-        self._log = LogThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
+        self._log = WriterThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
         self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
 
     def __enter__(self) -> Self:
@@ -296,7 +296,7 @@ class Succession:
         """Items that wait for the log, and for the analysis."""
         return {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0}
 
-    def _problem(self, log: LogKeeper | FinishedLog) -> str | None:
+    def _problem(self, log: ResilientWriter | FinishedLog) -> str | None:
         """Tell what is not in a log, and why."""
         if isinstance(log, FinishedLog) or self._log.failure is None:
             return log.problem
@@ -330,7 +330,7 @@ class Succession:
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept
 
-    def _go_over(self, old: LogKeeper, new: Analysis) -> None:
+    def _go_over(self, old: ResilientWriter, new: Analysis) -> None:
         """Feed the new analysis, the old log being closed; in the log's thread."""
         self._logs[self._logs.index(old)] = FinishedLog(paths=old.paths, problem=self._problem(old))
         self._worker = new.worker
@@ -351,8 +351,8 @@ class Succession:
             return False
         return True
 
-    def _tell(self, result: Told) -> None:
-        if isinstance(result, Kept):
+    def _tell(self, result: WorkerMessage) -> None:
+        if isinstance(result, SavedState):
             self._memory.expect(result.text)
             self._kept = result.text
             return

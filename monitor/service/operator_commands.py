@@ -25,21 +25,21 @@ def _one_line(text: str) -> str:
 Words = Annotated[str, AfterValidator(_one_line)]
 
 
-class Word(BaseModel):
+class OperatorCommand(BaseModel):
     """Command of a person."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     by: Words = ""
 
 
-class Acknowledgement(Word):
+class Acknowledgement(OperatorCommand):
     """A person knows of the alarm."""
 
     kind: Literal["acknowledge"] = "acknowledge"
     note: Words = ""
 
 
-class Acceptance(Word):
+class Acceptance(OperatorCommand):
     """Acceptance: the change that raised the alarm is intended, or explained, and becomes the new reference."""
 
     kind: Literal["accept"] = "accept"
@@ -47,14 +47,14 @@ class Acceptance(Word):
     alarm: int | None = None  #: when the alarm that is meant was raised [ns UTC]; the one that stands
 
 
-class Undoing(Word):
+class UndoAcceptance(OperatorCommand):
     """The last acceptance was wrong."""
 
     kind: Literal["undo"] = "undo"
     note: Words = ""
 
 
-Said = Acknowledgement | Acceptance | Undoing
+Said = Acknowledgement | Acceptance | UndoAcceptance
 _TOPICS = {"acknowledge": TOPIC_ACKNOWLEDGE, "accept": TOPIC_ACCEPT, "undo": TOPIC_UNDO}
 _SAID: TypeAdapter[Said] = TypeAdapter(Annotated[Said, Field(union_mode="left_to_right")])
 

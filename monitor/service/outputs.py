@@ -8,7 +8,7 @@ from typing import Any, Self
 from daq import FAILURES, Item, error_text
 from monitor.errors import StartError
 from monitor.outputs.history import HistoryRecorder
-from monitor.outputs.notices import Courier
+from monitor.outputs.notices import NoticeSender
 from monitor.service.servers.live_view import LiveView
 from monitor.service.servers.web import WebServer, web_process
 from monitor.service.site import Site
@@ -17,7 +17,7 @@ _AGAIN_SECONDS = 60.0  # until what died is served again
 Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
-class Outlets:
+class Outputs:
     """All of them; `put` is for the log's thread, the rest for the one that made it.
 
     Parameters
@@ -166,7 +166,7 @@ class Outlets:
             self._server = self._web.enter_context(server)
 
 
-Part = HistoryRecorder | Courier
+Part = HistoryRecorder | NoticeSender
 
 
 def _start(parts: Sequence[Part]) -> None:
@@ -187,6 +187,6 @@ def _history(site: Site) -> HistoryRecorder:
     return HistoryRecorder(site.source.url, spool, keep_events=keep)
 
 
-def _couriers(site: Site) -> list[Courier]:
+def _couriers(site: Site) -> list[NoticeSender]:
     targets = enumerate(site.settings.notify, 1)
-    return [Courier(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]
+    return [NoticeSender(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]

@@ -19,7 +19,7 @@ from daq import (
     Item,
     LogError,
     LogExcerpt,
-    LogWriter,
+    McapWriter,
     absent_devices,
     read_attachments,
     read_channel_map,
@@ -30,7 +30,7 @@ from monitor.results.events import TOPIC_STOPPED, event_result, result_event
 from monitor.results.replay_comparison import ReplayComparison, compare_results
 from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
 from monitor.service.site import Site
-from monitor.service.worker import Kept, Told, Worker
+from monitor.service.worker import SavedState, Worker, WorkerMessage
 from monitor.settings import Override, attachable, overridden, parse_settings
 from monitor.watch.memory import MEMORY, NOTHING, fitting
 from updater import parse_structure
@@ -102,7 +102,7 @@ def replay(
     with worker, ThreadPoolExecutor(1) as feeder:
         feeding = feeder.submit(_feed, log, worker, logged, devices)
         for result in _until_last(worker):
-            if isinstance(result, Kept):
+            if isinstance(result, SavedState):
                 kept = result.text
                 continue
             found.append(result)
@@ -146,7 +146,7 @@ def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
     LogError
         If the file exists or cannot be made.
     """
-    writer, results = LogWriter(path, report.attached), deque(map(result_event, report.found))
+    writer, results = McapWriter(path, report.attached), deque(map(result_event, report.found))
     for item in read_log(log):
         if isinstance(item, Event) and event_result(item) is not None:
             continue
@@ -207,7 +207,7 @@ def _is_last(item: Item) -> bool:
     return isinstance(item, Event) and item.topic == TOPIC_STOPPED
 
 
-def _until_last(worker: Worker) -> Iterator[Told]:
+def _until_last(worker: Worker) -> Iterator[WorkerMessage]:
     while True:
         for result in worker.results(1.0):
             if result is None:

@@ -13,23 +13,23 @@ from monitor.errors import SettingsError
 from monitor.results.windows import Result
 from monitor.service.acquisition.devices import Devices, Drivers, site_clock, site_drivers
 from monitor.service.acquisition.thermometer import Thermometer, thermometer
-from monitor.service.log_and_analysis import Succession, analysed_alike, logs_of, prepare_logs
+from monitor.service.log_and_analysis import LogAndAnalysis, analysed_alike, logs_of, prepare_logs
 from monitor.service.operator_commands import Inbox, inbox_of
-from monitor.service.outputs import Outlets
+from monitor.service.outputs import Outputs
 from monitor.service.processes import trim_memory
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site
-from monitor.service.status import NAME, Pace, Vitals
+from monitor.service.status import NAME, MonitorStatus, Pace
 from monitor.service.systemd.notify import SignsOfLife
 from monitor.settings import Settings
-from monitor.watch.memory import Recalled
+from monitor.watch.memory import LoadedState
 
 _SWEEP = 60.0  # s
 _POLL = 0.2  # s: of a turn that has failed
 _STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which on it is followed; s until it is again
 
 
-class Running:
+class SiteRun:
     """Readers and writer in threads, analysis in a process, and what is told of it.
 
     All methods but `_take` are for one thread.
@@ -50,17 +50,17 @@ class Running:
         on_result: Callable[[Result], None],
         live: LiveView | None,
         takers: Sequence[Callable[[Item], None]],
-        recalled: Recalled,
+        recalled: LoadedState,
         mended: Sequence[str],
     ) -> None:
         self._site, self._takers = site, takers
         self._clock = site_clock(site.settings)
         self._mended = mended
-        self._inbox, self._outlets = Inbox(site.state), Outlets(site, live)
+        self._inbox, self._outlets = Inbox(site.state), Outputs(site, live)
         settings = site.settings
-        self.vitals = Vitals(site.state / NAME, _names(site), pace_of(settings), self._clock, settings.device_of)
+        self.vitals = MonitorStatus(site.state / NAME, _names(site), pace_of(settings), self._clock, settings.device_of)
         #: the log that is written and the analysis that is fed, and all before them
-        self.logs = Succession(site, self._clock, on_result, self._take, lambda: self.vitals.lost, recalled)
+        self.logs = LogAndAnalysis(site, self._clock, on_result, self._take, lambda: self.vitals.lost, recalled)
         self._thermometer = ExitStack()
         self._reads: Thermometer | None = None
         self._devices = Devices(self._clock, self.logs.put)

@@ -24,7 +24,7 @@ from monitor.results.windows import (
     WindowResult,
 )
 from monitor.service.processes import held_memory
-from monitor.watch.blindness import Sight, Unheard
+from monitor.watch.blindness import MissingChannels, Sight
 
 _LAST = 10  # windows over which an overload is reported: one window in time does not end it
 
@@ -67,7 +67,7 @@ _LUMP = 2.0  # s that scans may take until they are logged: a device that is sil
 
 
 @dataclass
-class DeviceVitals:
+class DeviceStatus:
     """One device since the start."""
 
     scans: int = 0
@@ -99,7 +99,7 @@ class Pace:
     tests: bool = True  #: whether there are self-tests now and then: if not, the last one says nothing any more
 
 
-class Vitals:
+class MonitorStatus:
     """Gathers the state of a run; called from the log's thread and the main one.
 
     All ages are by the clock that nobody sets: the file has them as they were when it was written.
@@ -124,12 +124,12 @@ class Vitals:
         self._clock, self._device_of = clock, device_of
         self._late: dict[str, float] = {}  # of results: since their last sample came [s of wall time]
         self._path, self._lock, self._started = path, threading.Lock(), time.time()
-        self._devices = {name: DeviceVitals() for name in devices}
+        self._devices = {name: DeviceStatus() for name in devices}
         self._pace, self._windowed = pace, time.monotonic()
         self._heard_first = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
         self._novelty: dict[str, Any] = {}  # of the last window that was judged
-        self._sight, self._unheard = Sight(), Unheard()
+        self._sight, self._unheard = Sight(), MissingChannels()
         self._overload = Overload()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         before = last_written(path)
@@ -155,7 +155,7 @@ class Vitals:
     def follow(self, devices: tuple[str, ...], pace: Pace, device_of: Mapping[str, str]) -> None:
         """Follow these devices from now on, whose first window begins now; what is known of those that stay is kept."""
         with self._lock:
-            self._devices = {name: self._devices.get(name, DeviceVitals()) for name in devices}
+            self._devices = {name: self._devices.get(name, DeviceStatus()) for name in devices}
             self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
     def said(self) -> Iterator[Said]:

@@ -32,13 +32,13 @@ _KEPT = {"MALLOC_MMAP_THRESHOLD_": "1000000000", "MALLOC_TRIM_THRESHOLD_": "4000
 
 
 @dataclass(frozen=True)
-class Kept:
+class SavedState:
     """State to continue from after a restart, once the results before it are logged."""
 
     text: str
 
 
-Told = Result | Kept
+WorkerMessage = Result | SavedState
 
 
 class AnalysisError(RuntimeError):
@@ -69,7 +69,7 @@ class Worker:
     ) -> None:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item | None] = queue_to_child(capacity)
-        self._outbox: Queue[Told | None] = context.Queue()
+        self._outbox: Queue[WorkerMessage | None] = context.Queue()
         self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
         self._environment = _ENVIRONMENT | (_GIVEN_BACK if skipped is None else _KEPT)
         task = _Task(structure, site, memory, keep, skipped, self._newest)
@@ -113,7 +113,7 @@ class Worker:
             except queue.Full:
                 self._check_alive()
 
-    def results(self, timeout: float) -> Iterator[Told | None]:
+    def results(self, timeout: float) -> Iterator[WorkerMessage | None]:
         """Yield the results and memories that are there within `timeout` [s]; None is the last one.
 
         Raises
@@ -152,7 +152,7 @@ class _Task:
     newest: _Shared  #: until when signals have come [ns UTC]
 
 
-def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[Told | None]") -> None:
+def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | None]") -> None:
     """Run the pipeline until the last item."""
     os.nice(5)  # acquisition comes first
     from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
@@ -167,7 +167,7 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[Told | None]") ->
             outbox.put(result)
             said = True
         if said and task.keep:
-            outbox.put(Kept(memory_text(pipeline.memory)))
+            outbox.put(SavedState(memory_text(pipeline.memory)))
         if said and task.skipped is None:
             trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
     outbox.cancel_join_thread()  # the parent was killed: nobody will ever read what is still on its way

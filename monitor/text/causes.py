@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor.results.comparison import BalanceResult, SensorBeside, Vector
+from monitor.results.comparison import BalanceResult, SensorComparison, Vector
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.quantities import number_text, plain, share_text
 from updater import Cause, Diagnosis, Gain
@@ -211,7 +211,7 @@ def change_data_text(gain: Gain) -> str:
     return "on held-out logs" if gain.heldout else "cross-validated: each mode from the others"
 
 
-def missed_text(sensors: Sequence[SensorBeside]) -> str:
+def missed_text(sensors: Sequence[SensorComparison]) -> str:
     """Say what the prediction of each sensor from the others misses of all signals; empty where none was made."""
     missed = [s.missed for s in sensors if s.missed is not None]
     if not missed:

@@ -3,7 +3,7 @@
 import math
 
 from monitor.detection import Trend
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import ModeTrend, TrendResult
 
 _WEEK = 7 * 86400.0  # s
@@ -37,7 +37,7 @@ def trend_text(trend: TrendResult | None) -> str:
     )
 
 
-def standing_trend(story: Story) -> str:
+def standing_trend(story: RunResults) -> str:
     """Return the trend of the last window that was judged; empty where there is none."""
     judged = [window.novelty for window in story.watched if window.novelty]
     return trend_text(judged[-1].trend) if judged and judged[-1].trend else ""

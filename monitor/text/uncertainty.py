@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import takewhile
 
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import Novelty, SingleMode, Unsure
 
 
@@ -35,7 +35,7 @@ def _between(lowest: float, highest: float) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def unsure_now(story: Story) -> str:
+def unsure_now(story: RunResults) -> str:
     """Return what could be found in the last windows; empty where the law was sure in the newest one."""
     judged = _judged(story)
     last = list(takewhile(lambda unsure: unsure is not None, (novelty.unsure for novelty in reversed(judged))))
@@ -44,14 +44,14 @@ def unsure_now(story: Story) -> str:
     return "; ".join(part for part in (unsure, single_mode_text(single) if single else "") if part)
 
 
-def unsure_ever(story: Story) -> str:
+def unsure_ever(story: RunResults) -> str:
     """Say what could be told in all windows in which the law was unsure; empty where it never was."""
     judged = _judged(story)
     found = [novelty.unsure for novelty in judged if novelty.unsure]
     return _of(found, f"{len(found)} of {len(judged)} windows")
 
 
-def _judged(story: Story) -> list[Novelty]:
+def _judged(story: RunResults) -> list[Novelty]:
     return [window.novelty for window in story.watched if window.novelty]
 
 

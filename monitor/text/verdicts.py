@@ -1,6 +1,6 @@
 """Verdicts and headlines in words."""
 
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.causes import cause_text, change_text, mass_text
 from monitor.text.quantities import utc
@@ -32,7 +32,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
 
 
-def changed_between(story: Story) -> tuple[int, int] | None:
+def changed_between(story: RunResults) -> tuple[int, int] | None:
     """Return start and end [ns UTC] of the window that first showed the last alarm's change; None if none did."""
     raised = [alarm.time for alarm in story.alarms if alarm.raised]
     if raised and raised[-1] <= story.start:
@@ -47,7 +47,7 @@ def changed_between(story: Story) -> tuple[int, int] | None:
     return (first.start, first.end) if first else None
 
 
-def last_state(story: Story) -> str:
+def last_state(story: RunResults) -> str:
     """Return the alarm's state at the end: learning, normal, watch or alarm."""
     if not story.watched and not story.reference:
         return "learning"
@@ -60,7 +60,7 @@ def accepted_text(change: AcceptedShift, time: int) -> str:
     return f"as {change.cause!r}{by}, {utc(time)}"
 
 
-def headline(story: Story, diagnosis: Diagnosis | None) -> str:
+def headline(story: RunResults, diagnosis: Diagnosis | None) -> str:
     """Return the verdict of a run in one sentence."""
     state, n = last_state(story), len(story.watched)
     if state == "learning":
@@ -84,7 +84,7 @@ def headline(story: Story, diagnosis: Diagnosis | None) -> str:
     return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
 
 
-def _what(story: Story, diagnosis: Diagnosis | None) -> str:
+def _what(story: RunResults, diagnosis: Diagnosis | None) -> str:
     if diagnosis and not (story.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
         return change_text(diagnosis)
     if not story.answers:
@@ -107,7 +107,7 @@ def is_one_mass(diagnosis: Diagnosis) -> bool:
     return bool(diagnosis.causes) and one and "added_mass" in kinds and kinds <= _MASSES
 
 
-def _when(story: Story) -> str:
+def _when(story: RunResults) -> str:
     between = changed_between(story)
     if between is None:
         return ""

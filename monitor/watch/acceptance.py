@@ -10,7 +10,7 @@ from monitor.detection import Shift
 from monitor.optional import run_optional
 from monitor.settings import Settings
 from monitor.text.causes import change_text
-from monitor.watch.accepted_change import Accepted, Wanted
+from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.answer import diagnosis_of
 from monitor.watch.baseline import Watch, learn_watch
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
@@ -29,7 +29,7 @@ def accept_change(
     pure: Sequence[Window],
     devices: Mapping[str, str],
     settings: Settings,
-    wanted: Wanted,
+    wanted: AcceptanceRequest,
     raised: int,
 ) -> Watch:
     """Return what to watch by from now on.
@@ -54,7 +54,7 @@ def accept_change(
     """
     text, found = _explained(watch, pure, devices)
     known, shift = watch.detector.moved(len(pure))
-    change = Accepted(
+    change = AcceptedChange(
         time=pure[-1].end,
         raised=raised,
         cause=wanted.cause,

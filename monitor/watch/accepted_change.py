@@ -11,7 +11,7 @@ from monitor.results.windows import AcceptedShift
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Accepted:
+class AcceptedChange:
     """One accepted change of the structure."""
 
     time: int  #: when it became the reference [ns UTC]
@@ -44,7 +44,7 @@ class Accepted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class AcceptanceRequest:
     """An acceptance that waits for windows of the changed structure."""
 
     cause: str

@@ -5,7 +5,7 @@ from typing import Any
 
 from monitor.analysis.event import Event
 from monitor.analysis.window import Window
-from monitor.optional import Extras
+from monitor.optional import OptionalWork
 from monitor.results.comparison import ChannelHealth
 from monitor.results.convert import increment_result, mass_answer
 from monitor.results.windows import MassAnswer, MassIncrements
@@ -14,25 +14,25 @@ from monitor.text.verdicts import is_one_mass
 from monitor.watch.baseline import Watch
 from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
 from updater import (
-    Explained,
+    DiagnosisResult,
     ModalDataError,
     ModalMean,
     PairingError,
     Reference,
     Structure,
-    locate_and_sharpen,
+    locate_mass_with_forecast,
     stack_tracks,
 )
-from updater.modal_data import InTime
+from updater.modal_data import SynchronizedWindows
 
 
-def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> InTime:
+def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:
     """Return windows with what their devices (of each channel) were late by."""
-    return InTime(tuple(w.in_time for w in windows), devices, tuple(w.removed for w in windows))
+    return SynchronizedWindows(tuple(w.in_time for w in windows), devices, tuple(w.removed for w in windows))
 
 
 def answer(
-    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], structure: Structure, extras: Extras
+    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], structure: Structure, extras: OptionalWork
 ) -> dict[str, Any]:
     """Return the fields of a `WindowResult` that explain a change; none without windows.
 
@@ -71,7 +71,9 @@ def answer(
     return found
 
 
-def diagnosis_of(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[Explained, Event] | None:
+def diagnosis_of(
+    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]
+) -> tuple[DiagnosisResult, Event] | None:
     """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
     try:
         return explain_windows(watch.reference, watch.before, conditions_of(pure), in_time_of(pure, devices))
@@ -80,7 +82,7 @@ def diagnosis_of(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str
 
 
 def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
-    change, outlook = locate_and_sharpen(reference, modes)
+    change, outlook = locate_mass_with_forecast(reference, modes)
     return mass_answer(structure, change, n_windows, outlook.said)
 
 

@@ -12,7 +12,7 @@ from monitor.analysis.event import Conditions
 from monitor.analysis.window import Window
 from monitor.results.windows import Novelty, Unsure
 from monitor.settings import Settings
-from monitor.watch.accepted_change import Accepted
+from monitor.watch.accepted_change import AcceptedChange
 from monitor.watch.detector import Detector, DetectorState, first_state
 from monitor.watch.explanation import conditions_of
 from oma import ModalEstimate, Tracker
@@ -47,7 +47,7 @@ class Watch:
     """Learnt baseline, with everything needed to watch."""
 
     baseline: tuple[Window, ...]
-    accepted: tuple[Accepted, ...]  #: changes of the structure since, in order
+    accepted: tuple[AcceptedChange, ...]  #: changes of the structure since, in order
     before: Conditions  #: in the windows that the reference is learnt from
     tracker: Tracker
     watched: IndexArray  #: (n_watched,) tracks whose modes the reference has, in its order: all but hidden ones
@@ -89,7 +89,7 @@ def learn_watch(
     devices: Mapping[str, str],
     settings: Settings,
     known: DetectorState | None = None,
-    accepted: Sequence[Accepted] = (),
+    accepted: Sequence[AcceptedChange] = (),
 ) -> Watch:
     """Learn from baseline windows, and from those of changes that were accepted since.
 

@@ -11,7 +11,7 @@ LASTING = 2  #: windows in a row from which on a channel is told: a gap, or a bl
 
 
 @dataclass(frozen=True)
-class Unheard:
+class MissingChannels:
     """Channels without data in the last windows, and the reports on them."""
 
     windows: Mapping[str, int] = field(default_factory=dict)  #: channel -> in how many windows in a row by now
@@ -19,18 +19,18 @@ class Unheard:
     gone: tuple[tuple[tuple[str, ...], str], ...] = ()  #: groups that the last window added, and why
     back: tuple[str, ...] = ()  #: channels that it heard again
 
-    def after(self, window: WindowResult) -> "Unheard":
+    def after(self, window: WindowResult) -> "MissingChannels":
         """Return the same after one more window; one without modes says nothing of single channels.
 
         A channel that the site does not have any more is forgotten: nobody has heard it again.
         """
         if window.problem:
-            return Unheard(self.windows, self.lasting)
+            return MissingChannels(self.windows, self.lasting)
         windows = {channel: self.windows.get(channel, 0) + 1 for channel in window.faults}
         lasting = {c: self.lasting.get(c, why) for c, why in window.faults.items() if windows[c] >= LASTING}
         gone = {c: why for c, why in lasting.items() if c not in self.lasting}
         back = (c for c in self.lasting if c in window.channels)
-        return Unheard(windows, lasting, tuple(by_reason(gone)), tuple(back))
+        return MissingChannels(windows, lasting, tuple(by_reason(gone)), tuple(back))
 
     @property
     def texts(self) -> list[str]:

@@ -32,7 +32,7 @@ from updater import (
     ModalMean,
     PairingError,
     Structure,
-    locate_and_sharpen,
+    locate_mass_with_forecast,
     stack_tracks,
 )
 
@@ -142,7 +142,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     late = in_time_of(pure, devices)
     try:
         explained, _ = explain_windows(watch.reference, watch.before, conditions_of(pure), late)
-        found, _ = locate_and_sharpen(watch.reference, event)
+        found, _ = locate_mass_with_forecast(watch.reference, event)
     except (ModalDataError, PairingError) as error:
         raise ProofError(f"the change cannot be explained: {error}") from error
     return Evidence(

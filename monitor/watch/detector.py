@@ -12,11 +12,11 @@ from monitor.detection import (
     DETECTORS,
     GUARD,
     NO_TREND,
-    Judged,
+    DetectionSettings,
+    LawState,
+    ScoredWindows,
     Shift,
     TrendWatch,
-    Watched,
-    Watching,
     accept,
     detectable_change,
     follow_trend,
@@ -39,10 +39,10 @@ _YEAR = 365.25 * 86400  # s
 class DetectorState:
     """State of the evaluation of windows."""
 
-    watched: Watched
+    watched: LawState
     before: int  #: start of the last window [ns UTC]
-    calm: tuple[Judged, ...] = ()  #: not learnt from yet
-    out: tuple[Judged, ...] = ()  #: over the limit, without a break, the newest `MOST_OUT`
+    calm: tuple[ScoredWindows, ...] = ()  #: not learnt from yet
+    out: tuple[ScoredWindows, ...] = ()  #: over the limit, without a break, the newest `MOST_OUT`
     trend: TrendWatch = NO_TREND
 
 
@@ -116,7 +116,7 @@ class Detector:
         """Return what to go on from where a move was wrong."""
         return self._at(shifted(self._watched, shift, back=True))
 
-    def _at(self, watched: Watched) -> DetectorState:
+    def _at(self, watched: LawState) -> DetectorState:
         """Return the state by a law that was moved: windows judged by the former one are dropped."""
         return DetectorState(watched=watched, before=self._before, trend=self._trend)
 
@@ -140,7 +140,7 @@ class Detector:
         self._out = [*self._out, judged][-MOST_OUT:] if judged.over[0] else []
         return self._said(judged, np.flatnonzero(track >= 0))
 
-    def _said(self, judged: Judged, seen: IndexArray) -> Novelty:
+    def _said(self, judged: ScoredWindows, seen: IndexArray) -> Novelty:
         figures = [
             DetectorFigure(detector=name, value=float(value), limit=float(limit), false_alarms_per_year=self._per_year)
             for name, value, limit in zip(DETECTORS, judged.value[:, 0], judged.limit[:, 0], strict=True)
@@ -156,7 +156,7 @@ class Detector:
             trend=self.trend,
         )
 
-    def _detectable(self, judged: Judged) -> DetectableChange:
+    def _detectable(self, judged: ScoredWindows) -> DetectableChange:
         found = detectable_change(self._watched, judged)
         return DetectableChange(
             alike_percent=100 * found.alike,
@@ -194,9 +194,9 @@ class Detector:
         return False
 
 
-def watching_of(settings: Settings) -> Watching:
+def watching_of(settings: Settings) -> DetectionSettings:
     """Return how windows are judged."""
-    return Watching(
+    return DetectionSettings(
         rate=settings.alarm.false_alarms_per_year / len(DETECTORS) * settings.step_seconds / _YEAR,
         overlap=settings.analysis.overlap,
         hold=settings.alarm.hold_windows,

@@ -13,7 +13,7 @@ from monitor.text.sensors import health_result
 from oma.windows import common_tones
 from updater import (
     Circumstances,
-    Explained,
+    DiagnosisResult,
     ModalDataError,
     PairingError,
     Reference,
@@ -21,7 +21,7 @@ from updater import (
     sensor_health,
     stack_tracks,
 )
-from updater.modal_data import InTime, choose_tracks
+from updater.modal_data import SynchronizedWindows, choose_tracks
 
 
 def conditions_of(windows: Sequence[Window]) -> Conditions:
@@ -36,8 +36,8 @@ def conditions_of(windows: Sequence[Window]) -> Conditions:
 
 
 def explain_windows(
-    reference: Reference, before: Conditions, now: Conditions, windows: InTime
-) -> tuple[Explained, Event]:
+    reference: Reference, before: Conditions, now: Conditions, windows: SynchronizedWindows
+) -> tuple[DiagnosisResult, Event]:
     """Diagnose windows since the baseline; return the diagnosis and the event that was diagnosed.
 
     Parameters
@@ -58,7 +58,7 @@ def explain_windows(
     return diagnose(reference, event.modes, every=event.measured, circumstances=event.circumstances), event
 
 
-def compare_windows(reference: Reference, event: Event, explained: Explained) -> DiscrepancyResult | None:
+def compare_windows(reference: Reference, event: Event, explained: DiagnosisResult) -> DiscrepancyResult | None:
     """Compare the measured modes of a diagnosed event with simulated ones; None where too little can be compared."""
     try:
         compared = discrepancy_result(reference, event.measured, explained)
@@ -67,7 +67,9 @@ def compare_windows(reference: Reference, event: Event, explained: Explained) ->
     return compared.model_copy(update={"places": ()})  # the answer has them
 
 
-def sensors_seen(reference: Reference, windows: InTime, tracks: Sequence[IndexArray]) -> dict[str, ChannelHealth]:
+def sensors_seen(
+    reference: Reference, windows: SynchronizedWindows, tracks: Sequence[IndexArray]
+) -> dict[str, ChannelHealth]:
     """Return gain, polarity and delay of each channel in windows since the baseline; empty where too little is common.
 
     Parameters

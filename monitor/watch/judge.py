@@ -9,7 +9,7 @@ import numpy as np
 from daq import Event, IndexArray
 from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm, Change, Kind
-from monitor.optional import Extras
+from monitor.optional import OptionalWork
 from monitor.results.convert import mode_results, reference_result
 from monitor.results.events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.results.windows import AlarmResult, ModeResult, Phase, ReferenceResult, Result, WindowResult
@@ -26,7 +26,7 @@ from monitor.text.detectability import NO_THERMOMETER
 from monitor.text.quantities import utc
 from monitor.text.trends import trend_text
 from monitor.watch.acceptance import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last, watch_again
-from monitor.watch.accepted_change import Wanted
+from monitor.watch.accepted_change import AcceptanceRequest
 from monitor.watch.answer import answer, sensors
 from monitor.watch.baseline import Watch, learn_watch
 from monitor.watch.baseline_checks import (
@@ -65,9 +65,9 @@ class Judge:
         self._watch: Watch | None = None
         self._out: list[Window] = []  # windows over the limit, without a break
         self._calm: list[Window] = []  # windows under it since the sensors were last looked at
-        self._wanted: Wanted | None = None
+        self._wanted: AcceptanceRequest | None = None
         self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
-        self._extras = Extras()
+        self._extras = OptionalWork()
         if memory is not None:
             self._resume(memory)
 
@@ -226,7 +226,7 @@ class Judge:
             stands = utc(raised) if raised is not None else "none"
             yield self._notice(event.time, "refused", f"not accepted: the active alarm is of {stands}")
         else:
-            self._wanted = Wanted(cause=said["cause"], by=said["by"])
+            self._wanted = AcceptanceRequest(cause=said["cause"], by=said["by"])
             yield from self._accept(event.time, self._watch)
             if self._wanted:
                 text = f"to be accepted as {said['cause']!r} once there are {LEAST_WINDOWS} windows since the change"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from daq import Assembler, Block, Event, FloatArray, Recording
-from monitor.analysis.temperature import Weather
+from monitor.analysis.temperature import SiteTemperature
 from monitor.analysis.window import window_of
 from monitor.results.convert import spectrum_result
 from monitor.results.windows import Result, WindowResult
@@ -42,7 +42,7 @@ class Pipeline:
             step_seconds=settings.step_seconds,
         )
         offset = memory.thermometer_offset if memory else math.nan
-        self._weather = Weather(settings.temperature.stale_minutes, offset) if settings.temperature else None
+        self._weather = SiteTemperature(settings.temperature.stale_minutes, offset) if settings.temperature else None
         self._judge = Judge(structure, settings, memory)
         self._resumed = memory is not None  # which has not been said yet
 

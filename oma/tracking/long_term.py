@@ -30,7 +30,7 @@ _DOUBT = 4.0  # of the cost, -2 ln likelihood: an exchange of two identities tha
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Followed:
+class FollowedModes:
     """Tracks of the modes of one window."""
 
     tracks: Tracks  #: to hand in with the next window
@@ -40,7 +40,7 @@ class Followed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Follower:
+class LongTermTracker:
     """Says which mode of a window is which of those before, and follows them."""
 
     common_drift: float = 4e-3  #: of all log frequencies together, standard deviation after an hour (temperature) [-]
@@ -56,7 +56,7 @@ class Follower:
     confirm: int = 4  #: windows that make a mode known
     patience: float = 48.0  #: after which one seen in fewer is forgotten [h]
 
-    def follow(self, tracks: Tracks | None, estimate: ModalEstimate) -> Followed:
+    def follow(self, tracks: Tracks | None, estimate: ModalEstimate) -> FollowedModes:
         """Give each mode of a window its identity.
 
         One to one with the least sum of -2 ln likelihood: of Student's t about the predicted frequency, of shape, and
@@ -92,7 +92,7 @@ class Follower:
         known = np.isin(identity, updated.identity[updated.seen >= self.confirm])
         doubtful = np.zeros(estimate.n_modes, np.bool_)
         doubtful[place[place >= 0]] = _doubtful(cost, possible, place)[place >= 0]
-        return Followed(
+        return FollowedModes(
             tracks=self._without_strangers(updated),
             identity=identity,
             known=known,

@@ -13,11 +13,11 @@ from daq import (
     Event,
     Failures,
     Item,
-    LogKeeper,
-    LogRecorder,
-    LogThread,
+    ResilientWriter,
     Retention,
+    RotatingWriter,
     SupervisedThread,
+    WriterThread,
     error_text,
     read_log,
 )
@@ -83,8 +83,8 @@ def test_reader_of_the_log_that_fails_costs_neither_the_log_nor_other_items(tmp_
 
     before = FAILURES.counts.get("log readers", 0)
     events = [Event(topic="/event/x", time=n, payload={"n": n}) for n in range(3)]
-    recorder = LogRecorder(tmp_path, {}, 10**18)
-    with LogThread(LogKeeper(recorder, DiskGuard(tmp_path, Retention()), told.append), take) as log:
+    recorder = RotatingWriter(tmp_path, {}, 10**18)
+    with WriterThread(ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), told.append), take) as log:
         for event in events:
             log.put(event)
     assert [item.payload["n"] for item in told if isinstance(item, Event)] == [0, 2]
@@ -94,10 +94,10 @@ def test_reader_of_the_log_that_fails_costs_neither_the_log_nor_other_items(tmp_
 
 @pytest.mark.parametrize("payload", [{"why": {1, 2}}, {"why": 1.0, (1, 2): "x"}])
 def test_item_that_no_log_can_hold_costs_only_itself(tmp_path: Path, payload: dict[Any, Any]) -> None:
-    recorder = LogRecorder(tmp_path, {}, 10**18)
-    keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention()), lambda event: None)
+    recorder = RotatingWriter(tmp_path, {}, 10**18)
+    keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), lambda event: None)
     written = Event(topic="/event/y", time=1, payload={})
-    with LogThread(keeper, lambda item: None) as log:
+    with WriterThread(keeper, lambda item: None) as log:
         log.put(Event(topic="/event/x", time=1, payload=payload))
         log.put(make_block("left", 0))
         log.put(written)

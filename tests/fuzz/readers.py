@@ -14,7 +14,7 @@ import can
 import numpy as np
 from scipy.io import mmwrite
 
-from daq import Channel, Event, LogWriter, Recording, export_recording, write_recording
+from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
 from monitor.analysis.modal_table.table import read_table
 from monitor.cli.exit_codes import explain
 from monitor.cli.main import _run
@@ -425,7 +425,7 @@ def _log_content() -> bytes:
 @cache
 def _event_log() -> bytes:
     path = _scratch() / "events.mcap"
-    writer = LogWriter(path, {"site.toml": _SITE.decode()})
+    writer = McapWriter(path, {"site.toml": _SITE.decode()})
     for k in range(8):
         writer.write(Event(topic="/event/gap", time=k, payload={"device": "imu", "missing": k, "exact": True}))
     writer.close()

@@ -26,12 +26,12 @@ from updater.reference import (
     Calibration,
     Parameter,
     Reference,
-    answers_of_file,
     calibrate,
     first_stage,
+    match_nominal_modes,
     share_within,
 )
-from updater.structure import Body, Knob, Structure, with_springs
+from updater.structure import Body, ModelParameter, Structure, with_springs
 
 _LEAST_P = 1e-3  # of data and prior, under which the file's parameters are believed less
 
@@ -137,7 +137,7 @@ def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> 
     answers[own.tracks] = own.paired
     share = share_within(measured, answers, reference.frequency, at_channels)
     assert reference.filed is not None
-    of_file = answers_of_file(reference, reference.filed, measured.channels)[own.paired]
+    of_file = match_nominal_modes(reference, reference.filed, measured.channels)[own.paired]
     likeness = mac_matrix(measured.shape[own.tracks], there.at_channels(measured.channels).T[of_file])
     whole = replace(
         own,
@@ -151,7 +151,7 @@ def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> 
     return whole.only(kept[np.argsort(own.tracks[kept])])
 
 
-def _parameter(knob: Knob, value: float, std: float) -> Parameter:
+def _parameter(knob: ModelParameter, value: float, std: float) -> Parameter:
     return Parameter(
         name=knob.name,
         value=float(np.exp(value)) if knob.kind == "stiffness" else float(value),

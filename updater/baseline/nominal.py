@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from updater.baseline.recalibration import Measured, is_far, model_reference, recalibrated
 from updater.modal_data import TrackedModes, learn_scatter, stated_scatter
-from updater.reference import Filed, Reference
+from updater.reference import NominalModel, Reference
 from updater.structure import Structure, as_filed, with_springs
 
 
@@ -47,5 +47,5 @@ def nominal_reference(
         return there
     found = recalibrated(structure, there, measured, far=True)
     if found is None:  # where too little can be paired with a model it stays where it is
-        return replace(there, filed=Filed(reference=there, value=as_filed(there.calibration.knobs), far=True))
+        return replace(there, filed=NominalModel(reference=there, value=as_filed(there.calibration.knobs), far=True))
     return found.reference

@@ -25,8 +25,8 @@ from updater.modal_data import (
     matched,
     without_fault,
 )
-from updater.reference import Calibration, Filed, Reference, best_model, calibrate, own_modes
-from updater.structure import Structure, apply_knobs, knobs_of
+from updater.reference import Calibration, NominalModel, Reference, best_model, calibrate, own_modes
+from updater.structure import Structure, apply_parameters, model_parameters_of
 
 FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
@@ -89,8 +89,8 @@ def recalibrated(
     with suppress(PairingError, ModalDataError):  # the last model that enough modes can be paired with is kept
         value = parameters_of(calibrate(structure, modes)) if start is None else start
         for number in range(_MAX_ROUNDS):
-            nearer = model_reference(apply_knobs(structure, list(knobs), value), structure, measured)
-            nearer = replace(nearer, filed=Filed(reference=there, value=value, far=far))
+            nearer = model_reference(apply_parameters(structure, list(knobs), value), structure, measured)
+            nearer = replace(nearer, filed=NominalModel(reference=there, value=value, far=far))
             cause, best, covariance, p_value = _best_parameters(
                 nearer, modes, _N_STARTS if number < _SCATTERED_ROUNDS else 1
             )
@@ -183,7 +183,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
             nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
             reason="nothing was fitted",
-            knobs=tuple(knobs_of(structure)),
+            knobs=tuple(model_parameters_of(structure)),
         ),
         baseline=own.only(paired),
         scatter=data.scatter,

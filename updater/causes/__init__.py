@@ -2,7 +2,7 @@
 
 from updater.causes.base import Cause, Discrete, Nothing, Parametric, Placed, Propose, Sized
 from updater.causes.catalogue import CATALOGUE, RARITY
-from updater.causes.composite import Beside, Chosen
+from updater.causes.composite import JointHypothesis, SelectedCause
 from updater.causes.joint_prediction import effect_of, mac_of, prediction
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, AddedMass, propose_added_mass
 from updater.causes.mass.attached_oscillator import hides
@@ -23,18 +23,18 @@ __all__ = [
     "SOFTENING",
     "SOFTENING_STD",
     "AddedMass",
-    "Beside",
     "Bodies",
     "Cause",
-    "Chosen",
     "CommonFactor",
     "Discrete",
+    "JointHypothesis",
     "LocalStiffness",
     "ModelParameters",
     "Nothing",
     "Parametric",
     "Placed",
     "Propose",
+    "SelectedCause",
     "Sized",
     "begin_at",
     "effect_of",

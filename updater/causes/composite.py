@@ -8,13 +8,13 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.inference import Effect, Fit, Giving
+from updater.inference import Effect, Fit, LinearInCompliance
 
 C = TypeVar("C", bound=Cause)
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class SelectedCause:
     """One alternative of a cause with its parameters."""
 
     cause: Cause
@@ -23,11 +23,11 @@ class Chosen:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside(Generic[C]):
+class JointHypothesis(Generic[C]):
     """The alternatives of `free`, each together with the chosen ones; parameters are those of `free` first."""
 
     free: C
-    chosen: tuple[Chosen, ...]
+    chosen: tuple[SelectedCause, ...]
     fresh: bool = False  #: whether what has a place starts from doing nothing, not from explaining all that was seen
 
     @property
@@ -74,7 +74,7 @@ class Beside(Generic[C]):
         at = len(self.free.prior_std)
         for c in self.chosen:
             own = slice(at, at + len(c.cause.prior_std))
-            if isinstance(c.cause, Giving):
+            if isinstance(c.cause, LinearInCompliance):
                 found |= {at + k: each for k, each in c.cause.gives(theta[:, own]).items()}
             at = own.stop
         return found
@@ -89,12 +89,12 @@ class Beside(Generic[C]):
             n = own.stop
         return found
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> "Beside[C] | None":
+    def finer(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
         """Refine the free one."""
         closer = self.free.finer(log_density, theta[:, : len(self.free.prior_std)])
         return None if closer is None else replace(self, free=closer, fresh=False)
 
-    def of_free(self, fit: "Fit[Beside[C]]") -> Fit[C]:
+    def of_free(self, fit: "Fit[JointHypothesis[C]]") -> Fit[C]:
         """Return the fit of the free cause alone, the others' uncertainty included."""
         n = len(self.free.prior_std)
         return Fit(
@@ -107,10 +107,10 @@ class Beside(Generic[C]):
             off_frequencies=fit.off_frequencies,
         )
 
-    def best(self, fit: "Fit[Beside[C]]") -> tuple[Chosen, ...]:
+    def best(self, fit: "Fit[JointHypothesis[C]]") -> tuple[SelectedCause, ...]:
         """Return the best alternatives of all causes, the free one first."""
         at, theta = len(self.free.prior_std), fit.theta[fit.best]
-        found = [Chosen(self.free, fit.best, theta[:at])]
+        found = [SelectedCause(self.free, fit.best, theta[:at])]
         for c in self.chosen:
             n = len(c.cause.prior_std)
             found.append(replace(c, theta=theta[at : at + n]))

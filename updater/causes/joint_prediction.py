@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.composite import Beside, Chosen
+from updater.causes.composite import JointHypothesis, SelectedCause
 from updater.inference import Comparison, Effect, Prediction, picked, predict, reanalyse
 
 
-def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
+def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Prediction:
     """Return what one alternative, chosen causes together, predicts; of none, the baseline, or the file's own modes."""
     if not chosen:
         nothing = np.zeros((1, len(data.log_ratio)))
@@ -20,9 +20,9 @@ def prediction(data: Comparison, chosen: Sequence[Chosen] | None) -> Prediction:
     return predict(data, *picked(reanalyse(data, effect)), effect)
 
 
-def effect_of(chosen: Sequence[Chosen]) -> Effect:
+def effect_of(chosen: Sequence[SelectedCause]) -> Effect:
     """Return what chosen causes do together, as one alternative."""
-    together = Beside(chosen[0].cause, tuple(chosen[1:]))
+    together = JointHypothesis(chosen[0].cause, tuple(chosen[1:]))
     return together.effect(np.concatenate([c.theta for c in chosen])[None], np.array([chosen[0].row]))
 
 

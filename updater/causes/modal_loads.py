@@ -10,7 +10,7 @@ from updater.reference import Reference
 from updater.structure import Axis, Joint, Support
 
 
-def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+def modal_section_forces(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
     """Return the actions at stations along members, each over the root of the stiffness that bears it.
 
     Products of these, summed along a stretch, are the compliance that it has; those of modes are the calibrated
@@ -35,7 +35,7 @@ def borne(reference: Reference, stations: Mapping[int, FloatArray]) -> dict[int,
     }
 
 
-def borne_by_spring(reference: Reference, connection: Support | Joint, axis: Axis, row: FloatArray) -> FloatArray:
+def modal_spring_force(reference: Reference, connection: Support | Joint, axis: Axis, row: FloatArray) -> FloatArray:
     """Return the force or moment (n_modes + n_stress,) in a connection's spring, of modes over omega^2.
 
     Parameters

@@ -14,7 +14,7 @@ from updater.diagnosis.schema import (
     Rejected,
     Verdict,
 )
-from updater.diagnosis.search import Explained, diagnose
+from updater.diagnosis.search import DiagnosisResult, diagnose
 from updater.diagnosis.weighing import allowed_causes
 
 __all__ = [
@@ -22,7 +22,7 @@ __all__ = [
     "Cause",
     "Density",
     "Diagnosis",
-    "Explained",
+    "DiagnosisResult",
     "Failed",
     "FrequencyFit",
     "Gain",

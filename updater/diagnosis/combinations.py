@@ -14,9 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes import Beside, Cause, Chosen, CommonFactor, hides
+from updater.causes import Cause, CommonFactor, JointHypothesis, SelectedCause, hides
 from updater.diagnosis.places import next_place
-from updater.diagnosis.weighing import OF_THE_FILE, Candidate, Weighing, ranked
+from updater.diagnosis.weighing import OF_THE_FILE, Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, fit, foreseen, pulls
 
 _MOST = 300  # alternatives of a cause that are looked at; of more, evenly many
@@ -39,7 +39,7 @@ class _Columns:
     rest: FloatArray  #: (n_data,) whitened, that nothing but a drift leaves
 
 
-def likeliest_pair(weighing: Weighing) -> tuple[Chosen, Chosen] | None:
+def likeliest_pair(weighing: EvidenceComparison) -> tuple[SelectedCause, SelectedCause] | None:
     """Return the two alternatives that explain most together, as they do to first order; None if there are no two."""
     columns = _columns(weighing)
     if columns is None:
@@ -62,7 +62,7 @@ def likeliest_pair(weighing: Weighing) -> tuple[Chosen, Chosen] | None:
     return _begun(weighing, columns, one, first), _begun(weighing, columns, other, second)
 
 
-def _columns(weighing: Weighing) -> _Columns | None:
+def _columns(weighing: EvidenceComparison) -> _Columns | None:
     data = replace(weighing.data, plain=weighing.data.drifting)  # sensors, too, beside a drift
     names: list[str] = []
     parts = []
@@ -84,12 +84,12 @@ def _columns(weighing: Weighing) -> _Columns | None:
     return _Columns(names, effect, precision, prior, number, row, parameter, -rest)
 
 
-def _begun(weighing: Weighing, columns: _Columns, number: int, strength: float) -> Chosen:
+def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strength: float) -> SelectedCause:
     cause, row = weighing.causes[columns.names[columns.cause[number]]], int(columns.row[number])
     theta, at = cause.idle[row].copy(), int(columns.parameter[number])
     theta[at] = strength
     reach = _FARTHEST * cause.prior_std
-    return Chosen(cause, row, np.maximum(np.clip(theta, -reach, reach), cause.lower[row]))
+    return SelectedCause(cause, row, np.maximum(np.clip(theta, -reach, reach), cause.lower[row]))
 
 
 _CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
@@ -104,10 +104,10 @@ _LIKE = {"distributed_mass": "added_mass"}  # a rare cause, and a common one tha
 
 
 @dataclass(frozen=True, eq=False)
-class Promise:
+class PredictedCandidate:
     """Several causes together, of which the last has not been fitted yet."""
 
-    chosen: tuple[Chosen, ...]
+    chosen: tuple[SelectedCause, ...]
     log_evidence: float  #: foreseen to first order, what its parameters cost left out
     fewer: float  #: log evidence without the one that has not been fitted
 
@@ -126,9 +126,9 @@ def common(names: Sequence[str]) -> list[str]:
 class Compositions:
     """Several of the weighed causes at once."""
 
-    weighing: Weighing
+    weighing: EvidenceComparison
 
-    def promising(self, seeds: Sequence[Candidate]) -> list[Promise]:
+    def promising(self, seeds: Sequence[Candidate]) -> list[PredictedCandidate]:
         """Foresee to first order what each cause would gain beside each of the seeds, the best first.
 
         What brings a mode that nobody sees is none of them: it explains too much of others' misfit.
@@ -196,35 +196,37 @@ class Compositions:
         )
         return sum(c.cause.drifting for c in seed.chosen) >= most
 
-    def _promise(self, seed: Candidate, name: str, cause: Cause) -> Promise:
+    def _promise(self, seed: Candidate, name: str, cause: Cause) -> PredictedCandidate:
         self.weighing.on_cause(" and ".join((*seed.names, name)))
         n_own = len(cause.prior_std)
         theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
-        beside: Beside[Cause] = Beside(cause, seed.chosen)
+        beside: JointHypothesis[Cause] = JointHypothesis(cause, seed.chosen)
         cost = -foreseen(self.weighing.data, beside, theta, n_own)
         gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
         row = int(np.argmax(gain))
         evidence = seed.log_evidence + float(gain[row]) + self.weighing.log_prior(name)
-        return Promise((*seed.chosen, Chosen(cause, row, np.zeros(n_own))), evidence, seed.log_evidence)
+        return PredictedCandidate(
+            (*seed.chosen, SelectedCause(cause, row, np.zeros(n_own))), evidence, seed.log_evidence
+        )
 
-    def together(self, promises: Sequence[Promise]) -> list[Candidate]:
+    def together(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
         """Fit the best of what was foreseen; two causes of one kind are two, and those that fail are left out."""
         return self._fitted(self._worth_fitting(promises))
 
-    def further(self, promises: Sequence[Promise]) -> list[Candidate]:
+    def further(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
         """Fit the best of what `together` leaves out, each of other causes: first order may err by more than it allows.
 
         A body that has come to where a stretch beside it is best made up for foresees little of that stretch.
         """
         tried = [common(p.names) for p in self._worth_fitting(promises)]
-        others: dict[tuple[str, ...], Promise] = {}
+        others: dict[tuple[str, ...], PredictedCandidate] = {}
         for promise in promises:
             names = common(promise.names)
             if names == sorted(promise.names) and names not in tried and promise.log_evidence > promise.fewer:
                 others.setdefault(tuple(names), promise)
         return self._fitted(list(others.values())[:_FURTHER]) if others else []
 
-    def _fitted(self, promises: Sequence[Promise]) -> list[Candidate]:
+    def _fitted(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
         """Return what promises come to, the best also with its causes elsewhere and with others that act alike."""
         found: dict[tuple[str, ...], Candidate] = {}
 
@@ -250,7 +252,7 @@ class Compositions:
                 keep(self._at_rest(self.settled(chosen)))
         return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
 
-    def _worth_fitting(self, promises: Sequence[Promise]) -> list[Promise]:
+    def _worth_fitting(self, promises: Sequence[PredictedCandidate]) -> list[PredictedCandidate]:
         """Return the promises that may come true better than the best: first order errs by a share of what it says.
 
         And that of common causes alone, where the best has rare ones.
@@ -281,7 +283,7 @@ class Compositions:
         for number, part in enumerate(fitted.parts):
             row = next_place(part, room)
             if row is not None:
-                moved = Chosen(part.hypotheses, row, part.theta[row])
+                moved = SelectedCause(part.hypotheses, row, part.theta[row])
                 less = float(part.log_density[part.best] - part.log_density[row])
                 found.append(
                     replace(
@@ -293,17 +295,17 @@ class Compositions:
                 )
         return found
 
-    def _alike(self, fitted: Candidate) -> list[tuple[Chosen, ...]]:
+    def _alike(self, fitted: Candidate) -> list[tuple[SelectedCause, ...]]:
         """Return the causes with a common one in the place of a rare one that acts much like it."""
         found = []
         for number, one in enumerate(fitted.chosen):
             other = self.weighing.causes.get(_LIKE.get(one.cause.name, ""))
             if other is not None:
                 others = fitted.chosen[:number] + fitted.chosen[number + 1 :]
-                found.append((*others, Chosen(other, 0, np.zeros(len(other.prior_std)))))
+                found.append((*others, SelectedCause(other, 0, np.zeros(len(other.prior_std)))))
         return found
 
-    def settled(self, chosen: tuple[Chosen, ...]) -> Candidate | None:
+    def settled(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
         """Return causes fitted in turn, all alternatives of each beside the best of the others, the last one first.
 
         None where a fit fails.
@@ -311,12 +313,12 @@ class Compositions:
         names = " and ".join(self.weighing.label(c.cause.name) for c in chosen)
         return self.weighing.faults.attempt(names, partial(self._settled, chosen))
 
-    def _settled(self, chosen: tuple[Chosen, ...]) -> Candidate:
+    def _settled(self, chosen: tuple[SelectedCause, ...]) -> Candidate:
         parts: list[Fit[Cause]] = []
         for _ in chosen:
             *others, last = chosen
             free = self.weighing.causes[last.cause.name]
-            found = fit(self.weighing.data, Beside(free, tuple(others), fresh=bool(others)))
+            found = fit(self.weighing.data, JointHypothesis(free, tuple(others), fresh=bool(others)))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one

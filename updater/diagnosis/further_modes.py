@@ -9,7 +9,7 @@ import numpy as np
 
 from daq import IndexArray
 from oma import mac_matrix
-from updater.causes import Chosen, effect_of
+from updater.causes import SelectedCause, effect_of
 from updater.inference import Comparison, reanalyse
 from updater.modal_data import ModalMean
 from updater.reference import FREQUENCY_STD
@@ -18,7 +18,9 @@ _NEAR = 0.03  # of ln f, between what is measured and what the causes predict
 _ALIKE = 0.8  # MAC, likewise
 
 
-def with_further_modes(data: Comparison, event: ModalMean, every: ModalMean, chosen: tuple[Chosen, ...]) -> Comparison:
+def with_further_modes(
+    data: Comparison, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
+) -> Comparison:
     """Return data with the measured modes that the baseline lacks and the model has, once causes act on it.
 
     Parameters
@@ -38,7 +40,7 @@ def with_further_modes(data: Comparison, event: ModalMean, every: ModalMean, cho
     return data.with_frequencies(modes, log_ratio, np.hypot(others.log_frequency_std[measured], FREQUENCY_STD))
 
 
-def _answers(data: Comparison, chosen: tuple[Chosen, ...], others: ModalMean) -> tuple[IndexArray, IndexArray]:
+def _answers(data: Comparison, chosen: tuple[SelectedCause, ...], others: ModalMean) -> tuple[IndexArray, IndexArray]:
     """Return modes measured (n,) and the modes of the reference (n,) that have become these by the causes."""
     changed = reanalyse(data, effect_of(chosen))
     value, vector, weighed = changed.value[0], changed.vector[0], changed.weighed[0]

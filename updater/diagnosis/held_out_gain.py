@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import Chosen, prediction
+from updater.causes import SelectedCause, prediction
 from updater.diagnosis.model_extension import agreeing
 from updater.diagnosis.schema import Gain, Pair
 from updater.inference import Comparison, Prediction, Whitener, residual, without_mode
@@ -43,12 +43,12 @@ class ChangeGain:
     significant: bool
 
 
-def change_gain_on(heldout: Comparison, chosen: Sequence[Chosen]) -> ChangeGain:
+def change_gain_on(heldout: Comparison, chosen: Sequence[SelectedCause]) -> ChangeGain:
     """Return the gain of predicted changes on a record that was not used."""
     return _change_gain(heldout, prediction(heldout, chosen), chosen)
 
 
-def change_gain_left_out(data: Comparison, chosen: Sequence[Chosen]) -> ChangeGain:
+def change_gain_left_out(data: Comparison, chosen: Sequence[SelectedCause]) -> ChangeGain:
     """Return the gain of predicted changes of each mode when the parameters are fitted to the others.
 
     Places, channels and the causes themselves stay as they were found with all modes.
@@ -123,7 +123,7 @@ def _without(whitener: Whitener, mode: int) -> Whitener:
     return Whitener(matrix, whitener.log_det)
 
 
-def _change_gain(data: Comparison, after: Prediction, chosen: Sequence[Chosen]) -> ChangeGain:
+def _change_gain(data: Comparison, after: Prediction, chosen: Sequence[SelectedCause]) -> ChangeGain:
     before = prediction(data, None)
     whitener = data.drifting if any(c.cause.drifting for c in chosen) else data.plain
     rests = [residual(data, before, data.plain)[0], residual(data, after, whitener)[0]]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes import Beside, Cause, Chosen, CommonFactor, Nothing, prediction
+from updater.causes import Cause, CommonFactor, JointHypothesis, Nothing, SelectedCause, prediction
 from updater.inference import Comparison, fit
 from updater.modal_data import COMMON_STD
 
@@ -17,18 +17,18 @@ _SHARE = 0.2  # of the model error of frequencies: five times as close
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 
 
-def agreeing(data: Comparison, chosen: Sequence[Chosen]) -> tuple[Chosen, ...]:
+def agreeing(data: Comparison, chosen: Sequence[SelectedCause]) -> tuple[SelectedCause, ...]:
     """Return the same alternatives as they agree best with the frequencies."""
     alone = fixed(data, chosen)
     return alone.best(fit(data.trusting(_SHARE), alone))[1:]
 
 
-def fixed(data: Comparison, chosen: Sequence[Chosen]) -> Beside[Any]:
+def fixed(data: Comparison, chosen: Sequence[SelectedCause]) -> JointHypothesis[Any]:
     """Return chosen causes as the only alternative, their parameters free."""
-    return Beside(Nothing(comparison=data), tuple(chosen))
+    return JointHypothesis(Nothing(comparison=data), tuple(chosen))
 
 
-def drift_beside(data: Comparison, chosen: Sequence[Chosen], factor: Cause | None) -> tuple[Chosen, ...]:
+def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Cause | None) -> tuple[SelectedCause, ...]:
     """Return the drift common to all frequencies that chosen causes leave, as a factor on stiffness.
 
     It is a nuisance, which nobody names; a model that is to agree with the next record has it all the same. None where
@@ -50,4 +50,4 @@ def drift_beside(data: Comparison, chosen: Sequence[Chosen], factor: Cause | Non
     drift = float(ones @ off) / precision
     if abs(drift) < _SIGNIFICANT / np.sqrt(precision):
         return ()
-    return (Chosen(factor, 0, np.array([(drift - factor.centre) / factor.spread])),)
+    return (SelectedCause(factor, 0, np.array([(drift - factor.centre) / factor.spread])),)

@@ -8,13 +8,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from daq import FloatArray
-from updater.causes import Chosen, CommonFactor, Parametric, Placed, hides, mac_of, prediction
+from updater.causes import CommonFactor, Parametric, Placed, SelectedCause, hides, mac_of, prediction
 from updater.diagnosis.places import by_place
 from updater.diagnosis.schema import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
 from updater.inference import Comparison, beside, residual
 from updater.modal_data import ModalMean
 from updater.quantities import ParameterChange, Quantity, Vector
-from updater.reference import ModelFit, Reference, answers_of_file
+from updater.reference import ModelFit, Reference, match_nominal_modes
 from updater.structure import Joint, Structure, Support, size
 
 if TYPE_CHECKING:
@@ -246,7 +246,7 @@ def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
     gone = np.flatnonzero(~np.isfinite(event.log_frequency))
     frequency = reference.frequency
     if reference.filed is not None:
-        answer = answers_of_file(reference, reference.filed, reference.baseline.channels)
+        answer = match_nominal_modes(reference, reference.filed, reference.baseline.channels)
         frequency = reference.file.frequency[answer]
     return [
         ModeFit(
@@ -282,7 +282,7 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
         measured = reference.scatter.mean(reference.windows)
         n_measured, n_nominal = len(measured.n), filed.reference.calibration.n_nominal
         log_measured = measured.log_frequency[calibration.tracks]
-        of_file = answers_of_file(reference, filed, reference.baseline.channels)[calibration.paired]
+        of_file = match_nominal_modes(reference, filed, reference.baseline.channels)[calibration.paired]
         nominal = filed.reference.frequency[of_file]
     elif calibration.fitted:
         n_measured, n_nominal = len(reference.known.n), calibration.n_nominal
@@ -298,7 +298,7 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
     )
 
 
-def oddest(data: Comparison, chosen: Sequence[Chosen]) -> str:
+def oddest(data: Comparison, chosen: Sequence[SelectedCause]) -> str:
     """Return a sentence on what the best explanation leaves unexplained, for the next measurement."""
     predicted = prediction(data, chosen)
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)

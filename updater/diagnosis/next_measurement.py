@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import SOFTENING, SOFTENING_STD, AddedMass, Chosen, CommonFactor, effect_of, prediction
+from updater.causes import SOFTENING, SOFTENING_STD, AddedMass, CommonFactor, SelectedCause, effect_of, prediction
 from updater.inference import MODEL_ERROR, Changed, Comparison, Effect, compare, picked, reanalyse, residual
 from updater.modal_data import ModalMean
 from updater.reference import Reference
@@ -27,7 +27,7 @@ _TONE_STD = 5e-4  # of ln f, as `sampling_clock` takes it
 _MOST = 3  # measurements that are named
 _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
-Hypothesis = tuple[Chosen, ...]
+Hypothesis = tuple[SelectedCause, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,10 +27,10 @@ from updater.baseline import with_bodies_on
 from updater.causes import (
     AddedMass,
     Cause,
-    Chosen,
     CommonFactor,
     LocalStiffness,
     Parametric,
+    SelectedCause,
     hides,
     propose_one_sided_stiffness,
 )
@@ -50,7 +50,7 @@ from updater.diagnosis.naming import (
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.schema import Diagnosis, Failed, Verdict
 from updater.diagnosis.simplification import merged, significant_only
-from updater.diagnosis.weighing import OF_THE_FILE, Candidate, Weighing, allowed_causes, ranked, say_nothing
+from updater.diagnosis.weighing import OF_THE_FILE, Candidate, EvidenceComparison, allowed_causes, ranked, say_nothing
 from updater.diagnosis.written_gain import WindowModes, fit_of_compared, written_gain
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, Fit, compare, fit, freedom_of_frequencies
@@ -89,7 +89,7 @@ _UNSTEADY = "The frequencies drift between windows. Record again while the struc
 
 
 @dataclass(frozen=True, eq=False)
-class Nearer:
+class RecalibratedModel:
     """A structure file that is far off with its parameters fitted, which explains not all that was measured."""
 
     structure: Structure
@@ -97,14 +97,14 @@ class Nearer:
 
 
 @dataclass(frozen=True, eq=False)
-class Explained:
+class DiagnosisResult:
     """A diagnosis, with the model that it extends."""
 
     diagnosis: Diagnosis
     extended: Structure | None  #: with the causes written in; None where nothing is explained
     gained: Gained | None = None  #: what that gains, and how sure it is
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
-    nearer: Nearer | None = None  #: of a file that is far off, where nothing is explained
+    nearer: RecalibratedModel | None = None  #: of a file that is far off, where nothing is explained
     calibration: Calibration | None = None  #: of `extended`, if not the reference's: with removed bodies on
     removed: tuple[Body, ...] = ()  #: bodies taken off that the structure file lacks, as they were on it
 
@@ -117,7 +117,7 @@ class _Case:
     event: ModalMean
     data: Comparison
     singles: list[Candidate]  #: as searched for
-    weighing: Weighing
+    weighing: EvidenceComparison
     measured: WindowModes
     heldout: WindowModes | None
     bare: Calibration | None = None  #: of the structure file, where the reference's model has bodies that it lacks
@@ -134,7 +134,7 @@ def diagnose(
     on_cause: Callable[[str], None] = say_nothing,
     only: Collection[str] = (),
     without: Collection[str] = (),
-) -> Explained:
+) -> DiagnosisResult:
     """Explain an event against a reference.
 
     Parameters
@@ -178,7 +178,7 @@ def _diagnosed(
     on_cause: Callable[[str], None],
     only: Collection[str],
     without: Collection[str],
-) -> Explained:
+) -> DiagnosisResult:
     """Explain an event as `diagnose` does.
 
     Parameters
@@ -189,7 +189,7 @@ def _diagnosed(
     event = measured.event
     less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
     rough = compare(reference, event, circumstances=circumstances, model_error=less)
-    plain = Weighing(reference, rough, on_cause, allowed=allowed_causes(only, without))
+    plain = EvidenceComparison(reference, rough, on_cause, allowed=allowed_causes(only, without))
     if reference.filed is not None and OF_THE_FILE not in plain.causes:
         raise SelectionError(f"{OF_THE_FILE} cannot be left out: the structure file is too far from the measured modes")
     if not plain.causes:
@@ -214,7 +214,7 @@ def _diagnosed(
     if found and _fits(found[0]):
         case, found = _judged(case, found, compare(reference, event, circumstances=circumstances))
 
-        def again(loaded: Reference) -> Explained:
+        def again(loaded: Reference) -> DiagnosisResult:
             given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
             return _diagnosed(loaded, measured, unused, reference.calibration, on_cause=on_cause, **given)
 
@@ -249,7 +249,7 @@ def _worn(best: Candidate) -> bool:
     return along + of_all > 1
 
 
-def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
+def _one_sided(search: EvidenceComparison, singles: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
     """Let a stretch's stiffness about either axis and in twist go apart where that may be likelier, and is."""
     common = next((c for c in singles if c.names == (_STRETCH,)), None)
     if common is None or search.nothing.p_value >= _WELL:
@@ -263,7 +263,7 @@ def _one_sided(search: Weighing, singles: list[Candidate]) -> tuple[Weighing, li
     return apart, ranked([found, *(c for c in singles if c is not common)])
 
 
-def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
+def _one_sided_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
     """Let it go apart in the best of several causes together that has one, or beside another, if that is likelier."""
     if not found or search.instead:
         return search, found
@@ -279,7 +279,7 @@ def _one_sided_beside(search: Weighing, found: list[Candidate]) -> tuple[Weighin
     return apart, ranked([other, *(c for c in found if c not in stretched[:1])])
 
 
-def _with_stretch(apart: Weighing, found: list[Candidate]) -> list[tuple[Chosen, ...]]:
+def _with_stretch(apart: EvidenceComparison, found: list[Candidate]) -> list[tuple[SelectedCause, ...]]:
     """Return causes together of which one is a stretch that may go apart; what is last is fitted first.
 
     Where one cause alone does not fit, nor more fit well, and none of these is a stretch, one is tried beside the best.
@@ -293,11 +293,13 @@ def _with_stretch(apart: Weighing, found: list[Candidate]) -> list[tuple[Chosen,
     if alone is None or stretch is None or alone.names == (_STRETCH,):
         return tried
     if alone.p_value < _DOUBTFUL and found[0].p_value < _WELL and _STRETCH not in found[0].names:
-        tried.append((*alone.chosen, Chosen(stretch, 0, np.zeros(len(stretch.prior_std)))))
+        tried.append((*alone.chosen, SelectedCause(stretch, 0, np.zeros(len(stretch.prior_std)))))
     return tried
 
 
-def _one_factor_beside(plain: Weighing, search: Weighing, found: list[Candidate]) -> tuple[Weighing, list[Candidate]]:
+def _one_factor_beside(
+    plain: EvidenceComparison, search: EvidenceComparison, found: list[Candidate]
+) -> tuple[EvidenceComparison, list[Candidate]]:
     """Go back to one factor where what the stretch had to explain alone is explained by another cause."""
     apart = found[0] if found else None
     if apart is None or len(apart.chosen) == 1 or apart.names.count(_STRETCH) != 1:
@@ -309,18 +311,18 @@ def _one_factor_beside(plain: Weighing, search: Weighing, found: list[Candidate]
     return plain, ranked([other, *(c for c in found if c is not apart)])
 
 
-def _let_apart(search: Weighing) -> Weighing:
+def _let_apart(search: EvidenceComparison) -> EvidenceComparison:
     return replace(search, instead={_STRETCH: propose_one_sided_stiffness})
 
 
-def _nothing(weighing: Weighing, singles: list[Candidate]) -> bool:
+def _nothing(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
     """Tell whether nothing has changed: it fits, and no cause is much likelier."""
     everything = [weighing.log_nothing, *(c.log_evidence for c in singles if c.effective)]
     share = weighing.log_nothing - float(logsumexp(np.array(everything)))
     return share >= np.log(1 - _SURE) and weighing.nothing.p_value >= LEAST_P
 
 
-def _beside_the_file(weighing: Weighing, singles: list[Candidate]) -> list[Candidate]:
+def _beside_the_file(weighing: EvidenceComparison, singles: list[Candidate]) -> list[Candidate]:
     """Return causes beside a file that is a little off in many places, where that is asked, however well one fits.
 
     Files are: what is looked for beside them is else taken for what acts like it and a little like them.
@@ -330,7 +332,7 @@ def _beside_the_file(weighing: Weighing, singles: list[Candidate]) -> list[Candi
     return [c for c in several.together(promises) if c.earned(singles)] if promises else []
 
 
-def _of_the_file(weighing: Weighing) -> bool:
+def _of_the_file(weighing: EvidenceComparison) -> bool:
     """Tell whether the question is what a structure file gets wrong: in many places, each a little."""
     return OF_THE_FILE in weighing.causes
 
@@ -392,7 +394,7 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
     return replace(case, data=data, weighing=weighing), judged
 
 
-def _again(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
+def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
     """Return the best of what a search has found, fitted to other data.
 
     Two bodies are fitted too where mass is spread out, and beside a stretch that may be two other causes, as well as
@@ -412,7 +414,7 @@ def _again(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
     return ranked(again)
 
 
-def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> list[Candidate]:
+def _stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bool) -> list[Candidate]:
     """Return single causes and, where one more promises much, compositions of ever more while the evidence grows.
 
     Parameters
@@ -442,7 +444,7 @@ def _stepwise(weighing: Weighing, found: list[Candidate], *, rough: bool) -> lis
     return found
 
 
-def _free(weighing: Weighing, found: Candidate) -> bool:
+def _free(weighing: EvidenceComparison, found: Candidate) -> bool:
     """Tell whether it is a stretch with a factor for each axis that fits so-so: as many parameters as two causes."""
     return bool(weighing.instead) and found.names == (_STRETCH,) and found.p_value < _WELL
 
@@ -457,7 +459,7 @@ def _hidden(found: Candidate) -> bool:
     return any(hides(c.cause) for c in found.chosen)
 
 
-def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explained:
+def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> DiagnosisResult:
     diagnosis = Diagnosis(
         verdict=verdict,
         causes=(),
@@ -468,7 +470,7 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Explain
         next_measurement=advice,
         failed=_failed(case),
     )
-    return Explained(diagnosis, None)
+    return DiagnosisResult(diagnosis, None)
 
 
 def _failed(case: _Case) -> tuple[Failed, ...]:
@@ -476,19 +478,19 @@ def _failed(case: _Case) -> tuple[Failed, ...]:
     return tuple(Failed(part=name, error=text) for name, text in case.weighing.faults.found.items())
 
 
-def _nearer(case: _Case) -> Nearer:
+def _nearer(case: _Case) -> RecalibratedModel:
     """Return a file that is far off with its parameters as they fit best alone."""
     (chosen,) = case.singles[0].chosen
     written = chosen.cause.extend(case.reference.file.calibration.structure, chosen.row, chosen.theta)
-    return Nearer(written, _gained(case, [chosen], written))
+    return RecalibratedModel(written, _gained(case, [chosen], written))
 
 
-def _gained(case: _Case, chosen: Sequence[Chosen], written: Structure) -> Gained:
+def _gained(case: _Case, chosen: Sequence[SelectedCause], written: Structure) -> Gained:
     before = (case.bare or case.reference.file.calibration).structure
     return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written))
 
 
-def _explained(case: _Case, found: list[Candidate], searched: float) -> Explained:
+def _explained(case: _Case, found: list[Candidate], searched: float) -> DiagnosisResult:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
 
     Parameters
@@ -527,7 +529,7 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
         failed=_failed(case),
         **settings,
     )
-    return Explained(
+    return DiagnosisResult(
         diagnosis,
         extended,
         gained,
@@ -537,10 +539,10 @@ def _explained(case: _Case, found: list[Candidate], searched: float) -> Explaine
     )
 
 
-def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chosen, ...], Comparison]:
+def _with_all_modes(case: _Case, chosen: tuple[SelectedCause, ...]) -> tuple[tuple[SelectedCause, ...], Comparison]:
     """Return causes as they agree with all modes that were measured, those included that the baseline lacks."""
 
-    def refitted() -> tuple[tuple[Chosen, ...], Comparison]:
+    def refitted() -> tuple[tuple[SelectedCause, ...], Comparison]:
         more = with_further_modes(case.data, case.event, case.measured.every, chosen)
         return (chosen if more is case.data else agreeing(more, chosen)), more
 
@@ -549,7 +551,9 @@ def _with_all_modes(case: _Case, chosen: tuple[Chosen, ...]) -> tuple[tuple[Chos
     return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 
 
-def _with_removed_bodies(case: _Case, best: Candidate, diagnosed: Callable[[Reference], Explained]) -> Explained | None:
+def _with_removed_bodies(
+    case: _Case, best: Candidate, diagnosed: Callable[[Reference], DiagnosisResult]
+) -> DiagnosisResult | None:
     """Return the explanation by a model that had removed bodies, which the structure file lacks, in the baseline.
 
     None where no such body was removed, or where that model does not explain the event by its removal.
@@ -581,7 +585,7 @@ def _with_removed_bodies(case: _Case, best: Candidate, diagnosed: Callable[[Refe
     return found if found and found.removed else None
 
 
-def _likelier_alone(several: Compositions, chosen: tuple[Chosen, ...]) -> Candidate | None:
+def _likelier_alone(several: Compositions, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
     """Return the causes fitted together, or the bodies among them alone if these are likelier.
 
     What else was found may have made up for the calibration without the bodies.
@@ -603,13 +607,13 @@ def _lacked(bare: Calibration, loaded: Calibration, body: Body) -> bool:
     return int(np.argmin(apart)) >= len(bare.structure.body)
 
 
-def _removed(chosen: Sequence[Chosen]) -> list[tuple[Chosen, Body]]:
+def _removed(chosen: Sequence[SelectedCause]) -> list[tuple[SelectedCause, Body]]:
     """Return the causes that take off bodies which the model of the reference has, and these."""
     bodies = [(c, c.cause.removed(c.row, c.theta)) for c in chosen if isinstance(c.cause, AddedMass)]
     return [(c, body) for c, body in bodies if body is not None]
 
 
-def _extended(calibration: Calibration, chosen: Sequence[Chosen], parts: Sequence[Fit[Cause]]) -> Structure:
+def _extended(calibration: Calibration, chosen: Sequence[SelectedCause], parts: Sequence[Fit[Cause]]) -> Structure:
     """Return a calibrated structure with causes written in."""
     extended = calibration.structure
     acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
@@ -628,7 +632,7 @@ def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit
     return rounded(simplified(extended, knobs), knobs, std)
 
 
-def _turn(chosen: Chosen) -> int:
+def _turn(chosen: SelectedCause) -> int:
     """Return when a cause is written: what the file gets wrong first, a factor on everything last."""
     return 0 if chosen.cause.name == OF_THE_FILE else 1 + chosen.cause.place_free
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes import Beside, Cause, Chosen, LocalStiffness, Sized
+from updater.causes import Cause, JointHypothesis, LocalStiffness, SelectedCause, Sized
 from updater.diagnosis.combinations import Compositions
-from updater.diagnosis.weighing import Candidate, Weighing, ranked
+from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, fit
 from updater.quantities import SIGNIFICANT
 
@@ -34,7 +34,7 @@ class _Stretch:
         return abs(self.loss - other.loss) < SIGNIFICANT * float(np.hypot(self.loss_std, other.loss_std))
 
 
-def merged(weighing: Weighing, candidate: Candidate) -> Candidate:
+def merged(weighing: EvidenceComparison, candidate: Candidate) -> Candidate:
     """Return a candidate with stretches that touch and agree refitted as one, where that is likelier.
 
     Parameters
@@ -71,18 +71,20 @@ def _reported(cause: LocalStiffness, part: Fit[Cause]) -> _Stretch:
     )
 
 
-def _refitted(weighing: Weighing, candidate: Candidate, pair: tuple[int, int], span: tuple[float, float]) -> Candidate:
+def _refitted(
+    weighing: EvidenceComparison, candidate: Candidate, pair: tuple[int, int], span: tuple[float, float]
+) -> Candidate:
     """Return the candidate with one stretch over a span [m] in the place of two, the others fitted along."""
     kept = candidate.chosen[pair[0]]
     stretches = candidate.parts[pair[0]].hypotheses
     assert isinstance(stretches, LocalStiffness)
     whole = stretches.over(kept.row, kept.theta, *span)
     others = tuple(c for k, c in enumerate(candidate.chosen) if k not in pair)
-    beside: Beside[Cause] = Beside(whole, others)
+    beside: JointHypothesis[Cause] = JointHypothesis(whole, others)
     found = fit(weighing.data, beside, refine=False)
     parts = tuple(p for k, p in enumerate(candidate.parts) if k not in pair)
     open_ones = sum(float(np.log(part.probability[part.best])) for part in parts)
-    chosen: tuple[Chosen, ...] = beside.best(found)
+    chosen: tuple[SelectedCause, ...] = beside.best(found)
     evidence = found.log_evidence - open_ones + sum(weighing.log_prior(c.cause.name) for c in chosen)
     return Candidate(chosen, (beside.of_free(found), *parts), evidence, found.p_value, float(found.chi_square.min()))
 
@@ -93,7 +95,7 @@ def is_significant(part: Fit[Any]) -> bool:
     return not isinstance(cause, Sized) or cause.deviations(part) > SIGNIFICANT
 
 
-def significant_only(weighing: Weighing, found: list[Candidate]) -> list[Candidate]:
+def significant_only(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
     """Return the candidates of which every cause is significant, and the best one without its causes of zero size.
 
     Parameters

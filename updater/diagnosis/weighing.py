@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from updater.causes import CATALOGUE, RARITY, Cause, Chosen, Nothing, Propose, prediction
+from updater.causes import CATALOGUE, RARITY, Cause, Nothing, Propose, SelectedCause, prediction
 from updater.errors import SelectionError
 from updater.inference import Comparison, Fit, fit
 from updater.reference import Reference
@@ -90,7 +90,7 @@ def say_nothing(name: str) -> None:
 class Candidate:
     """One cause, or several together, fitted."""
 
-    chosen: tuple[Chosen, ...]  #: the best alternative of each
+    chosen: tuple[SelectedCause, ...]  #: the best alternative of each
     parts: tuple[Fit[Cause], ...]  #: the fit of each, the others' uncertainty included
     log_evidence: float  #: with the prior of the causes
     p_value: float
@@ -117,7 +117,7 @@ def ranked(found: Sequence[Candidate]) -> list[Candidate]:
 
 
 @dataclass(frozen=True, eq=False)
-class Weighing:
+class EvidenceComparison:
     """The catalogue's causes for one reference and one set of data.
 
     Parameters
@@ -197,7 +197,7 @@ class Weighing:
     def _single(self, name: str, cause: Cause) -> Candidate:
         """Fit one cause alone."""
         whole = fit(self.data, cause)
-        best = Chosen(whole.hypotheses, whole.best, whole.theta[whole.best])
+        best = SelectedCause(whole.hypotheses, whole.best, whole.theta[whole.best])
         effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
         if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
             effective = True  # its mode is measured: that is more than any drift does

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from daq import IndexArray
-from updater.causes import Chosen, prediction
+from updater.causes import SelectedCause, prediction
 from updater.diagnosis.held_out_gain import Gained, change_gain_left_out, change_gain_on, gain_of
 from updater.inference import Comparison, compare
 from updater.modal_data import ModalMean
@@ -37,7 +37,7 @@ def written_gain(
     data: Comparison,
     measured: WindowModes,
     heldout: WindowModes | None,
-    chosen: Sequence[Chosen],
+    chosen: Sequence[SelectedCause],
     written: tuple[Structure, Structure],
 ) -> Gained:
     """Return the gain of a written structure over the same without causes.
@@ -64,7 +64,7 @@ def fit_of_written(
     data: Comparison,
     modes: WindowModes,
     structure: Structure,
-    chosen: Sequence[Chosen] | None,
+    chosen: Sequence[SelectedCause] | None,
 ) -> ModelFit:
     """Return the fit of a structure, as it is read back from its text, to all modes of windows.
 
@@ -85,7 +85,7 @@ def fit_of_written(
 
 
 def fit_of_compared(
-    reference: Reference, data: Comparison, modes: WindowModes, written: Structure, chosen: Sequence[Chosen]
+    reference: Reference, data: Comparison, modes: WindowModes, written: Structure, chosen: Sequence[SelectedCause]
 ) -> ModelFit:
     """Return the fit of a written structure to the modes compared, then to those that the baseline has not."""
     rows = modes.rows(modes.event.only(data.tracks))

@@ -41,7 +41,7 @@ class NewModes:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FiledModes:
+class NominalModes:
     """Modes of the structure file in the place of those compared, where a nearer model is used."""
 
     log_ratio: FloatArray  #: (n,) of its frequencies to the baseline's
@@ -80,7 +80,7 @@ class Comparison:
     n_stress: int = 0  #: states of self-stress of the reference's model
     circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
     new: NewModes | None = None  #: of the circumstances, at the channels
-    filed: FiledModes | None = None  #: of a file that is far off: what is there before any cause
+    filed: NominalModes | None = None  #: of a file that is far off: what is there before any cause
 
     def trusting(self, share: float) -> "Comparison":
         """Return the same with only a share of what log frequencies are allowed for what the reference gets wrong."""

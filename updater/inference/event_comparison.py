@@ -7,7 +7,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError
 from updater.fe import self_stress
-from updater.inference.comparison import Comparison, FiledModes, whiteners_of
+from updater.inference.comparison import Comparison, NominalModes, whiteners_of
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import dampings_of, lags_of, unsure_of
 from updater.inference.shape_covariance import (
@@ -20,7 +20,7 @@ from updater.inference.shape_covariance import (
     turned_by_noise,
 )
 from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean, check_event
-from updater.reference import Reference, answers_of_file
+from updater.reference import Reference, match_nominal_modes
 
 MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
 _BIAS_OF_BANDWIDTH = 0.1  # of what a mode's half bandwidth has changed by: how far identification errs otherwise then
@@ -89,16 +89,16 @@ def compare(
 
 def _filed_modes(
     reference: Reference, tracks: IndexArray, channels: tuple[str, ...], base: ModalMean
-) -> FiledModes | None:
+) -> NominalModes | None:
     """Return what a structure file that is far off has in the place of the modes compared; None where it is not."""
     if reference.filed is None:
         return None
     there = reference.filed.reference
-    answer = answers_of_file(reference, reference.filed, channels)[reference.paired[tracks]]
+    answer = match_nominal_modes(reference, reference.filed, channels)[reference.paired[tracks]]
     shape = there.at_channels(channels).T[answer]
     shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
     sign = np.where((shape * base.shape).sum(1) < 0, -1, 1)[:, None]
-    return FiledModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
+    return NominalModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
 
 
 def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float) -> dict[str, Any]:

@@ -81,7 +81,7 @@ class Hypotheses(Protocol):
 
 
 @runtime_checkable
-class Giving(Protocol):
+class LinearInCompliance(Protocol):
     """Alternatives some of whose parameters only add compliance, the same one to each: exact derivatives are cheap."""
 
     def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
@@ -301,7 +301,7 @@ def slopes(
     value, vector = picked(changed)
     mass, flexibility, tangent = old.whole_mass, old.whole_flexibility, Tangent(changed, old)
     steps = _STEP * hypotheses.prior_std
-    gives = hypotheses.gives(theta) if isinstance(hypotheses, Giving) else {}
+    gives = hypotheses.gives(theta) if isinstance(hypotheses, LinearInCompliance) else {}
     columns = list(range(len(steps)) if parameters is None else parameters)
     slope = np.zeros((len(columns), *before.shape))
     for group in _groups(columns, gives, len(rows)):

@@ -1,12 +1,13 @@
 """Location of one or several masses."""
 
 from updater.localization.known_places import BodyRecord, BodySelection, select_bodies
-from updater.localization.more_windows import Sharpening, locate_and_sharpen, sharpening
+from updater.localization.more_windows import AccuracyForecast, locate_mass_with_forecast, sharpening
 from updater.localization.nodal_masses import NodalMasses, spread_mass
 from updater.localization.one_mass import Alternative, BodyShape, MassChange, Stretch, locate_mass, open_question
 from updater.localization.several_masses import MassChanges, locate_masses
 
 __all__ = [
+    "AccuracyForecast",
     "Alternative",
     "BodyRecord",
     "BodySelection",
@@ -14,10 +15,9 @@ __all__ = [
     "MassChange",
     "MassChanges",
     "NodalMasses",
-    "Sharpening",
     "Stretch",
-    "locate_and_sharpen",
     "locate_mass",
+    "locate_mass_with_forecast",
     "locate_masses",
     "open_question",
     "select_bodies",

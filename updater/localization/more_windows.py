@@ -22,7 +22,7 @@ Limit = Literal["windows", "baseline", "model"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sharpening:
+class AccuracyForecast:
     """Standard deviations of place and mass over the number of windows since the change."""
 
     n: IndexArray  #: (n_steps,) windows: 1, 2, 4, ...
@@ -45,7 +45,7 @@ class Sharpening:
         return f"more windows will not reduce the deviation under {least}; {what} would"
 
 
-def sharpening(reference: Reference, event: ModalMean) -> Sharpening:
+def sharpening(reference: Reference, event: ModalMean) -> AccuracyForecast:
     """Tell how one located mass sharpens with more windows like those that were seen.
 
     About the most probable place the deviations are those of Gauss-Newton, with the event's own deviations scaled to n
@@ -64,13 +64,13 @@ def sharpening(reference: Reference, event: ModalMean) -> Sharpening:
     return _sharpened(reference, event, *fit_mass(reference, event))
 
 
-def locate_and_sharpen(reference: Reference, event: ModalMean) -> tuple[MassChange, Sharpening]:
+def locate_mass_with_forecast(reference: Reference, event: ModalMean) -> tuple[MassChange, AccuracyForecast]:
     """Return what `locate_mass` and `sharpening` do, by one fit; parameters and errors are theirs."""
     found, error = fit_mass(reference, event)
     return mass_change(found, error), _sharpened(reference, event, found, error)
 
 
-def _sharpened(reference: Reference, event: ModalMean, found: Fit[AddedMass], error: float) -> Sharpening:
+def _sharpened(reference: Reference, event: ModalMean, found: Fit[AddedMass], error: float) -> AccuracyForecast:
     body = _best(found)
     windows = max(int(event.n.max()), 1)
 
@@ -81,7 +81,7 @@ def _sharpened(reference: Reference, event: ModalMean, found: Fit[AddedMass], er
     steps = np.append(steps, windows) if windows not in steps else steps
     table = np.array([std(n) for n in np.sort(steps)])
     least = std(np.inf)
-    return Sharpening(
+    return AccuracyForecast(
         n=np.sort(steps),
         distance_std=table[:, 0],
         mass_std=table[:, 1],

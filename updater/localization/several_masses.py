@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import gammaln, logsumexp, ndtr, softmax
 
 from daq import FloatArray, IndexArray
-from updater.causes import PER_BODY, AddedMass, Beside, Bodies, Nothing, propose_added_mass
+from updater.causes import PER_BODY, AddedMass, Bodies, JointHypothesis, Nothing, propose_added_mass
 from updater.inference import Comparison, Fit, compare, fit
 from updater.localization.one_mass import FITS, MODEL_ERRORS, MassChange, mass_change
 from updater.localization.starting_sets import same_places, starts
@@ -169,7 +169,7 @@ def _log_share_inside(found: Fit[Bodies], row: int, ends: FloatArray, std: Float
     return float(np.log(ndtr((length - at) / scale) - ndtr(-at / scale)).sum())
 
 
-def _summed(data: Comparison, found: Fit[Bodies], row: int, body: int) -> Fit[Beside[AddedMass]]:
+def _summed(data: Comparison, found: Fit[Bodies], row: int, body: int) -> Fit[JointHypothesis[AddedMass]]:
     """Fit one body of a set at all positions, from no mass on, the others along."""
     theta, grid = found.theta[row], found.hypotheses.grid
     own = theta[body * PER_BODY + 1 : (body + 1) * PER_BODY] * [0.0, 1.0, 1.0, 1.0]

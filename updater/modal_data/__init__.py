@@ -3,7 +3,7 @@
 from updater.modal_data.averaging import LEAST_PRESENCE, FusedModes, choose_tracks, fuse
 from updater.modal_data.change_point import ChangePoint, find_change, windows_of_one_state
 from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
-from updater.modal_data.delay_removal import NOT_LATE, InTime, in_time, without_known
+from updater.modal_data.delay_removal import NOT_LATE, SynchronizedWindows, in_time, without_known
 from updater.modal_data.device_delays import (
     NO_DELAYS,
     DeviceDelays,
@@ -33,10 +33,10 @@ __all__ = [
     "Circumstances",
     "DeviceDelays",
     "FusedModes",
-    "InTime",
     "ModalMass",
     "ModalMean",
     "Scatter",
+    "SynchronizedWindows",
     "TrackedModes",
     "Trend",
     "asynchrony",

@@ -17,7 +17,7 @@ _NEWS = 3.0  # times what is not known of a device's delay, from where on it is 
 
 
 @dataclass(frozen=True, eq=False)
-class InTime:
+class SynchronizedWindows:
     """Windows without their devices' delays."""
 
     estimates: tuple[ModalEstimate, ...]
@@ -46,10 +46,12 @@ class InTime:
         return bool(self.removed) and all(device in window for window in self.removed)
 
 
-NOT_LATE = InTime(())
+NOT_LATE = SynchronizedWindows(())
 
 
-def in_time(estimates: Sequence[ModalEstimate], removed: Sequence[Delays], devices: Mapping[str, str]) -> InTime:
+def in_time(
+    estimates: Sequence[ModalEstimate], removed: Sequence[Delays], devices: Mapping[str, str]
+) -> SynchronizedWindows:
     """Take devices' delays out of the windows of one state.
 
     Parameters
@@ -59,7 +61,7 @@ def in_time(estimates: Sequence[ModalEstimate], removed: Sequence[Delays], devic
     """
     shared = learn_delays(estimates, devices, removed)
     late = [estimate_delays(e, devices, shared.beyond(r)) for e, r in zip(estimates, removed, strict=True)]
-    return InTime(
+    return SynchronizedWindows(
         estimates=tuple(remove_delays(e, devices, tau) for e, tau in zip(estimates, late, strict=True)),
         devices=devices,
         removed=tuple({d: r.get(d, 0.0) + tau[d] for d in tau} for r, tau in zip(removed, late, strict=True)),

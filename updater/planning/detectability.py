@@ -36,7 +36,7 @@ _OFFSET_STD = 0.02  # m: how far a body's centre may lie beside the member's axi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Outlook:
+class DetectabilityStudy:
     """A structure with its sensors and two records of it, nothing having been measured yet."""
 
     record: Record
@@ -74,7 +74,7 @@ class Outlook:
         leaks = self.record.leaks(self.reference.frequency, self.reference.paired)
         return shape_errors(at, leaks, at[:, self.reference.paired].T)
 
-    def lasting(self, seconds: float) -> "Outlook":
+    def lasting(self, seconds: float) -> "DetectabilityStudy":
         """Return the same with longer or shorter records."""
         calibration = self.reference.calibration
         record = replace(self.record, seconds=seconds)
@@ -179,7 +179,7 @@ def sharpest(data: FloatArray, bodies: AddedMass, mass: float) -> tuple[FloatArr
     return np.sqrt(covariance[:, 1, 1]), np.sqrt(covariance[:, 0, 0])
 
 
-def foresee(structure: Structure, record: Record, within: float | None = None) -> Outlook:
+def study_detectability(structure: Structure, record: Record, within: float | None = None) -> DetectabilityStudy:
     """Return what the structure's sensors would tell.
 
     Parameters
@@ -215,7 +215,7 @@ def _spacing(structure: Structure, within: float | None) -> float:
     return spacing
 
 
-def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
+def with_sensors(outlook: DetectabilityStudy, sensors: tuple[Sensor, ...]) -> DetectabilityStudy:
     """Return the same structure with other sensors.
 
     Raises
@@ -230,7 +230,7 @@ def with_sensors(outlook: Outlook, sensors: tuple[Sensor, ...]) -> Outlook:
 
 def _outlook(
     model: Model, modes: Modes, record: Record, places: AddedMass | None = None, *, spacing: float = _USUAL
-) -> Outlook:
+) -> DetectabilityStudy:
     seen = told_apart(model, modes, record)
     if len(seen) < 3 or len(model.structure.sensor) < 2:
         raise ModelError(
@@ -240,15 +240,15 @@ def _outlook(
     reference = expected_reference(model, modes, seen, record)
     if places is None:
         places = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
-    return Outlook(record=record, reference=reference, places=places)
+    return DetectabilityStudy(record=record, reference=reference, places=places)
 
 
-def heaviest(outlook: Outlook) -> float:
+def heaviest(outlook: DetectabilityStudy) -> float:
     """Return the mass [kg] beyond which nobody would call it a weak one: where only that shows the rig is blind."""
     return _HEAVY * outlook.reference.calibration.model.total_mass()
 
 
-def blind(outlook: Outlook, weakest: list[float], member: int) -> Stretches:
+def blind(outlook: DetectabilityStudy, weakest: list[float], member: int) -> Stretches:
     """Return the stretches of a member [m] on which a tenth of the structure's mass raises no alarm.
 
     Parameters

@@ -9,10 +9,10 @@ from daq import FloatArray
 from oma import mac_matrix
 from updater.errors import ModelError
 from updater.fe import Model, Modes, build_model
-from updater.planning.detectability import Outlook, foresee
+from updater.planning.detectability import DetectabilityStudy, study_detectability
 from updater.planning.expected_reference import UNSEEN, largest_motion, motion, seen_by
 from updater.planning.record_noise import Record
-from updater.planning.sensor_placement import Choice, one_more
+from updater.planning.sensor_placement import Choice, best_additional_sensor
 from updater.structure import Sensor, Structure
 
 ALIKE = 0.9  #: MAC at the sensors above which two modes cannot be told apart by their shapes [-]
@@ -30,7 +30,7 @@ class Sight:
     seen: FloatArray  #: (n_modes,) largest motion at a sensor over the largest anywhere [-]
     auto_mac: FloatArray  #: (n_modes, n_modes) MAC of the modes at the sensors [-]; NaN for one that none of them sees
     record: Record  #: how long is measured, before a change and after
-    outlook: Outlook | None  #: of a body anywhere; None where the sensors are too few for that
+    outlook: DetectabilityStudy | None  #: of a body anywhere; None where the sensors are too few for that
     too_few: str  #: why, if so
 
     @property
@@ -60,7 +60,7 @@ class Sight:
     @cached_property
     def helper(self) -> Choice | None:
         """The sensors with the one more that would make the place of a body surest."""
-        return one_more(self.outlook, self.typical_mass) if self.outlook else None
+        return best_additional_sensor(self.outlook, self.typical_mass) if self.outlook else None
 
     @property
     def unseen(self) -> tuple[int, ...]:
@@ -105,9 +105,9 @@ def look(structure: Structure, n_modes: int, record: Record | None = None, withi
     )
 
 
-def _outlook(structure: Structure, record: Record, within: float | None) -> tuple[Outlook | None, str]:
+def _outlook(structure: Structure, record: Record, within: float | None) -> tuple[DetectabilityStudy | None, str]:
     try:
-        return foresee(structure, record, within), ""
+        return study_detectability(structure, record, within), ""
     except ModelError as error:
         return None, str(error)
 

@@ -15,7 +15,7 @@ from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError, ModelError
 from updater.inference import Comparison, Prediction, compare, likeliest_place, picked, predict, reanalyse
 from updater.modal_data import ModalMean
-from updater.planning.detectability import Outlook
+from updater.planning.detectability import DetectabilityStudy
 
 _DRAWS = 200
 _SEED = 7  # the same question has the same answer
@@ -63,7 +63,7 @@ class _Draws:
     blur: FloatArray  #: (n_draws, n, n_channels) of the channels' own noise
 
 
-class Foresight:
+class LocalizationSimulation:
     """One mass anywhere on a structure.
 
     Parameters
@@ -77,7 +77,7 @@ class Foresight:
         If the mass is more than a fifth of the structure's: the likelihood's prior does not expect it.
     """
 
-    def __init__(self, outlook: Outlook, target: Target) -> None:
+    def __init__(self, outlook: DetectabilityStudy, target: Target) -> None:
         heaviest = float(outlook.places.prior_std[0])
         if abs(target.mass) > heaviest:
             name = outlook.reference.calibration.structure.name
@@ -135,7 +135,7 @@ class Foresight:
             chance[left], shorter = now, seconds
         return needed
 
-    def _chance(self, outlook: Outlook, place: int) -> float:
+    def _chance(self, outlook: DetectabilityStudy, place: int) -> float:
         known, base = self._signatures, outlook.reference.baseline
         try:
             data = compare(outlook.reference, _event(base, known.log_ratio[0, place], known.shape[0, place]))
@@ -151,7 +151,7 @@ class Foresight:
         near = np.linalg.norm(answer - outlook.point[known.rows[place]], axis=1) <= self._target.within
         return float((alarm & near).mean())
 
-    def _errors(self, outlook: Outlook, data: Comparison) -> tuple[FloatArray, FloatArray]:
+    def _errors(self, outlook: DetectabilityStudy, data: Comparison) -> tuple[FloatArray, FloatArray]:
         """Draw errors of log ratios (n_draws, n) and of shapes (n_draws, n, n_channels): of records, of the model."""
         quiet = outlook.bodies.comparison
         std = np.sqrt(2) * outlook.reference.baseline.log_frequency_std
@@ -181,14 +181,14 @@ class Foresight:
         return np.asarray(place @ self._outlook.point[rows])
 
 
-def _draw(outlook: Outlook) -> _Draws:
+def _draw(outlook: DetectabilityStudy) -> _Draws:
     random, n = np.random.default_rng(_SEED), (_DRAWS, len(outlook.frequency))
     n_modes, n_channels = len(outlook.reference.frequency), len(outlook.reference.baseline.channels)
     shapes = (n, n, (*n, n_modes), (*n, n_channels), (*n, n_channels))
     return _Draws(*(random.standard_normal(shape) for shape in shapes))
 
 
-def _signatures(outlook: Outlook, mass: float, rows: IndexArray) -> _Signatures:
+def _signatures(outlook: DetectabilityStudy, mass: float, rows: IndexArray) -> _Signatures:
     """Compute the exact effect of the body, and what offsets and a radius of gyration would change of it."""
     bodies = outlook.bodies
     std = bodies.prior_std
@@ -208,7 +208,7 @@ def _signatures(outlook: Outlook, mass: float, rows: IndexArray) -> _Signatures:
     return _Signatures(rows, np.array(ratios), np.array(shapes), prior)
 
 
-def _predicted(outlook: Outlook, theta: FloatArray, rows: IndexArray) -> Prediction:
+def _predicted(outlook: DetectabilityStudy, theta: FloatArray, rows: IndexArray) -> Prediction:
     comparison, effect = outlook.bodies.comparison, outlook.bodies.effect(theta, rows)
     value, vector = picked(reanalyse(comparison, effect))
     return predict(comparison, value, vector, effect)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from updater.errors import ModelError
-from updater.planning.detectability import Outlook, with_sensors
+from updater.planning.detectability import DetectabilityStudy, with_sensors
 from updater.structure import Sensor
 
 _MOST_PLACES = 40  # where one more is tried
@@ -27,12 +27,12 @@ class Choice:
     """A set of sensors."""
 
     sensors: tuple[Sensor, ...]
-    outlook: Outlook
+    outlook: DetectabilityStudy
     changed: Sensor  #: the one added or left out last
-    vagueness: float  #: mean over all places of the bound of the place, geometric [m]
+    mean_position_std: float  #: mean over all places of the bound of the place, geometric [m]
 
 
-def vagueness(outlook: Outlook, mass: float) -> float:
+def mean_position_std(outlook: DetectabilityStudy, mass: float) -> float:
     """Return how sure the place of a mass is (geometric mean over all places) [m].
 
     Where a bound is beyond all members' length nothing is known, and no sensor is rewarded for a little less of that.
@@ -43,14 +43,14 @@ def vagueness(outlook: Outlook, mass: float) -> float:
     return float(np.exp(share @ np.log(np.minimum(place, whole))))
 
 
-def one_more(outlook: Outlook, mass: float) -> Choice:
+def best_additional_sensor(outlook: DetectabilityStudy, mass: float) -> Choice:
     """Return the sensors with the one more that makes a mass' place surest."""
     sensors = outlook.reference.calibration.structure.sensor
     tried = (_judged(outlook, (*sensors, new), new, mass) for new in candidates(outlook))
-    return min(tried, key=lambda choice: choice.vagueness)
+    return min(tried, key=lambda choice: choice.mean_position_std)
 
 
-def ever_fewer(outlook: Outlook, mass: float) -> list[Choice]:
+def backward_elimination(outlook: DetectabilityStudy, mass: float) -> list[Choice]:
     """Return sets of ever fewer sensors, each without the one that a mass' place needs least.
 
     The last is the smallest that sees three modes with two sensors.
@@ -66,16 +66,16 @@ def ever_fewer(outlook: Outlook, mass: float) -> list[Choice]:
                 continue
         if not tried:
             return found
-        found.append(min(tried, key=lambda choice: choice.vagueness))
+        found.append(min(tried, key=lambda choice: choice.mean_position_std))
         sensors = found[-1].sensors
 
 
-def _judged(outlook: Outlook, sensors: tuple[Sensor, ...], changed: Sensor, mass: float) -> Choice:
+def _judged(outlook: DetectabilityStudy, sensors: tuple[Sensor, ...], changed: Sensor, mass: float) -> Choice:
     other = with_sensors(outlook, sensors)
-    return Choice(sensors=sensors, outlook=other, changed=changed, vagueness=vagueness(other, mass))
+    return Choice(sensors=sensors, outlook=other, changed=changed, mean_position_std=mean_position_std(other, mass))
 
 
-def candidates(outlook: Outlook) -> list[Sensor]:
+def candidates(outlook: DetectabilityStudy) -> list[Sensor]:
     """Return a sensor along each axis at many places where there is none yet."""
     structure = outlook.reference.calibration.structure
     step = -(-len(outlook.member) // _MOST_PLACES)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.planning.detectability import Outlook
-from updater.planning.record_length import Foresight, Target
-from updater.planning.sensor_placement import ever_fewer, one_more
+from updater.planning.detectability import DetectabilityStudy
+from updater.planning.record_length import LocalizationSimulation, Target
+from updater.planning.sensor_placement import backward_elimination, best_additional_sensor
 
 _PLACES = 25  # where the body is tried
 _SETS = 5  # of fewer sensors
@@ -38,7 +38,7 @@ class Plan:
     """Requirements for locating the target."""
 
     target: Target
-    outlook: Outlook
+    outlook: DetectabilityStudy
     records: FloatArray  #: (n,) lengths of record, each twice the one before [s]
     present: SensorSet
     fewer: tuple[SensorSet, ...]  #: ever fewer of them
@@ -48,15 +48,15 @@ class Plan:
     more_along: tuple[float, float, float]
 
 
-def plan(outlook: Outlook, target: Target) -> Plan:
+def plan(outlook: DetectabilityStudy, target: Target) -> Plan:
     """Return how long to measure with the sensors there are, with fewer of them, and with one more."""
-    sets = ever_fewer(outlook, target.mass)
+    sets = backward_elimination(outlook, target.mass)
     chosen = np.unique(np.linspace(0, len(sets) - 1, min(_SETS, len(sets))).round().astype(int))
-    added = one_more(outlook, target.mass)
+    added = best_additional_sensor(outlook, target.mass)
     return Plan(
         target=target,
         outlook=outlook,
-        records=Foresight(outlook, target).records,
+        records=LocalizationSimulation(outlook, target).records,
         present=_set(outlook, target),
         fewer=tuple(_set(sets[k].outlook, target) for k in chosen),
         left_out=tuple(choice.changed.channel for choice in sets),
@@ -66,8 +66,8 @@ def plan(outlook: Outlook, target: Target) -> Plan:
     )
 
 
-def _set(outlook: Outlook, target: Target) -> SensorSet:
-    foresight = Foresight(outlook, target)
+def _set(outlook: DetectabilityStudy, target: Target) -> SensorSet:
+    foresight = LocalizationSimulation(outlook, target)
     step = -(-len(foresight.places) // _PLACES)
     places = foresight.places[step // 2 :: step]
     return SensorSet(
@@ -78,7 +78,7 @@ def _set(outlook: Outlook, target: Target) -> SensorSet:
     )
 
 
-def _lengths(outlook: Outlook, places: IndexArray) -> FloatArray:
+def _lengths(outlook: DetectabilityStudy, places: IndexArray) -> FloatArray:
     """Return the length of members nearest to each of some places (n,) [m]."""
     away = np.linalg.norm(outlook.point[:, None] - outlook.point[places], axis=2)
     return np.asarray(np.bincount(np.argmin(away, axis=1), outlook.places.weight, minlength=len(places)), float)

@@ -22,9 +22,9 @@ from updater.reference.expansion import (
 from updater.reference.model_fit import ModelFit, fit_of_model
 from updater.reference.model_modes import FREQUENCY_STD, own_modes
 from updater.reference.new_modes import matched_and_new, matched_surely
-from updater.reference.nominal_modes import answers_of_file
+from updater.reference.nominal_modes import match_nominal_modes
 from updater.reference.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
-from updater.reference.reference import NEAR, SAME_SHAPE, Filed, Reference, first_stage, pair_baseline
+from updater.reference.reference import NEAR, SAME_SHAPE, NominalModel, Reference, first_stage, pair_baseline
 from updater.reference.sensitivity_method import Convergence, Prior, SensitivityFit, fit_parameters
 
 __all__ = [
@@ -36,14 +36,13 @@ __all__ = [
     "Calibration",
     "Convergence",
     "ExpandedChange",
-    "Filed",
     "ModelFit",
+    "NominalModel",
     "Parameter",
     "ParameterSensitivity",
     "Prior",
     "Reference",
     "SensitivityFit",
-    "answers_of_file",
     "best_model",
     "calibrate",
     "channel_rows",
@@ -52,6 +51,7 @@ __all__ = [
     "first_stage",
     "fit_of_model",
     "fit_parameters",
+    "match_nominal_modes",
     "matched_and_new",
     "matched_surely",
     "orthonormal",

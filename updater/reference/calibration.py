@@ -27,14 +27,14 @@ from updater.structure import (
     TURNS,
     Axis,
     Joint,
-    Knob,
+    ModelParameter,
     Structure,
     Support,
-    apply_knobs,
+    apply_parameters,
     connection_of,
     flexibility_unit,
     is_of,
-    knobs_of,
+    model_parameters_of,
     physical_unit,
     physical_value,
     welded,
@@ -77,7 +77,7 @@ class Calibration:
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
     reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
-    knobs: tuple[Knob, ...]  #: what was fitted, or might be
+    knobs: tuple[ModelParameter, ...]  #: what was fitted, or might be
 
     @property
     def fitted(self) -> bool:
@@ -95,7 +95,7 @@ class Calibration:
         """Return the fitted parameters as they were in the file and as they are fitted."""
         return tuple(map(self._change, self.knobs, self.parameters))
 
-    def _change(self, knob: Knob, parameter: Parameter) -> ParameterChange:
+    def _change(self, knob: ModelParameter, parameter: Parameter) -> ParameterChange:
         value, before = parameter.value, None
         if knob.kind == "stiffness":
             after = physical_value(self.structure, knob, 0.0)
@@ -159,10 +159,13 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
             f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
             "mapped rightly?"
         )
-    knobs, alike = knobs_of(structure), np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE)
+    knobs, alike = (
+        model_parameters_of(structure),
+        np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE),
+    )
     if 3 <= len(alike) < n_nominal:  # what else answers is told better by a model that is nearly right
         first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
-        nearer = best_model(apply_knobs(structure, knobs, first.value))
+        nearer = best_model(apply_parameters(structure, knobs, first.value))
         close = nearer.modes(len(modes.frequency))
         read = (channel_rows(nearer, measured.channels) @ close.shape).T
         answers = pair_modes(frequency, measured.shape, close.frequency, read)
@@ -170,7 +173,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     tracks = np.flatnonzero(answers >= 0)
     misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
     fit = fit_parameters(misfit, _prior(knobs))
-    fitted = apply_knobs(structure, knobs, fit.value)
+    fitted = apply_parameters(structure, knobs, fit.value)
     model = best_model(fitted)
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
     return Calibration(
@@ -236,7 +239,7 @@ def enough_modes(model: Model, rows: FloatArray, highest: float, n_measured: int
         n_modes = min(2 * n_modes, most, _MOST_MODES)
 
 
-def _prior(knobs: list[Knob]) -> Prior:
+def _prior(knobs: list[ModelParameter]) -> Prior:
     return Prior(
         mean=np.array([k.mean for k in knobs]),
         std=np.array([k.prior for k in knobs]),
@@ -252,13 +255,13 @@ class _Misfit:
     A parameter may carry a mode across another, so that partners are looked for anew at each x.
     """
 
-    def __init__(self, structure: Structure, knobs: list[Knob], measured: ModalMean, n_modes: int) -> None:
+    def __init__(self, structure: Structure, knobs: list[ModelParameter], measured: ModalMean, n_modes: int) -> None:
         self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
         self._tolerance = np.hypot(measured.log_frequency_std, FREQUENCY_ERROR)
         self._solved = lru_cache(1)(self._solve)
 
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
-        model = best_model(apply_knobs(self._structure, self._knobs, np.array(x)))
+        model = best_model(apply_parameters(self._structure, self._knobs, np.array(x)))
         modes = model.modes(self._n_modes)
         seen = (channel_rows(model, self._measured.channels) @ modes.shape).T
         unlike = 1 - mac_of_moving(self._measured.shape, seen)
@@ -291,10 +294,10 @@ class _Misfit:
         doubled = x.copy()
         doubled[i] += np.log(2)
         return sparse.csc_array(
-            best_model(apply_knobs(self._structure, self._knobs, doubled)).stiffness - model.stiffness
+            best_model(apply_parameters(self._structure, self._knobs, doubled)).stiffness - model.stiffness
         )
 
-    def _by_weld(self, model: Model, modes: Modes, knob: Knob, less: float) -> FloatArray:
+    def _by_weld(self, model: Model, modes: Modes, knob: ModelParameter, less: float) -> FloatArray:
         """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
         gained = np.zeros(len(modes.omega))
         for member, start, end in welded(self._structure, knob.at):
@@ -304,14 +307,14 @@ class _Misfit:
                 gained += (local * change).sum(0)
         return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
 
-    def _by_spring(self, model: Model, modes: Modes, knob: Knob) -> FloatArray:
+    def _by_spring(self, model: Model, modes: Modes, knob: ModelParameter) -> FloatArray:
         """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
         row, spring = spring_of(model, knob)
         force = spring * (row @ modes.shape)
         return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis)))
 
 
-def spring_of(model: Model, knob: Knob) -> tuple[FloatArray, float]:
+def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:
     """Return the row (n_dofs,) that reads how a connection's spring is strained, and its stiffness [N m/rad or N/m]."""
     connection = connection_of(model.structure, knob)
     stiffness = next(v for axis, v in connection.stiffness.items() if axis == knob.axis)

@@ -5,10 +5,10 @@ from scipy.optimize import linear_sum_assignment
 
 from daq import IndexArray
 from oma import mac_matrix
-from updater.reference.reference import Filed, Reference
+from updater.reference.reference import NominalModel, Reference
 
 
-def answers_of_file(reference: Reference, filed: Filed, channels: tuple[str, ...]) -> IndexArray:
+def match_nominal_modes(reference: Reference, filed: NominalModel, channels: tuple[str, ...]) -> IndexArray:
     """Return which of the file's modes answers to each of the nearer model's (n_modes,): all are assigned at once.
 
     Parameters

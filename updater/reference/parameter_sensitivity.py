@@ -9,11 +9,11 @@ from daq import FloatArray
 from updater.reference.calibration import best_model
 from updater.reference.sensitivity_method import frequency_slope
 from updater.structure import (
-    Knob,
+    ModelParameter,
     Structure,
-    apply_knobs,
+    apply_parameters,
     as_filed,
-    knobs_of,
+    model_parameters_of,
     physical_unit,
     physical_value,
     with_springs,
@@ -40,15 +40,17 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
     The change of omega^2 is b^T dK b for mass-normalised modes b (Fox & Kapoor 1968), with dK by a central difference
     of the stiffness matrix. A rigid connection is given a flexibility so small that it changes no frequency.
     """
-    knobs = knobs_of(structure)
+    knobs = model_parameters_of(structure)
     sprung = with_springs(structure)
     x = _linearization_point(knobs)
-    model = best_model(apply_knobs(sprung, knobs, x))
+    model = best_model(apply_parameters(sprung, knobs, x))
     modes = model.modes(n_modes)
     found = []
     for i, knob in enumerate(knobs):
         h = _difference_step(knob, x[i])
-        upper, lower = (best_model(apply_knobs(sprung, knobs, _moved(x, i, sign * h))).stiffness for sign in (1, -1))
+        upper, lower = (
+            best_model(apply_parameters(sprung, knobs, _moved(x, i, sign * h))).stiffness for sign in (1, -1)
+        )
         slope = frequency_slope(modes.omega, modes.shape, ((upper - lower) / (2 * h)) @ modes.shape)
         moved = -knob.prior if knob.kind == "stiffness" else min(knob.prior, knob.upper)
         found.append(
@@ -63,21 +65,21 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
     return modes.frequency, found
 
 
-def _filed(structure: Structure, knob: Knob) -> float:
+def _filed(structure: Structure, knob: ModelParameter) -> float:
     """Return the value of the structure file in physical units; infinite where it has a connection rigid."""
     if knob.kind in {"support", "joint"} and not knob.mean:
         return float("inf")
     return physical_value(structure, knob, knob.mean)
 
 
-def _linearization_point(knobs: Sequence[Knob]) -> FloatArray:
+def _linearization_point(knobs: Sequence[ModelParameter]) -> FloatArray:
     """Return the file's parameters, with every weld a little in, so that all differences are of one mesh."""
     filed = as_filed(knobs)
     welds = np.array([knob.kind == "weld" for knob in knobs], bool)
     return np.where(welds, 2 * _WELD_STEP, filed)
 
 
-def _difference_step(knob: Knob, value: float) -> float:
+def _difference_step(knob: ModelParameter, value: float) -> float:
     if knob.kind == "weld":
         return _WELD_STEP
     return _RELATIVE_STEP if knob.kind == "stiffness" else _RELATIVE_STEP * value

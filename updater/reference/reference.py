@@ -31,7 +31,7 @@ class Reference:
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
     unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
     measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
-    filed: "Filed | None" = None  #: of a structure file that is far off: what it says
+    filed: "NominalModel | None" = None  #: of a structure file that is far off: what it says
 
     @property
     def known(self) -> ModalMean:
@@ -85,7 +85,7 @@ class Reference:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Filed:
+class NominalModel:
     """Structure file that is so far off that causes are sought about a model nearer to the measurement.
 
     Modes pair wrongly there, and what little causes do to them is not what they do to the structure's.

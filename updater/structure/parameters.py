@@ -33,7 +33,7 @@ Meeting = tuple[str, Vector]  #: a member, and where it meets others
 
 
 @dataclass(frozen=True, kw_only=True)
-class Knob:
+class ModelParameter:
     """A parameter: ln of a material's stiffness, a connection's flexibility along or about one axis, or its weld.
 
     Flexibilities are c E I / L about an axis, c E I / L^3 along one, of the longest member. Members that meet overlap
@@ -85,21 +85,21 @@ class Knob:
 
 def with_springs(structure: Structure) -> Structure:
     """Return the structure with springs where feet, bearings and joints are rigid, so stiff that it shows nowhere."""
-    knobs = [knob for knob in knobs_of(structure) if is_rigid(knob)]
-    return apply_knobs(structure, knobs, as_filed(knobs))
+    knobs = [knob for knob in model_parameters_of(structure) if is_rigid(knob)]
+    return apply_parameters(structure, knobs, as_filed(knobs))
 
 
-def as_filed(knobs: Sequence[Knob]) -> FloatArray:
+def as_filed(knobs: Sequence[ModelParameter]) -> FloatArray:
     """Return the parameters (n_knobs,) of a structure as its file has them, with springs as by `with_springs`."""
     return np.array([10 * knob.lower if is_rigid(knob) else knob.mean for knob in knobs])
 
 
-def is_rigid(knob: Knob) -> bool:
+def is_rigid(knob: ModelParameter) -> bool:
     """Return whether a parameter is of a connection that the file has rigid."""
     return knob.kind in {"support", "joint"} and not knob.mean
 
 
-def knobs_of(structure: Structure) -> list[Knob]:
+def model_parameters_of(structure: Structure) -> list[ModelParameter]:
     """Return the parameters that may be updated: `all_knobs` without those that the structure fixes, bounded."""
     free = [k for k in all_knobs(structure) if not any(_matches(structure, k, p) for p in structure.updating.fixed)]
     return [_bounded(structure, knob) for knob in free]
@@ -128,7 +128,7 @@ def check_updating(structure: Structure) -> None:
                 )
 
 
-def _matches(structure: Structure, knob: Knob, pattern: str) -> bool:
+def _matches(structure: Structure, knob: ModelParameter, pattern: str) -> bool:
     """Return whether a pattern names a parameter; a member's name stands for its material's."""
     keys = [knob.key]
     if knob.kind == "stiffness":
@@ -136,7 +136,7 @@ def _matches(structure: Structure, knob: Knob, pattern: str) -> bool:
     return any(fnmatchcase(key, pattern) for key in keys)
 
 
-def _bounded(structure: Structure, knob: Knob) -> Knob:
+def _bounded(structure: Structure, knob: ModelParameter) -> ModelParameter:
     """Return a parameter with the bounds that the structure sets; what the file has rigid has no greatest stiffness."""
     for pattern, bounds in structure.updating.bounds.items():
         if _matches(structure, knob, pattern):
@@ -146,7 +146,7 @@ def _bounded(structure: Structure, knob: Knob) -> Knob:
     return knob
 
 
-def physical_value(structure: Structure, knob: Knob, value: float) -> float:
+def physical_value(structure: Structure, knob: ModelParameter, value: float) -> float:
     """Return a fitted value in the units of `physical_unit`."""
     if knob.kind == "stiffness":
         return _filed_modulus(structure, knob) * float(np.exp(value))
@@ -155,7 +155,7 @@ def physical_value(structure: Structure, knob: Knob, value: float) -> float:
     return flexibility_unit(structure, knob.axis) / value
 
 
-def physical_slope(structure: Structure, knob: Knob, value: float) -> float:
+def physical_slope(structure: Structure, knob: ModelParameter, value: float) -> float:
     """Return the magnitude of the derivative of `physical_value`: the ratio of standard deviations."""
     now = physical_value(structure, knob, value)
     if knob.kind == "stiffness":
@@ -163,7 +163,7 @@ def physical_slope(structure: Structure, knob: Knob, value: float) -> float:
     return now**2 if knob.kind == "weld" else now / value
 
 
-def fitted_value(structure: Structure, knob: Knob, value: float) -> float:
+def fitted_value(structure: Structure, knob: ModelParameter, value: float) -> float:
     """Return the fitted value of a physical one: the inverse of `physical_value`."""
     if knob.kind == "stiffness":
         return float(np.log(value / _filed_modulus(structure, knob)))
@@ -172,7 +172,7 @@ def fitted_value(structure: Structure, knob: Knob, value: float) -> float:
     return flexibility_unit(structure, knob.axis) / value
 
 
-def physical_unit(structure: Structure, knob: Knob) -> str:
+def physical_unit(structure: Structure, knob: ModelParameter) -> str:
     """Return the unit of a parameter: Pa, N m/rad, N/m, or - for a factor of stiffness."""
     if knob.kind == "stiffness":
         return "-" if structure.external is not None else "Pa"
@@ -181,19 +181,19 @@ def physical_unit(structure: Structure, knob: Knob) -> str:
     return "N m/rad" if knob.axis in TURNS else "N/m"
 
 
-def _filed_modulus(structure: Structure, knob: Knob) -> float:
+def _filed_modulus(structure: Structure, knob: ModelParameter) -> float:
     """Return Young's modulus of a material [Pa], or the factor of matrices from another program."""
     if structure.external is not None:
         return structure.external.factor
     return structure.material[knob.target].youngs_modulus
 
 
-def all_knobs(structure: Structure) -> list[Knob]:
+def all_knobs(structure: Structure) -> list[ModelParameter]:
     """Return the stiffness of each material and what each foot, bearing and joint may give."""
     if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
-        return [Knob(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")]
+        return [ModelParameter(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")]
     knobs = [
-        Knob(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
+        ModelParameter(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
         for m in structure.material
     ]
     for i, support in enumerate(structure.support):
@@ -210,7 +210,7 @@ def all_knobs(structure: Structure) -> list[Knob]:
         if any(knob.kind == "weld" and knob.at == at for knob in knobs):  # one holds all that meet there
             continue
         knobs.append(
-            Knob(
+            ModelParameter(
                 name=f"weld of {member}{place}",
                 key=f"{member}{place}.weld",
                 prior=_WELD_PRIOR,
@@ -230,9 +230,9 @@ def may_give(support: Support) -> list[Axis]:
     return [a for a in support.fixed if a in TURNS or not clamped]
 
 
-def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str, at: Vector) -> Knob:
+def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str, at: Vector) -> ModelParameter:
     prior, lower = (_FLEXIBILITY_PRIOR, _RIGID) if axis in TURNS else (_BEARING_PRIOR, _UNMOVED)
-    return Knob(
+    return ModelParameter(
         name=f"{name} flexibility {axis}",
         key=f"{name.removeprefix('joint of ')}.{axis}",
         prior=prior,
@@ -246,9 +246,9 @@ def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str
 
 def _stated(
     structure: Structure, name: str, axis: Axis, kind: Literal["support", "joint"], target: str, spring: Support | Joint
-) -> Knob:
+) -> ModelParameter:
     mean = flexibility_unit(structure, axis) / dict(spring.stiffness)[axis]  # type: ignore[index]
-    return Knob(
+    return ModelParameter(
         name=f"{name} flexibility {axis}",
         key=f"{name.removeprefix('joint of ')}.{axis}",
         prior=_STATED_PRIOR * mean,
@@ -286,7 +286,7 @@ def _same(one: Vector, other: Vector) -> bool:
     return bool(np.linalg.norm(np.subtract(one, other)) < ON_MEMBER)
 
 
-def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Structure:
+def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: FloatArray) -> Structure:
     """Return the structure with the parameters `x` written into it."""
     material = dict(structure.material)
     supports, joints = list(structure.support), list(structure.joint)
@@ -317,7 +317,7 @@ def apply_knobs(structure: Structure, knobs: list[Knob], x: FloatArray) -> Struc
     )
 
 
-def _put_joint(joints: list[Joint], knob: Knob, spring: float) -> None:
+def _put_joint(joints: list[Joint], knob: ModelParameter, spring: float) -> None:
     """Write a spring into the joint of its member at its place, which it makes if there is none."""
     for i, joint in enumerate(joints):
         if joint.member == knob.target and _same(joint.at, knob.at):
@@ -326,14 +326,14 @@ def _put_joint(joints: list[Joint], knob: Knob, spring: float) -> None:
     joints.append(Joint.model_validate({"member": knob.target, "at": knob.at, "stiffness": {knob.axis: spring}}))
 
 
-def connection_of(structure: Structure, knob: Knob) -> Support | Joint:
+def connection_of(structure: Structure, knob: ModelParameter) -> Support | Joint:
     """Return the support or joint that a parameter is a flexibility of."""
     if knob.kind == "support":
         return structure.support[int(knob.target)]
     return next(joint for joint in structure.joint if is_of(structure, joint, knob))
 
 
-def is_of(structure: Structure, connection: Support | Joint, knob: Knob) -> bool:
+def is_of(structure: Structure, connection: Support | Joint, knob: ModelParameter) -> bool:
     """Tell whether a parameter is a connection's flexibility."""
     if isinstance(connection, Joint):
         return knob.kind == "joint" and connection.member == knob.target and _same(connection.at, knob.at)

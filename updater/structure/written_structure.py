@@ -8,7 +8,7 @@ import numpy as np
 from updater.structure.base import Vector
 from updater.structure.entries import AXES, Axis, Joint, Material, Segment, Support
 from updater.structure.parameters import (
-    Knob,
+    ModelParameter,
     flexibility_unit,
     is_of,
     is_rigid,
@@ -21,7 +21,7 @@ _NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid
 _NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, which changes frequencies by 1e-5
 
 
-def simplified(structure: Structure, knobs: Sequence[Knob]) -> Structure:
+def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structure:
     """Return the structure without springs and welds that change nothing.
 
     Parameters
@@ -76,7 +76,7 @@ def _does_nothing(segment: Segment) -> bool:
     return not segment.mass and 0 < off < _NO_WELD  # a file's own segments of factor 1 stay
 
 
-def rounded(structure: Structure, knobs: Sequence[Knob], std: Mapping[str, float]) -> Structure:
+def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[str, float]) -> Structure:
     """Return the structure with parameters rounded to the second digit of their standard deviations.
 
     Parameters

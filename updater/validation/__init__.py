@@ -2,14 +2,14 @@
 
 from updater.validation.acting_causes import with_acting
 from updater.validation.channel_health import SensorHealth, sensor_health
-from updater.validation.modal_correlation import Discrepancy, as_before, as_extended, as_written, set_beside
+from updater.validation.modal_correlation import ModalCorrelation, as_before, as_extended, as_written, correlate_modes
 from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
 from updater.validation.residual_forces import ForceBalance, force_balance
 from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
 
 __all__ = [
-    "Discrepancy",
     "ForceBalance",
+    "ModalCorrelation",
     "ModelModes",
     "ModelPartner",
     "SensorHealth",
@@ -17,10 +17,10 @@ __all__ = [
     "as_before",
     "as_extended",
     "as_written",
+    "correlate_modes",
     "force_balance",
     "model_modes",
     "sensor_health",
-    "set_beside",
     "virtual_sensing",
     "with_acting",
 ]

@@ -28,7 +28,7 @@ _SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less th
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Discrepancy:
+class ModalCorrelation:
     """Measured modes beside simulated ones; -1 and NaN where a partner is missing."""
 
     channels: tuple[str, ...]
@@ -54,7 +54,7 @@ class Discrepancy:
         return np.flatnonzero(self.partner < 0)
 
 
-def set_beside(simulated: ModalMean, measured: ModalMean) -> Discrepancy:
+def correlate_modes(simulated: ModalMean, measured: ModalMean) -> ModalCorrelation:
     """Set measured modes beside simulated ones.
 
     Parameters
@@ -79,7 +79,7 @@ def set_beside(simulated: ModalMean, measured: ModalMean) -> Discrepancy:
     off_std[seen] = np.hypot(now.log_frequency_std, model.log_frequency_std)
     comac, residual, residual_std = _by_sensor(model, now)
     frequency = np.exp(measured.log_frequency)
-    return Discrepancy(
+    return ModalCorrelation(
         channels=channels,
         simulated=np.exp(simulated.log_frequency),
         measured=frequency,

@@ -14,7 +14,7 @@ from scipy.stats import t as student
 
 from daq import FloatArray
 from tests.measured.three_storeys import FLOOR, LEG, Frame, read_frame, simulation
-from updater import Explained, Structure, build_model, diagnose, matched, nominal_reference, stack_tracks
+from updater import DiagnosisResult, Structure, build_model, diagnose, matched, nominal_reference, stack_tracks
 from updater.modal_data import ModalMass
 
 MEASURED, BEFORE, AFTER = "#263238", "#ef6c00", "#1565c0"
@@ -33,7 +33,7 @@ def main(folder: Path, picture: Path | None) -> None:
         draw(picture, frame, masses, structure, explained.extended)
 
 
-def explain(frame: Frame, structure: Structure) -> Explained:
+def explain(frame: Frame, structure: Structure) -> DiagnosisResult:
     """Ask the catalogue of causes what the simulation gets wrong."""
     tracked = stack_tracks(frame.estimates(), [np.arange(3)] * 3)
     reference = nominal_reference(structure, tracked, n_modes=12)
@@ -89,7 +89,7 @@ def print_stiffness(frame: Frame, structure: Structure) -> None:
     print("\nstoreys, documented masses:", [f"{k / 1e3:.1f}" for k in storeys], f"kN/m; legs {legs / 1e3:.1f} kN/m")
 
 
-def print_diagnosis(explained: Explained) -> None:
+def print_diagnosis(explained: DiagnosisResult) -> None:
     """Print what the catalogue says."""
     found = explained.diagnosis
     print(f"\n{found.verdict}")

@@ -14,7 +14,7 @@ import can
 import numpy as np
 import serial
 
-from daq.drivers.serial.buffered_port import Bites
+from daq.drivers.serial.buffered_port import BufferedPort
 from daq.protocol import slcan
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
 
@@ -53,7 +53,7 @@ class SlcanBus(can.BusABC):
             raise can.CanInitializationError(f"{channel}: {error}") from error
         self._decoder = slcan.SlcanDecoder()
         self._waiting: deque[can.Message] = deque()
-        self._bites = Bites(self._port.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
+        self._bites = BufferedPort(self._port.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
         self._is_shutdown = False
         self.channel_info = f"SLCAN adapter on {channel}"
         super().__init__(channel, **kwargs)  # type: ignore[arg-type]

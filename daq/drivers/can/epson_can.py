@@ -13,7 +13,7 @@ from daq.drivers.base import Scans
 from daq.drivers.can.epson_can_setup import configure, end_sync, identify, produce_sync
 from daq.drivers.can.epson_can_temperature import Thermometer
 from daq.drivers.can.heartbeat import HeartbeatConsumer
-from daq.drivers.can.hub import GATHER_SECONDS, Member, Share, SyncPart, join_bus, leave_bus
+from daq.drivers.can.hub import GATHER_SECONDS, DeviceFrames, Member, SyncPart, join_bus, leave_bus
 from daq.drivers.can.sync_count import SyncedCounter
 from daq.drivers.rates import known_rate
 from daq.errors import DeviceLost, DriverError
@@ -57,7 +57,7 @@ class EpsonCan:
         self._thermometer: Thermometer | None = None
         self._decoder = epson.ScanDecoder(address.node)
         self._synced, self._clock = SyncedCounter(), ""
-        self._held: list[Share] = []  # of another start of SYNC than those before
+        self._held: list[DeviceFrames] = []  # of another start of SYNC than those before
         self._was_open = False
 
     def open(self) -> dict[str, Any]:
@@ -140,14 +140,14 @@ class EpsonCan:
         except _ERRORS as error:
             raise DeviceLost(str(self._address), f"cannot be asked for its temperature: {error}") from error
 
-    def _chunks(self, member: Member) -> list[Share]:
+    def _chunks(self, member: Member) -> list[DeviceFrames]:
         """Wait for frames and return those that are numbered by one start of SYNC."""
         chunks = [*self._held, *member.take(0.0 if self._held else _READ_SECONDS)]
         same = [chunk for chunk in chunks if chunk.clock == chunks[0].clock]
         self._held = chunks[len(same) :]  # starts follow one another
         return same
 
-    def _decoded(self, chunks: list[Share]) -> tuple[IntArray, IntArray | IndexArray]:
+    def _decoded(self, chunks: list[DeviceFrames]) -> tuple[IntArray, IntArray | IndexArray]:
         """Return counts (n, 3), and the counter (n,) or on SYNC the number of that."""
         syncs = np.concatenate([chunk.syncs for chunk in chunks])
         counts, counter, syncs = self._decoder.feed_synced(concatenate([chunk.frames for chunk in chunks]), syncs)

@@ -50,7 +50,7 @@ class SyncPart:
 
 
 @dataclass(frozen=True, eq=False)
-class Share(Chunk):
+class DeviceFrames(Chunk):
     """Frames of one device in a chunk."""
 
     syncs: IndexArray  #: (n,) number of the last SYNC before each frame, if the device samples on it
@@ -65,11 +65,11 @@ class Member:
     place: CanPlace
     identifiers: frozenset[int]  #: of its process data, with the bit EXTENDED
     sync: SyncPart | None = None  #: if it samples on that
-    inbox: "queue.Queue[Share]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
+    inbox: "queue.Queue[DeviceFrames]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
     waiting: int = 0  #: frames that came since they were taken, about
     enough: threading.Event = field(default_factory=threading.Event)  #: they are worth a read, or none will come
 
-    def take(self, timeout: float) -> list[Share]:
+    def take(self, timeout: float) -> list[DeviceFrames]:
         """Wait for process data and return all that are there; none after `timeout` [s].
 
         Raises
@@ -77,7 +77,7 @@ class Member:
         DeviceLost
             If the bus is gone.
         """
-        chunks: list[Share] = []
+        chunks: list[DeviceFrames] = []
         self.enough.clear()
         self.waiting = 0
         try:
@@ -95,13 +95,13 @@ class Member:
         if self.hub.failure is None:
             self.enough.wait(seconds)
 
-    def pick(self, chunk: Share) -> npt.NDArray[np.bool_]:
+    def pick(self, chunk: DeviceFrames) -> npt.NDArray[np.bool_]:
         """Take the frames that are this device's; tell which (n,)."""
         own = np.zeros(len(chunk.frames), bool)
         for identifier in self.identifiers:  # few: each takes a tenth of the time of np.isin
             own |= chunk.frames.ids == identifier
         if own.any() and not self.inbox.full():
-            self.inbox.put_nowait(Share(chunk.frames[own], chunk.arrived, chunk.syncs[own], chunk.clock))
+            self.inbox.put_nowait(DeviceFrames(chunk.frames[own], chunk.arrived, chunk.syncs[own], chunk.clock))
             self.waiting += int(np.count_nonzero(own))
             if self.waiting >= _ENOUGH:
                 self.enough.set()
@@ -160,7 +160,7 @@ class CanHub:
         members = self.members
         rate = next((member.sync.rate for member in members if member.sync), None)
         syncs = self.syncs.count(chunk, rate) if rate else np.zeros(len(chunk.frames), np.intp)
-        share = Share(chunk.frames, chunk.arrived, syncs, self.syncs.clock)
+        share = DeviceFrames(chunk.frames, chunk.arrived, syncs, self.syncs.clock)
         for member in members:
             taken |= member.pick(share)
         if taken.all():

@@ -13,7 +13,7 @@ _PART, _FULL = 8192, 4000  # bytes asked for at once, and of an answer behind wh
 _MOST = 1 << 16  # bytes a read
 
 
-class Bites:
+class BufferedPort:
     """Reads a port that is open and does not block; for one thread.
 
     While bytes come fast enough it lets them gather, and is woken early only if the port goes. Then it takes what is

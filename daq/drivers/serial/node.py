@@ -44,7 +44,7 @@ class ModalwatchNode:
         self._path, self._rate = port, positive_rate(rate, port)
         self._port: SerialPort | None = None
         self._decoder = node.NodeDecoder()
-        self._believer = Believer(rate)
+        self._believer = FrameValidator(rate)
 
     def open(self) -> dict[str, Any]:
         """Open the port, ask for scans, hear who answers and what it counts in."""
@@ -59,7 +59,7 @@ class ModalwatchNode:
 
     def _start(self, port: SerialPort) -> node.Hello:
         """Return the hello of a node that then sends scans at the right rate."""
-        self._decoder, self._believer = node.NodeDecoder(), Believer(self._rate)
+        self._decoder, self._believer = node.NodeDecoder(), FrameValidator(self._rate)
         port.discard_input()
         port.write(b"\0" + node.encode_command(node.START, self._rate))  # the zero ends whatever was begun before
         hello = self._wait_for_hello(port)
@@ -154,7 +154,7 @@ def search(path: str, _: int) -> PortAnswer | None:
     return PortAnswer(who=f"{hello.product} {hello.serial}", devices=(found,))
 
 
-class Believer:
+class FrameValidator:
     """Tells scans from frames that damage made and the CRC let pass, once in 2^16.
 
     Counter and clock of a node go on together. A scan is believed if it agrees with the one before or the one after;

@@ -6,7 +6,7 @@ import time
 
 import serial
 
-from daq.drivers.serial.buffered_port import Bites
+from daq.drivers.serial.buffered_port import BufferedPort
 from daq.errors import DeviceLost
 
 READ_SECONDS = 0.1  #: that a read waits for the first byte
@@ -43,7 +43,7 @@ class SerialPort:
             if error.errno in (errno.EAGAIN, errno.EBUSY):  # locked, or opened exclusively
                 raise serial.SerialException("the port is in use by another program") from error
             raise
-        self._bites = Bites(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
+        self._bites = BufferedPort(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
 
     def read(self) -> bytes:
         """Return what has arrived; nothing if nothing comes within `READ_SECONDS`.

@@ -18,13 +18,13 @@ from can.io.blf import BLFParseError
 
 from daq.drivers.addresses import DbcSensor
 from daq.drivers.base import Scans
-from daq.drivers.block_builder import Blocks
+from daq.drivers.block_builder import BlockBuilder
 from daq.drivers.can.bus import frames_of
 from daq.drivers.can.dbc_file import read_layout
 from daq.errors import DataError
 from daq.files.can.blf import BoundedBlfReader
 from daq.log.channel_map import CHANNELS, ChannelMap
-from daq.log.mcap_log import LogWriter
+from daq.log.mcap_log import McapWriter
 from daq.protocol.can_scan import ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, CanFrames, concatenate
 from daq.types import Block, Channel, Event, IndexArray, Item
@@ -107,7 +107,7 @@ def import_can_log(
     """
     streams = [_Stream(sensor) for sensor in sensors]
     known = ChannelMap(channels=channels, on_grid=False)
-    writer = LogWriter(out, {CHANNELS: known.to_json(), **(attachments or {})})
+    writer = McapWriter(out, {CHANNELS: known.to_json(), **(attachments or {})})
     try:
         for frames, stamps in _pieces(path, start):
             for stream in streams:
@@ -131,7 +131,7 @@ class _Stream:
         self._sensor, self._layout = sensor, read_layout(sensor.sensor)
         self._decoder = ScanDecoder(self._layout)
         n = max(1, round(_BLOCK_SECONDS * sensor.rate))
-        self._blocks = Blocks(sensor.device, sensor.rate, self._layout.scale, self._layout.modulus, n)
+        self._blocks = BlockBuilder(sensor.device, sensor.rate, self._layout.scale, self._layout.modulus, n)
         self._heard = NO_FRAMES
         self._n = self._end = self._missing = 0
         self._times: list[int] = []  # of the first scan and the last [ns UTC]

@@ -31,7 +31,7 @@ from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report
 from oma import OmaError
-from updater import Diagnosis, Explained, Structure, dump_structure, load_structure, parse_structure
+from updater import Diagnosis, DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
 from updater.reference import Calibration
@@ -215,7 +215,7 @@ def _say_parameters(calibration: Calibration) -> None:
         console.print(changes_table(changes, "model parameters fitted to the reference logs"))
 
 
-def _write_nearer(found: Explained, structure_path: Path, logs: Logs, out: Path | None) -> str:
+def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:
     """Write the nearer model of a file that is far off, if that is asked for; return what to say of it, if anything."""
     if found.nearer is None:
         return ""
@@ -322,7 +322,7 @@ def _channels_of(paths: Sequence[Path]) -> list[str]:
     return list(dict.fromkeys(channel.name for log in as_logs(paths) for channel in log_channels(log)))
 
 
-def _provenance(found: Explained, structure_path: Path, logs: Logs) -> str:
+def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str:
     """Return comments that say what an extended model was made of, and from what."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
@@ -338,7 +338,9 @@ def _names(paths: Sequence[Path]) -> str:
     return ", ".join(path.name for path in paths)
 
 
-def _write(found: Explained, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None) -> Diagnosis:
+def _write(
+    found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
+) -> Diagnosis:
     """Write what is asked for; return the diagnosis with the path of the extended model in it."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
     try:

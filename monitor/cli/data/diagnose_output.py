@@ -7,7 +7,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.results.comparison import DiscrepancyResult, ModeBeside, Vector
+from monitor.results.comparison import DiscrepancyResult, ModeComparison, Vector
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
@@ -96,7 +96,7 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
     return table
 
 
-def _off(mode: ModeBeside) -> list[str]:
+def _off(mode: ModeComparison) -> list[str]:
     if mode.off_percent is None or not mode.std_percent:
         return ["-", "-", "-"]
     sigmas = mode.off_percent / mode.std_percent

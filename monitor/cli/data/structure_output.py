@@ -14,7 +14,7 @@ from daq import FloatArray, IndexArray
 from monitor.analysis.channels import ChannelCheck, twins
 from monitor.text.quantities import duration_words, mass_words, stretches_text
 from updater import Structure
-from updater.planning import Outlook, Plan, SensorSet, Sight, blind, clearer, vagueness
+from updater.planning import DetectabilityStudy, Plan, SensorSet, Sight, blind, clearer, mean_position_std
 from updater.structure import Sensor
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
@@ -89,7 +89,7 @@ def _at(sensor: Sensor) -> str:
     return f"({x:.4g}, {y:.4g}, {z:.4g}) along {along}"
 
 
-def body_table(sight: Sight, outlook: Outlook) -> Table:
+def body_table(sight: Sight, outlook: DetectabilityStudy) -> Table:
     """Return, member by member, the weakest mass that raises the alarm, and how sure a body's place will be."""
     mass, record = sight.typical_mass, outlook.record
     title = (
@@ -128,8 +128,8 @@ def helper_words(sight: Sight) -> str:
     """Say where one more sensor would help most."""
     if sight.helper is None or sight.outlook is None:
         return ""
-    before = vagueness(sight.outlook, sight.typical_mass)
-    after, mass = sight.helper.vagueness, mass_words(sight.typical_mass)
+    before = mean_position_std(sight.outlook, sight.typical_mass)
+    after, mass = sight.helper.mean_position_std, mass_words(sight.typical_mass)
     found = f"{mass} anywhere located to ± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm"
     if after > _WORTH_IT * before:
         return f"one more sensor would hardly help: {found} at best (geometric mean over all places)"
@@ -182,7 +182,7 @@ def as_json(sight: Sight, planned: Plan | None) -> dict[str, Any]:
     }
 
 
-def _body(sight: Sight, outlook: Outlook) -> dict[str, Any]:
+def _body(sight: Sight, outlook: DetectabilityStudy) -> dict[str, Any]:
     place, mass = outlook.bound(sight.typical_mass)
     helper = sight.helper
     return {
@@ -198,12 +198,15 @@ def _body(sight: Sight, outlook: Outlook) -> dict[str, Any]:
         and {
             "at": list(helper.changed.at),
             "direction": list(helper.changed.direction),
-            "position_std": {"before": vagueness(outlook, sight.typical_mass), "after": helper.vagueness},
+            "position_std": {
+                "before": mean_position_std(outlook, sight.typical_mass),
+                "after": helper.mean_position_std,
+            },
         },
     }
 
 
-def _places(outlook: Outlook, rows: IndexArray) -> list[dict[str, Any]]:
+def _places(outlook: DetectabilityStudy, rows: IndexArray) -> list[dict[str, Any]]:
     names = [member.name for member in outlook.reference.calibration.structure.member]
     return [{"member": names[outlook.member[k]], "position": outlook.point[k].tolist()} for k in rows]
 

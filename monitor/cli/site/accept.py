@@ -9,7 +9,7 @@ from monitor.cli.site.send import standing, tell
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, HistoryError
-from monitor.service.operator_commands import Acceptance, Undoing
+from monitor.service.operator_commands import Acceptance, UndoAcceptance
 from monitor.service.site import Site, load_site
 from monitor.text.quantities import utc
 
@@ -38,7 +38,7 @@ def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
 
 def undo_command(path: Path, by: str, note: str) -> int:
     """Leave word for the monitor of a site that the last acceptance was wrong."""
-    tell(load_site(path), Undoing(by=by, note=note))
+    tell(load_site(path), UndoAcceptance(by=by, note=note))
     return DONE
 
 

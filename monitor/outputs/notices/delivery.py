@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from daq import Block, Item
-from monitor.outputs.notices.filter import News
+from monitor.outputs.notices.filter import NoticeFilter
 from monitor.outputs.notices.lane import Lane, Quota
 from monitor.outputs.notices.transports import make_sender
 from monitor.settings import NotifySettings
@@ -22,7 +22,7 @@ _DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
 _OTHERS = ("trouble", "trend")  # kinds of notices that are no change of an alarm
 
 
-class Courier:
+class NoticeSender:
     """Tells one target; a delivery of one lane never waits for one of the other.
 
     Parameters
@@ -35,7 +35,7 @@ class Courier:
     """
 
     def __init__(self, target: NotifySettings, spool: Path, site: str, *, retry_seconds: float = _RETRY_FIRST) -> None:
-        self._target, self._site, self._news = target, site, News(site)
+        self._target, self._site, self._news = target, site, NoticeFilter(site)
         self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
         self._lock, self._failing = threading.Lock(), False
         quota = Quota(target.per_hour)
@@ -47,7 +47,7 @@ class Courier:
         self._beat_due = 0.0
         self._data_seen = -math.inf
 
-    def go_on_from(self, before: "Courier") -> None:
+    def go_on_from(self, before: "NoticeSender") -> None:
         """Take over from another one, which is ending: what it has told is no news any more."""
         self._news = before._news
         for lane, former in zip(self._lanes, before._lanes, strict=True):

@@ -31,7 +31,7 @@ _ROUTINE = (
 )
 
 
-class News:
+class NoticeFilter:
     """Tells news from what was known.
 
     An alarm is told when it is raised, and again only when its diagnosis names other causes or another member.

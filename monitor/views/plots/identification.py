@@ -10,7 +10,16 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
 from daq import FloatArray, IndexArray, Recording
-from oma import Follower, Identification, IdentificationError, ModalEstimate, mac_matrix, mpc, mpd, singular_values
+from oma import (
+    Identification,
+    IdentificationError,
+    LongTermTracker,
+    ModalEstimate,
+    mac_matrix,
+    mpc,
+    mpd,
+    singular_values,
+)
 
 LINE, STABLE, POLE, MODE, TONE = "#37474f", "#1565c0", "#cfd8dc", "#c62828", "#ef6c00"
 _SEGMENTS = 8  # of a spectrum, at least: fewer scatter too much
@@ -191,7 +200,7 @@ def tracks_figure(estimates: Sequence[ModalEstimate]) -> Figure:
     time, frequency, identity = _followed(ordered, unit)
     axes.set(xlabel=f"time [{name}]", ylabel="frequency [Hz]")
     axes.set_xlim(0, (ordered[-1].end - ordered[0].start) / unit)
-    known = [i for i in np.unique(identity) if np.count_nonzero(identity == i) >= Follower().confirm]
+    known = [i for i in np.unique(identity) if np.count_nonzero(identity == i) >= LongTermTracker().confirm]
     strange = ~np.isin(identity, known)
     axes.plot(time[strange], frequency[strange], ".", color=POLE, markersize=5)
     for i in sorted(known, key=lambda i: float(np.median(frequency[identity == i]))):
@@ -217,7 +226,7 @@ def _followed(ordered: Sequence[ModalEstimate], unit: float) -> tuple[FloatArray
     """Return time since the first window's start, frequency [Hz] and identity of each mode of each window."""
     tracks, identity = None, []
     for estimate in ordered:
-        followed = Follower().follow(tracks, estimate)
+        followed = LongTermTracker().follow(tracks, estimate)
         tracks = followed.tracks
         identity.append(followed.identity)
     middle = [np.full(e.n_modes, ((e.start + e.end) / 2 - ordered[0].start) / unit) for e in ordered]

@@ -16,7 +16,7 @@ from monitor.results.windows import Vector
 from monitor.text.quantities import duration_words, mass_words
 from monitor.views.member_axis import Unrolled
 from monitor.views.plots.axes3d import frame_axes, size
-from updater.planning import Outlook, Plan, Sight, heaviest
+from updater.planning import DetectabilityStudy, Plan, Sight, heaviest
 
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"
@@ -26,7 +26,7 @@ _SUBS = (1.0, 2.0, 5.0)
 _TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400)  # s
 
 
-def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | None) -> None:
+def draw_map(figure: SubFigure, sight: Sight, outlook: DetectabilityStudy, planned: Plan | None) -> None:
     """Draw the weakest masses on the structure and along the members, and under these the target's records."""
     left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1, 1.25)), object))
     limits = _limits(sight, outlook)
@@ -41,7 +41,7 @@ def draw_map(figure: SubFigure, sight: Sight, outlook: Outlook, planned: Plan | 
     curves[-1].set_xlabel(said)
 
 
-def _limits(sight: Sight, outlook: Outlook) -> tuple[float, float]:
+def _limits(sight: Sight, outlook: DetectabilityStudy) -> tuple[float, float]:
     """Return the masses between which colours and curves run: next to a foot the weakest mass knows no bounds."""
     top = heaviest(outlook)
     seen = sight.weakest[np.isfinite(sight.weakest)]  # what no mode moves knows none at all
@@ -49,7 +49,7 @@ def _limits(sight: Sight, outlook: Outlook) -> tuple[float, float]:
     return min(float(sight.weakest.min()), 0.5 * most), most
 
 
-def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[float, float]) -> None:
+def _coloured(figure: SubFigure, sight: Sight, outlook: DetectabilityStudy, limits: tuple[float, float]) -> None:
     axes = figure.add_subplot(projection="3d")
     frame_axes(axes, sight.model, 0.92)
     scale = ScalarMappable(LogNorm(*limits), _COLOURS)
@@ -67,12 +67,12 @@ def _coloured(figure: SubFigure, sight: Sight, outlook: Outlook, limits: tuple[f
     figure.suptitle("Weakest mass that raises the alarm", fontsize=12)
 
 
-def _width(outlook: Outlook, width: float) -> float:
+def _width(outlook: DetectabilityStudy, width: float) -> float:
     """Return how wide lines are drawn: thinner where there are many members."""
     return width if outlook.member.max() < _NAMED else 0.45 * width
 
 
-def _extremes(axes: Axes3D, sight: Sight, outlook: Outlook) -> None:
+def _extremes(axes: Axes3D, sight: Sight, outlook: DetectabilityStudy) -> None:
     """Name the least of each member's masses."""
     for m in np.unique(outlook.member):
         here = np.flatnonzero(outlook.member == m)
@@ -82,13 +82,15 @@ def _extremes(axes: Axes3D, sight: Sight, outlook: Outlook) -> None:
             axes.text(x, y, z, mass_words(float(sight.weakest[least])), fontsize=9, color=_NAME, ha="center")
 
 
-def _places(outlook: Outlook) -> Iterator[tuple[str, Vector]]:
+def _places(outlook: DetectabilityStudy) -> Iterator[tuple[str, Vector]]:
     names = [member.name for member in outlook.reference.calibration.structure.member]
     for m, (x, y, z) in zip(outlook.member, outlook.point.tolist(), strict=True):
         yield names[m], (x, y, z)
 
 
-def _weakest(axes: Axes, sight: Sight, outlook: Outlook, unrolled: Unrolled, limits: tuple[float, float]) -> None:
+def _weakest(
+    axes: Axes, sight: Sight, outlook: DetectabilityStudy, unrolled: Unrolled, limits: tuple[float, float]
+) -> None:
     """Draw the weakest mass along the members, red on the axis where even the heaviest raises no alarm."""
     x, top = _along(outlook, unrolled), heaviest(outlook)
     for m in np.unique(outlook.member):
@@ -127,7 +129,7 @@ def _records(axes: Axes, planned: Plan, unrolled: Unrolled) -> None:
     _members(axes, unrolled)
 
 
-def _along(outlook: Outlook, unrolled: Unrolled) -> FloatArray:
+def _along(outlook: DetectabilityStudy, unrolled: Unrolled) -> FloatArray:
     return np.array([float(unrolled.along(name, np.array(at))) for name, at in _places(outlook)])
 
 

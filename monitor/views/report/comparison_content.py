@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Any
 
-from monitor.results.comparison import DiscrepancyResult, ModeBeside, SensorBeside
+from monitor.results.comparison import DiscrepancyResult, ModeComparison, SensorComparison
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
 from monitor.text.quantities import number_text, plain
@@ -48,7 +48,7 @@ def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None
     }
 
 
-def _mode(mode: ModeBeside) -> dict[str, str]:
+def _mode(mode: ModeComparison) -> dict[str, str]:
     row = {"simulated": optional(mode.simulated, ".3f"), "measured": optional(mode.measured, ".3f")}
     row |= {"off": "", "sigmas": "", "mac": optional(mode.mac, ".4f"), "mac_after": optional(mode.mac_after, ".4f")}
     row["off_after"] = optional(mode.off_percent_after, "+.3f")
@@ -64,7 +64,7 @@ def _mode(mode: ModeBeside) -> dict[str, str]:
     return row
 
 
-def _worst(sensors: tuple[SensorBeside, ...]) -> str:
+def _worst(sensors: tuple[SensorComparison, ...]) -> str:
     """Say which sensor stands out, if one does: the residual that noise explains least."""
     if not sensors:
         return ""

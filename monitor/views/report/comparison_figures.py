@@ -5,7 +5,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from daq import FloatArray
-from monitor.results.comparison import BalanceResult, DiscrepancyResult, SensorBeside, SignalBeside, TrendBeside
+from monitor.results.comparison import (
+    BalanceResult,
+    DiscrepancyResult,
+    FrequencyTrend,
+    SensorComparison,
+    SignalComparison,
+)
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import SIGNIFICANT
 from monitor.text.quantities import number_text
@@ -95,7 +101,9 @@ def sensors_figure(found: DiscrepancyResult) -> Figure | None:
     return figure
 
 
-def _dots(axes: Axes, level: FloatArray, sensors: tuple[SensorBeside, ...], name: str, least: str, label: str) -> None:
+def _dots(
+    axes: Axes, level: FloatArray, sensors: tuple[SensorComparison, ...], name: str, least: str, label: str
+) -> None:
     """Draw a figure a sensor in per cent, red without and green with the causes; a bar: what must be."""
     floor = 100 * _column([getattr(s, least) for s in sensors])
     axes.barh(level, floor, height=0.55, color="#dfe4ea")
@@ -152,7 +160,7 @@ def _peak(balance: BalanceResult, reading: str) -> tuple[FloatArray, tuple[int, 
     return values, (peak, f"{100 * values[peak]:+.1f} ± {100 * std[peak]:.1f} %")
 
 
-def signal_figure(signal: SignalBeside) -> Figure:
+def signal_figure(signal: SignalComparison) -> Figure:
     """Return a sensor's signal in time, measured and predicted."""
     figure = new_figure(WIDTH, 2.2)
     axes = figure.subplots()
@@ -167,7 +175,7 @@ def signal_figure(signal: SignalBeside) -> Figure:
     return figure
 
 
-def spectrum_figure(signal: SignalBeside) -> Figure:
+def spectrum_figure(signal: SignalComparison) -> Figure:
     """Return amplitude densities about the resonances, one beside the other, each as wide as the others."""
     figure = new_figure(WIDTH, 2.2)
     axes = figure.subplots()
@@ -197,7 +205,7 @@ def _side_by_side(frequency: FloatArray) -> tuple[FloatArray, dict[float, str]]:
     return place, ticks
 
 
-def trends_figure(trends: tuple[TrendBeside, ...], over: str) -> Figure | None:
+def trends_figure(trends: tuple[FrequencyTrend, ...], over: str) -> Figure | None:
     """Return each mode's frequency over temperature or amplitude, with its straight line; None where nobody knows."""
     mine = [t for t in trends if t.over == over]
     if not mine:

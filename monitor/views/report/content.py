@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import LogExcerpt, files_of
 from monitor.results.comparison import DiscrepancyResult
-from monitor.results.story import Story, find_mode
+from monitor.results.story import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.text.causes import (
     cause_text,
@@ -67,25 +67,25 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in _VERSIONS}
 
 
-def _sensors(story: Story) -> list[dict[str, str]]:
+def _sensors(story: RunResults) -> list[dict[str, str]]:
     """Return how the sensors fared when they were last looked at."""
     looked = [w.sensors for w in story.windows if w.sensors]
     return health_rows(looked[-1]) if looked else []
 
 
-def last_diagnosis(story: Story) -> Diagnosis | None:
+def last_diagnosis(story: RunResults) -> Diagnosis | None:
     """Return the diagnosis of the last window that has one, if the alarm still stands."""
     found = [w.diagnosis for w in story.windows if w.diagnosis]
     return found[-1] if found and last_state(story) == "alarm" else None
 
 
-def last_discrepancy(story: Story) -> DiscrepancyResult | None:
+def last_discrepancy(story: RunResults) -> DiscrepancyResult | None:
     """Return what the last diagnosis rests on, if the alarm still stands."""
     found = [w.discrepancy for w in story.windows if w.diagnosis]
     return found[-1] if found and last_state(story) == "alarm" else None
 
 
-def last_answer(story: Story) -> MassAnswer | None:
+def last_answer(story: RunResults) -> MassAnswer | None:
     """Return the newest located mass while the alarm stands, unless a later diagnosis says that it is no mass."""
     diagnosis = last_diagnosis(story)
     if not story.answers or last_state(story) != "alarm" or (diagnosis and not is_one_mass(diagnosis)):
@@ -133,7 +133,7 @@ def _windows(run: Run) -> str:
     return f"{learning + watched} in the range, {learning} of them before the baseline was learnt{baseline}"
 
 
-def _pictures(story: Story) -> dict[str, Picture | None]:
+def _pictures(story: RunResults) -> dict[str, Picture | None]:
     answer = last_answer(story)
     spectra = story.spectra
     return {
@@ -154,7 +154,7 @@ def _pictures(story: Story) -> dict[str, Picture | None]:
     }
 
 
-def _increments(story: Story) -> dict[str, Any] | None:
+def _increments(story: RunResults) -> dict[str, Any] | None:
     found = [w.increments for w in story.windows if w.increments]
     if not found or story.reference is None:
         return None
@@ -181,7 +181,7 @@ def _flagged(increments: MassIncrements) -> list[dict[str, str]]:
     return rows
 
 
-def _modes(story: Story) -> list[dict[str, str]]:
+def _modes(story: RunResults) -> list[dict[str, str]]:
     if story.reference is None or not story.watched:
         return []
     last = next((w for w in reversed(story.watched) if w.modes), None)

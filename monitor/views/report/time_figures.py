@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from daq import FloatArray
-from monitor.results.story import Story, find_mode
+from monitor.results.story import RunResults, find_mode
 from monitor.results.windows import Spectrum, WindowResult
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure
 
@@ -19,7 +19,7 @@ _ROOM = 0.4  # under the lowest novelty or the limit, for its name
 _ABOVE = 1.12  # of the highest mode: end of the frequency axis
 
 
-def shifts_figure(story: Story) -> Figure | None:
+def shifts_figure(story: RunResults) -> Figure | None:
     """Return one small plot a mode: its shift with +-1 sigma bars, window by window; None while learning."""
     shown = [n for n in story.tracks if any(_has_shift(w, n) for w in story.watched)]
     if not shown:
@@ -40,7 +40,7 @@ def _has_shift(window: WindowResult, number: int) -> bool:
     return mode is not None and mode.shift_percent is not None
 
 
-def _shift(axes: Axes, story: Story, number: int) -> None:
+def _shift(axes: Axes, story: RunResults, number: int) -> None:
     seen = [(w, m) for w in story.watched if (m := find_mode(w, number)) and m.shift_percent is not None]
     reference = [m.frequency for m in story.reference.modes if m.id == number] if story.reference else []
     shift, std = [m.shift_percent or 0.0 for _, m in seen], [m.shift_std_percent or 0.0 for _, m in seen]
@@ -52,7 +52,7 @@ def _shift(axes: Axes, story: Story, number: int) -> None:
     _time_axis(axes)
 
 
-def novelty_figure(story: Story) -> Figure | None:
+def novelty_figure(story: RunResults) -> Figure | None:
     """Return the novelty over its limit on a logarithmic scale; None if no window was judged."""
     judged = [(w, w.novelty) for w in story.watched if w.novelty]
     if not judged:
@@ -118,7 +118,7 @@ def _poles(axes: Axes, spectrum: Spectrum) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
 
 
-def _mark_changes(axes: Axes, story: Story) -> None:
+def _mark_changes(axes: Axes, story: RunResults) -> None:
     for alarm in story.alarms:
         if alarm.raised and alarm.time >= story.start:
             axes.axvline(_dates([alarm.time])[0], color=ALARM, linewidth=0.9, linestyle=":")

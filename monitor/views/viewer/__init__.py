@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.views.viewer.blueprint import layout
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
@@ -19,7 +19,7 @@ from monitor.views.viewer.trends import draw_trends
 __all__ = ["write_diagnosis", "write_recording"]
 
 
-def write_recording(path: Path, story: Story) -> None:
+def write_recording(path: Path, story: RunResults) -> None:
     """Write an .rrd file with its views laid out; what the results do not hold gets no view.
 
     The file appears under its name when it is whole; one that stood there is replaced.

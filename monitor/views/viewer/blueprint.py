@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import rerun as rr
 import rerun.blueprint as rrb
 
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.views.member_axis import has_profile
 from monitor.views.viewer import view_specs as views
 from monitor.views.viewer.posterior import mass_span
@@ -27,7 +27,7 @@ class Live:
     channels: tuple[str, ...]  #: whose signals are streamed
 
 
-def layout(story: Story, live: Live | None = None) -> rrb.Blueprint:
+def layout(story: RunResults, live: Live | None = None) -> rrb.Blueprint:
     """Return the blueprint: the overview in front, then one tab a subject.
 
     Parameters
@@ -66,7 +66,7 @@ def _beside(name: str, *parts: tuple[_Part, float]) -> rrb.Horizontal:
     return rrb.Horizontal(*[part for part, _ in parts], column_shares=[share for _, share in parts], name=name)
 
 
-def _overview(story: Story, trends: views.Trends) -> rrb.Horizontal:
+def _overview(story: RunResults, trends: views.Trends) -> rrb.Horizontal:
     left = _structure(story, 4.4, aspect=1.25)
     left.append((views.card("Now", "/now"), 5.0))
     right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if story.spectra else []
@@ -74,14 +74,14 @@ def _overview(story: Story, trends: views.Trends) -> rrb.Horizontal:
     return _beside("Overview", (_stack(*left), 3.3), (_trends(story, trends), 4.0), (_stack(*right), 4.2))
 
 
-def _structure(story: Story, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
+def _structure(story: RunResults, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
     """Return the view of the structure with its share of the room; none without a reference."""
     if story.reference is None:
         return []
     return [(views.structure(story.reference, [answer for _, answer in story.answers], aspect), share)]
 
 
-def _trends(story: Story, trends: views.Trends) -> rrb.Vertical:
+def _trends(story: RunResults, trends: views.Trends) -> rrb.Vertical:
     parts: list[tuple[_Part, float]] = []
     if any(m.shift_percent is not None for w in story.watched for m in w.modes):
         parts.append(
@@ -99,7 +99,7 @@ def _trends(story: Story, trends: views.Trends) -> rrb.Vertical:
     return _stack(*parts, (trends.lanes(), 1.7))
 
 
-def _identification(story: Story, trends: views.Trends) -> rrb.Horizontal:
+def _identification(story: RunResults, trends: views.Trends) -> rrb.Horizontal:
     left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if story.spectra else []
     if story.reference:
         modes, model = (
@@ -110,7 +110,7 @@ def _identification(story: Story, trends: views.Trends) -> rrb.Horizontal:
     return _beside("Identification", (_stack(*left), 5.0), (_frequencies(story, trends), 4.0))
 
 
-def _frequencies(story: Story, trends: views.Trends) -> rrb.Grid:
+def _frequencies(story: RunResults, trends: views.Trends) -> rrb.Grid:
     """One small plot a mode, each with an axis of its own, so that a shift far smaller than the whole band is seen."""
     plots = [
         trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(story, n))
@@ -121,15 +121,15 @@ def _frequencies(story: Story, trends: views.Trends) -> rrb.Grid:
     return _grid(plots, name="Natural frequencies")
 
 
-def _has_increments(story: Story) -> bool:
+def _has_increments(story: RunResults) -> bool:
     return story.reference is not None and any(w.increments for w in story.windows)
 
 
-def _has_diagnosis(story: Story) -> bool:
+def _has_diagnosis(story: RunResults) -> bool:
     return any(w.diagnosis for w in story.windows)
 
 
-def _change(story: Story, trends: views.Trends) -> rrb.Container:
+def _change(story: RunResults, trends: views.Trends) -> rrb.Container:
     """Return the likelihood's pictures; beside them the one-step update's, and the diagnosis, where there are any."""
     evidence = _posterior(story, trends)
     if not _has_increments(story) or story.reference is None:
@@ -142,7 +142,7 @@ def _change(story: Story, trends: views.Trends) -> rrb.Container:
     return rrb.Vertical(above, below, row_shares=[1.0, 1.05], name="Change")
 
 
-def _posterior(story: Story, trends: views.Trends) -> list[tuple[_Part, float]]:
+def _posterior(story: RunResults, trends: views.Trends) -> list[tuple[_Part, float]]:
     """Return the profile of the likelihood with the answer's sharpening under it; nothing without an answer."""
     if not story.answers:
         return []

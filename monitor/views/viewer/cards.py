@@ -2,7 +2,7 @@
 
 import rerun as rr
 
-from monitor.results.story import Story, find_mode
+from monitor.results.story import RunResults, find_mode
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
 from monitor.text.quantities import plain, share_text
@@ -15,7 +15,7 @@ _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 
 
-def write_cards(recording: rr.RecordingStream, story: Story) -> None:
+def write_cards(recording: rr.RecordingStream, story: RunResults) -> None:
     """Write the card of each window."""
     for window in story.windows:
         at(recording, window.end)
@@ -30,7 +30,7 @@ def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -
         recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
 
 
-def window_card(window: WindowResult, story: Story) -> str:
+def window_card(window: WindowResult, story: RunResults) -> str:
     """Return the card of one window: the verdict first, then what it rests on."""
     parts = [f"# {verdict(window, story.alarms)}"]
     if window.phase == "learning":
@@ -69,7 +69,7 @@ def _answer(answer: MassAnswer) -> str:
     return f"**{mass_text(answer)}**\n\n{share}; {fit_text(answer)}{doubt}"
 
 
-def _table(window: WindowResult, story: Story) -> str:
+def _table(window: WindowResult, story: RunResults) -> str:
     if window.phase == "learning":
         head = ["| Hz | ± | ζ % |", "|---:|---:|---:|"]
         return "\n".join([*head, *(f"| {_frequency(m)} |" for m in window.modes)])

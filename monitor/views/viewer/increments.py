@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import Story, thin
+from monitor.results.story import RunResults, thin
 from monitor.results.windows import MassIncrements
 from monitor.text.causes import place_text
 from monitor.views.geometry import Geometry
@@ -25,7 +25,7 @@ _ROOM = 1.15  # of the largest increment: half the height of a panel
 Row = tuple[float | None, float | None, float | None]
 
 
-def draw_increments(recording: rr.RecordingStream, story: Story, *, static: bool = True) -> None:
+def draw_increments(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
     """Draw, window by window, what the one-step update detects; axes for ever, or for now if not `static`."""
     found = thin([(w.end, w.increments) for w in story.windows if w.increments])
     if story.reference is None or not found:

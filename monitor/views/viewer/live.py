@@ -9,7 +9,7 @@ import rerun as rr
 
 from daq import Block, Item
 from monitor.results.events import event_result
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_attached
 from monitor.views.geometry import Geometry
@@ -115,8 +115,10 @@ class LiveResults:
             self._tell()
             self._lay_out()
 
-    def _story(self, windows: list[WindowResult]) -> Story:
-        return Story(name=self._name, reference=self._reference, windows=tuple(windows), alarms=tuple(self._alarms))
+    def _story(self, windows: list[WindowResult]) -> RunResults:
+        return RunResults(
+            name=self._name, reference=self._reference, windows=tuple(windows), alarms=tuple(self._alarms)
+        )
 
     def _window(self, window: WindowResult) -> None:
         answered = bool(self._windows) and self._windows[-1].answer is not None

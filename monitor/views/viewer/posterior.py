@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import Story, thin
+from monitor.results.story import RunResults, thin
 from monitor.results.windows import MassAnswer
 from monitor.views.member_axis import Unrolled, has_profile, places, sigmas, ticks
 from monitor.views.palette import ALARM, REGION, TEXT, WARN, Colour
@@ -23,7 +23,7 @@ _MARGIN = 0.35  # of the masses that the data allow, above and below them
 _MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
 
 
-def draw_answers(recording: rr.RecordingStream, story: Story, *, static: bool = True) -> None:
+def draw_answers(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
     """Draw mass and place over time, and the posterior window by window; axes for ever, or for now if not `static`."""
     if not story.answers:
         return
@@ -39,7 +39,7 @@ def draw_answers(recording: rr.RecordingStream, story: Story, *, static: bool = 
         draw_posteriors(recording, [(w.end, a) for w, a in drawn], story.mass_unit, static=static)
 
 
-def mass_span(story: Story) -> tuple[float, float]:
+def mass_span(story: RunResults) -> tuple[float, float]:
     """Return lowest and highest value of the plot of masses in the run's unit, +-2 sigma included."""
     ends = [story.mass_unit[0] * (a.mass + sign * 2 * a.mass_std) for _, a in story.answers for sign in (-1, 1)]
     return min(ends), max(ends)

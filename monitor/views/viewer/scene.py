@@ -8,7 +8,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import Story, thin
+from monitor.results.story import RunResults, thin
 from monitor.results.windows import MassAnswer, ReferenceResult, WindowResult
 from monitor.text.quantities import share_text
 from monitor.views.geometry import Geometry, screen
@@ -22,7 +22,7 @@ _LEADER = 0.62  # of the way from the mass to the top of its label: the text han
 _LARGEST = 0.06  # of the structure's size
 
 
-def draw_structure(recording: rr.RecordingStream, story: Story) -> None:
+def draw_structure(recording: rr.RecordingStream, story: RunResults) -> None:
     """Draw members, supports, sensors and, window by window, where the mass is."""
     if story.reference is None:
         return

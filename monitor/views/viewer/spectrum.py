@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import Spectrum, WindowResult
 from monitor.views.member_axis import ticks
 from monitor.views.palette import GREY, OK, Colour, mode_colour
@@ -17,7 +17,7 @@ _ROOM_ABOVE = 1.12  # of the highest mode's frequency
 _CURVES: tuple[tuple[Colour, float], ...] = (((226, 231, 240), 1.2), ((132, 140, 156), 0.8), ((92, 99, 114), 0.7))
 
 
-def draw_spectra(recording: rr.RecordingStream, story: Story, *, static: bool = True) -> None:
+def draw_spectra(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
     """Draw singular values, poles and identified modes, window by window; axes for ever, or for now if not `static`."""
     if not story.spectra:
         return
@@ -35,7 +35,7 @@ def draw_spectra(recording: rr.RecordingStream, story: Story, *, static: bool = 
         _identified(recording, axes, window)
 
 
-def spectrum_axes(story: Story) -> Axes:
+def spectrum_axes(story: RunResults) -> Axes:
     """Return the axes that hold the spectra of all windows, up to a little above the highest mode."""
     spectra = [s for _, s in story.spectra]
     end = max(s.frequency[-1] for s in spectra)

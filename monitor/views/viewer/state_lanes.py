@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import rerun as rr
 
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.views.palette import ALARM, GREY, LEARN, OK, WARN, Colour
 from monitor.views.viewer.primitives import at, clock
 
@@ -24,7 +24,7 @@ _LEVEL = {"normal": "INFO", "watch": "WARN", "alarm": "ERROR"}
 _LANES = {"/state/daemon": _DAEMON, "/state/structure": _STRUCTURE}
 
 
-def draw_states(recording: rr.RecordingStream, story: Story) -> None:
+def draw_states(recording: rr.RecordingStream, story: RunResults) -> None:
     """Draw the lanes: what the daemon does, what the structure is."""
     name_states(recording)
     for change in state_changes(story):
@@ -38,7 +38,7 @@ def name_states(recording: rr.RecordingStream) -> None:
         recording.log(path, rr.StateConfiguration(values=list(lane), labels=labels, colors=colours), static=True)
 
 
-def state_changes(story: Story) -> Iterator[tuple[str, int, str]]:
+def state_changes(story: RunResults) -> Iterator[tuple[str, int, str]]:
     """Return lane, time [ns UTC] and state of each change."""
     for path, changes in (("/state/daemon", daemon_states(story)), ("/state/structure", structure_states(story))):
         for time, state in changes:
@@ -51,7 +51,7 @@ def log_state(recording: rr.RecordingStream, path: str, time: int, state: str) -
     recording.log(path, rr.StateChange(state=state))
 
 
-def daemon_states(story: Story) -> Iterator[tuple[int, str]]:
+def daemon_states(story: RunResults) -> Iterator[tuple[int, str]]:
     """Return when the daemon's state changed [ns UTC], and to which."""
     before, reached = None, 0
     for window in story.windows:
@@ -61,7 +61,7 @@ def daemon_states(story: Story) -> Iterator[tuple[int, str]]:
         before, reached = state, window.end
 
 
-def structure_states(story: Story) -> Iterator[tuple[int, str]]:
+def structure_states(story: RunResults) -> Iterator[tuple[int, str]]:
     """Return when the structure's state changed [ns UTC], and to which; unknown until a baseline is learnt."""
     reference = story.reference
     changes = [(story.start, "unknown")] if reference is None or reference.time > story.start else []
@@ -77,7 +77,7 @@ def structure_states(story: Story) -> Iterator[tuple[int, str]]:
         before = state
 
 
-def write_events(recording: rr.RecordingStream, story: Story) -> None:
+def write_events(recording: rr.RecordingStream, story: RunResults) -> None:
     """Write what happened in the order of time; a long event goes on in further entries, as the view wraps nothing."""
     for event in sorted(events(story), key=lambda event: event[0]):
         write_event(recording, *event)
@@ -91,7 +91,7 @@ def write_event(recording: rr.RecordingStream, time: int, level: str, words: str
         recording.log("/events", rr.TextLog(body, level=level))
 
 
-def events(story: Story) -> Iterator[tuple[int, str, str]]:
+def events(story: RunResults) -> Iterator[tuple[int, str, str]]:
     """Return time [ns UTC], level and words of each event."""
     first = story.windows[0]
     yield story.start, "INFO", f"started: {len(first.channels)} channels"

@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from monitor.results.story import Story, find_mode
+from monitor.results.story import RunResults, find_mode
 from monitor.views.palette import ALARM, GREY, TEXT, mode_colour
 from monitor.views.viewer.primitives import band, ends, line, once, rule
 
@@ -12,7 +12,7 @@ _NAN = float("nan")
 _LEAST = 1e-3  # novelty over its limit: lower is drawn here
 
 
-def frequency_span(story: Story, number: int) -> tuple[float, float]:
+def frequency_span(story: RunResults, number: int) -> tuple[float, float]:
     """Return lowest and highest value [Hz] of a mode's plot, +-2 sigma and the baseline included."""
     seen = [m for m in (find_mode(w, number) for w in story.watched) if m]
     ends = [m.frequency + sign * 2 * m.frequency_std for m in seen for sign in (-1, 1)]
@@ -20,20 +20,20 @@ def frequency_span(story: Story, number: int) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def shift_span(story: Story) -> tuple[float, float]:
+def shift_span(story: RunResults) -> tuple[float, float]:
     """Return lowest and highest value [%] of the plot of shifts, the control band included."""
     limit = control_limit(story)
     shifts = [m.shift_percent for w in story.watched for m in w.modes if m.shift_percent is not None]
     return min([-limit, *shifts]), max([limit, *shifts])
 
 
-def control_limit(story: Story) -> float:
+def control_limit(story: RunResults) -> float:
     """Return three standard deviations of the shift of the least sure mode [%]."""
     stds = [m.shift_std_percent for w in story.watched for m in w.modes if m.shift_std_percent is not None]
     return SIGMAS * max(stds, default=0.0)
 
 
-def draw_trends(recording: rr.RecordingStream, story: Story) -> None:
+def draw_trends(recording: rr.RecordingStream, story: RunResults) -> None:
     """Draw shift and frequency of each tracked mode, what was found while learning, and the novelty."""
     _learning(recording, story)
     for number in story.tracks:
@@ -43,7 +43,7 @@ def draw_trends(recording: rr.RecordingStream, story: Story) -> None:
     _novelty(recording, story)
 
 
-def _learning(recording: rr.RecordingStream, story: Story) -> None:
+def _learning(recording: rr.RecordingStream, story: RunResults) -> None:
     """Draw all frequencies of the learning windows as points: they have no identity yet."""
     pairs = [(w, m.frequency) for w in story.learning for m in w.modes]
     if not pairs:
@@ -54,7 +54,7 @@ def _learning(recording: rr.RecordingStream, story: Story) -> None:
     recording.send_columns("/trend/found", [ends([w for w, _ in pairs])], columns)
 
 
-def _frequency(recording: rr.RecordingStream, story: Story, number: int) -> None:
+def _frequency(recording: rr.RecordingStream, story: RunResults, number: int) -> None:
     """Draw a mode's natural frequency with +-2 sigma, and the baseline's; the band breaks where it was not seen."""
     path, seen = f"/trend/frequency/mode_{number}", [find_mode(w, number) for w in story.watched]
     if any(seen):
@@ -70,7 +70,7 @@ def _frequency(recording: rr.RecordingStream, story: Story, number: int) -> None
             rule(recording, f"{path}/baseline", "baseline", GREY, (story.start, story.end), mode.frequency)
 
 
-def _shift(recording: rr.RecordingStream, story: Story, number: int) -> None:
+def _shift(recording: rr.RecordingStream, story: RunResults, number: int) -> None:
     found = [find_mode(w, number) for w in story.watched]
     shift = [_NAN if m is None or m.shift_percent is None else m.shift_percent for m in found]
     if np.isfinite(shift).any():
@@ -78,14 +78,14 @@ def _shift(recording: rr.RecordingStream, story: Story, number: int) -> None:
         line(recording, path, f"mode {number}", mode_colour(number), ends(story.watched), shift)
 
 
-def _control_band(recording: rr.RecordingStream, story: Story) -> None:
+def _control_band(recording: rr.RecordingStream, story: RunResults) -> None:
     limit, n = control_limit(story), len(story.watched)
     if limit > 0:
         name = f"± {SIGMAS:g}σ, least sure mode"
         band(recording, "/trend/shift/band", name, ALARM, ends(story.watched), np.zeros(n), np.full(n, limit))
 
 
-def _novelty(recording: rr.RecordingStream, story: Story) -> None:
+def _novelty(recording: rr.RecordingStream, story: RunResults) -> None:
     if not any(w.novelty for w in story.watched):
         return
     ratio = [w.novelty.t2 / w.novelty.limit if w.novelty else _NAN for w in story.watched]

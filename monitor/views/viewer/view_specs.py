@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
 
 from daq import FloatArray, Recording
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import MassAnswer, ReferenceResult
 from monitor.views.geometry import Geometry, flat_aspect
 from monitor.views.palette import BACKGROUND
@@ -152,7 +152,7 @@ class Trends:
     follow : seconds up to now that a live view shows; None for all of a run that has ended
     """
 
-    def __init__(self, story: Story, follow: float | None = None) -> None:
+    def __init__(self, story: RunResults, follow: float | None = None) -> None:
         self._live = follow is not None
         if follow is not None:
             self._span = following(follow)

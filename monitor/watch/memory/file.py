@@ -21,17 +21,17 @@ _SETTLE = 1.0  # s after an item was logged: log, history and notices have it on
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recalled:
+class LoadedState:
     """State of the run before, found at a start."""
 
     text: str | None = None  #: the memory
     refused: str | None = None  #: why one that is there is of no use
 
 
-NOTHING = Recalled()
+NOTHING = LoadedState()
 
 
-def recall(state: Path, structure: Structure, settings: Settings) -> Recalled:
+def recall(state: Path, structure: Structure, settings: Settings) -> LoadedState:
     """Return what is remembered, if it is whole and of the same watch."""
     path = state / MEMORY
     try:
@@ -39,21 +39,21 @@ def recall(state: Path, structure: Structure, settings: Settings) -> Recalled:
     except FileNotFoundError:
         return NOTHING
     except (OSError, UnicodeDecodeError) as error:
-        return Recalled(refused=f"{path} cannot be read: {error}")
+        return LoadedState(refused=f"{path} cannot be read: {error}")
     return fitting(text, str(path), structure, settings)
 
 
-def fitting(text: str, source: str, structure: Structure, settings: Settings) -> Recalled:
+def fitting(text: str, source: str, structure: Structure, settings: Settings) -> LoadedState:
     """Return a memory if it is whole and was made with what matters as it is now; else why not."""
     try:
         found = parse_memory(text)
     except CodecError as error:
-        return Recalled(refused=f"{source}: {error}")
+        return LoadedState(refused=f"{source}: {error}")
     then, now = _without_login(found.matters), matters(structure, settings)
     changed = [f"{name}: {then.get(name)} then, {value} now" for name, value in now.items() if then.get(name) != value]
     if changed:
-        return Recalled(refused="; ".join(changed))
-    return Recalled(text=text if then == found.matters else memory_text(replace(found, matters=then)))
+        return LoadedState(refused="; ".join(changed))
+    return LoadedState(text=text if then == found.matters else memory_text(replace(found, matters=then)))
 
 
 def _without_login(then: Mapping[str, str]) -> dict[str, str]:

@@ -12,7 +12,7 @@ from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm
 from monitor.settings import Settings, TemperatureSettings
 from monitor.settings.redaction import redacted_topic, revealed
-from monitor.watch.accepted_change import Accepted, Wanted
+from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.detector import DetectorState
 from monitor.watch.memory.codec import CodecError, decode, encode
 from monitor.watch.self_test import Tested
@@ -33,12 +33,12 @@ class Memory:
     restarts: int  #: of learning, by changes of the structure within the baseline
     detector: DetectorState | None  #: None while the baseline is being learnt
     alarm: Alarm
-    accepted: tuple[Accepted, ...]  #: changes of the structure since the baseline
-    wanted: Wanted | None  #: an acceptance that waits for windows
+    accepted: tuple[AcceptedChange, ...]  #: changes of the structure since the baseline
+    wanted: AcceptanceRequest | None  #: an acceptance that waits for windows
     tests: Tested
     out: tuple[Window, ...]  #: over the limit, without a break
     calm: tuple[Window, ...]  #: under it since the sensors were last looked at
-    thermometer_offset: float = math.nan  #: of the site's thermometer against the devices' [K], see `Weather`
+    thermometer_offset: float = math.nan  #: of the site's thermometer against the devices' [K], see `SiteTemperature`
 
 
 def matters(structure: Structure, settings: Settings) -> dict[str, str]:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from daq import Block, Flag, IntArray, Scans
-from daq.drivers.block_builder import Blocks
+from daq.drivers.block_builder import BlockBuilder
 
 START = 1_767_225_600_000_000_000  # ns UTC
 RATE = 1000.0
@@ -17,10 +17,10 @@ N = 250
 
 
 def cut(
-    index: IntArray, reads: Iterable[int], *, first_counter: int = 65_400, blocks: Blocks | None = None
+    index: IntArray, reads: Iterable[int], *, first_counter: int = 65_400, blocks: BlockBuilder | None = None
 ) -> Iterator[Block]:
     """Yield blocks of scans whose counts are their indices, read so many at a time, 0.2 ms after the last one."""
-    blocks = Blocks("d", RATE, 1.0, 1 << 16, N) if blocks is None else blocks
+    blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N) if blocks is None else blocks
     start = now = 0
     for n in reads:
         part = index[start : start + n]
@@ -88,7 +88,7 @@ def test_what_was_waiting_during_a_stall_keeps_its_place() -> None:
 @pytest.mark.parametrize("false", [1, 12_345, 32_769, 60_000, -3])
 @pytest.mark.parametrize("at", [2_000, 2_003, 2_009])  # first, amid, last of a read
 def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
-    blocks = Blocks("d", RATE, 1.0, 1 << 16, N)
+    blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N)
     found: list[Block] = []
     for start in range(0, 80_000, 10):
         index = np.arange(start, start + 10, dtype=np.int32)
@@ -104,7 +104,7 @@ def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
 
 
 def test_pair_of_a_block_is_its_earliest_arrival() -> None:
-    blocks = Blocks("d", RATE, 1.0, 1 << 16, 100)
+    blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, 100)
     late = [900_000, 300_000, 100_000, 700_000]
     found: list[Block] = []
     for k, extra in enumerate(late):
@@ -115,7 +115,7 @@ def test_pair_of_a_block_is_its_earliest_arrival() -> None:
 
 
 def test_damage_is_flagged() -> None:
-    blocks = Blocks("d", RATE, 1.0, 1 << 16, 10)
+    blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, 10)
     index = np.arange(10, dtype=np.int32)
     (first,) = blocks.add(Scans(index[:, None], index, 20.0, 24), START)
     (second,) = blocks.add(Scans(index[:, None] + 10, index + 10, 20.0, 0), START + 10_000_000)
@@ -123,7 +123,7 @@ def test_damage_is_flagged() -> None:
 
 
 def test_indices_go_on_by_the_hosts_clock_after_a_restart() -> None:
-    blocks = Blocks("d", RATE, 1.0, 1 << 16, N)
+    blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N)
     before = list(cut(np.arange(600, dtype=np.int32), [100] * 6, blocks=blocks))
     assert [b.n_scans for b in before] == [200, 200, 200]
     blocks.restart(START + 5_000_000_000)

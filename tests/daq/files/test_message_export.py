@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from daq import EPSON_SCALE, Block, Flag, FloatArray, IndexArray, LogError, LogWriter, expand_log
+from daq import EPSON_SCALE, Block, Flag, FloatArray, IndexArray, LogError, McapWriter, expand_log
 from tests.support.daq.blocks import START, make_block, write_log
 from tests.support.monitor.rrd_reader import Rrd
 
@@ -52,7 +52,7 @@ def true_time(index: int) -> int:
 def expanded(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> tuple[Path, list[Block]]:
     folder = tmp_path_factory.mktemp("expand")
     written = blocks(request.param)
-    writer = LogWriter(folder / "log.mcap", {"site.toml": "x = 1"})
+    writer = McapWriter(folder / "log.mcap", {"site.toml": "x = 1"})
     for block in written:
         writer.write(block)
     writer.close()
@@ -105,11 +105,11 @@ def test_rerun_plots_it(expanded: tuple[Path, list[Block]], tmp_path: Path) -> N
 
 
 def test_a_log_without_a_scan_and_an_existing_file_are_refused(tmp_path: Path) -> None:
-    LogWriter(tmp_path / "empty.mcap", {}).close()
+    McapWriter(tmp_path / "empty.mcap", {}).close()
     with pytest.raises(LogError, match=r"empty\.mcap: holds no scan to expand"):
         expand_log(tmp_path / "empty.mcap", tmp_path / "view.mcap")
     assert not (tmp_path / "view.mcap").exists()
-    writer = LogWriter(tmp_path / "log.mcap", {})
+    writer = McapWriter(tmp_path / "log.mcap", {})
     writer.write(make_block("a", 0))
     writer.close()
     with pytest.raises(LogError, match=r"log\.mcap: cannot be written: File exists"):

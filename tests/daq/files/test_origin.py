@@ -9,7 +9,7 @@ from daq import (
     Block,
     Channel,
     DataError,
-    LogWriter,
+    McapWriter,
     Recording,
     export_recording,
     load_recordings,
@@ -119,7 +119,7 @@ def test_a_signal_may_be_named_origin(tmp_path: Path) -> None:
 def test_delays_are_removed_to_a_fraction_of_a_sample(tmp_path: Path, clock: str) -> None:
     """Both devices sample 20 Hz at 1000 Hz; `b` states times 3.3 ms late. Interpolation is good to -80 dB."""
     late, scale = 3.3e-3, 1e-6
-    writer = LogWriter(tmp_path / "log.mcap", {})
+    writer = McapWriter(tmp_path / "log.mcap", {})
     for first in range(0, 8000, 250):
         for device, delay in (("a", 0.0), ("b", late)):
             wave = np.sin(2 * np.pi * 20 * (np.arange(first, first + 250) / 1000 - delay)) / scale

@@ -12,9 +12,9 @@ from daq import (
     Event,
     LogError,
     LogExcerpt,
-    LogRecorder,
-    LogWriter,
+    McapWriter,
     PartedLog,
+    RotatingWriter,
     Rotation,
     load_recordings,
     log_info,
@@ -35,7 +35,7 @@ def excerpt(log: Path | PartedLog, first: float, last: float) -> LogExcerpt:
 
 def write(folder: Path, seconds: int, rotation: Rotation | None = None) -> Path | PartedLog:
     """Write a log of one device, an event at each second, a chunk per second."""
-    recorder = LogRecorder(folder, {}, START, rotation)
+    recorder = RotatingWriter(folder, {}, START, rotation)
     for k in range(seconds):
         recorder.write(Event(topic="/event/tick", time=START + k * SECOND, payload={"second": k}))
         for quarter in range(4):
@@ -62,7 +62,7 @@ def test_an_excerpt_holds_the_scans_and_events_of_its_range(tmp_path: Path, rota
 
 def test_an_event_written_late_does_not_hide_scans_of_a_run(tmp_path: Path) -> None:
     """A file of a run begins with a result of 40 s before."""
-    recorder = LogRecorder(tmp_path, {}, START, Rotation(seconds=60.0))
+    recorder = RotatingWriter(tmp_path, {}, START, Rotation(seconds=60.0))
     for k in range(80):
         if k == 61:
             recorder.write(Event(topic="/result/window", time=START + (k - 40) * SECOND, payload={"k": k}))
@@ -103,7 +103,7 @@ def test_a_log_without_an_index_is_read_from_its_beginning(tmp_path: Path) -> No
 
 def test_a_device_that_is_lost_before_the_range_does_not_delay_it(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for first in range(0, 30_000, 250):
         writer.write(make_block("a", first))
         if not 5_000 <= first < 20_000:

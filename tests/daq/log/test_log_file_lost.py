@@ -8,7 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from daq import Block, DiskGuard, Event, LogKeeper, LogRecorder, LogThread, LogWriter, Retention, inspect_log, read_log
+from daq import (
+    Block,
+    DiskGuard,
+    Event,
+    McapWriter,
+    ResilientWriter,
+    Retention,
+    RotatingWriter,
+    WriterThread,
+    inspect_log,
+    read_log,
+)
 from daq.log import resilient_writer
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.notices import until
@@ -63,10 +74,10 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
     monkeypatch.setattr(resilient_writer, "_LOOK_SECONDS", 0.05)
     folder, told = tmp_path / "logs", list[Event]()
     folder.mkdir()
-    recorder = LogRecorder(folder, {}, START)
-    keeper = LogKeeper(recorder, DiskGuard(folder, Retention()), told.append)
+    recorder = RotatingWriter(folder, {}, START)
+    keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), told.append)
     put = 0
-    with LogThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
+    with WriterThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
 
         def record(n_blocks: int) -> None:
             nonlocal put
@@ -105,7 +116,7 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
 
 def test_file_that_was_cut_stays_too_short_whatever_is_written_after_it(tmp_path: Path) -> None:
     """The look may come only after further writes."""
-    log = LogWriter(tmp_path / "a.mcap", {})
+    log = McapWriter(tmp_path / "a.mcap", {})
     for k in range(20):
         log.write(make_block("left", 100 * k))
     log.flush()

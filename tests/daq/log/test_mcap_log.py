@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
-from daq import Block, Flag, IntArray, Item, LogError, LogWriter, read_attachments, read_log
+from daq import Block, Flag, IntArray, Item, LogError, McapWriter, read_attachments, read_log
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.block_codec import decode_block, encode_block
 from daq.log.format.rice import Packed, unpack
@@ -24,7 +24,7 @@ INT32 = np.iinfo(np.int32)
 
 
 def write_log(path: Path, items: list[Item], flush_every: int = 5) -> None:
-    writer = LogWriter(path, ATTACHED)
+    writer = McapWriter(path, ATTACHED)
     for k, item in enumerate(items):
         writer.write(item)
         if k % flush_every == 0:
@@ -149,7 +149,7 @@ def test_an_open_log_keeps_little_of_each_chunk(tmp_path: Path) -> None:
     devices, chunks = [f"device_{k}" for k in range(6)], 300
     tracemalloc.start()
     try:
-        writer = LogWriter(tmp_path / "log.mcap", {})
+        writer = McapWriter(tmp_path / "log.mcap", {})
         for number in range(chunks):
             for device in devices:
                 writer.write(make_block(device, 10 * number, n=10))
@@ -202,10 +202,10 @@ def test_existing_file_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_text("precious")
     with pytest.raises(LogError, match="cannot be written: File exists"):
-        LogWriter(path, {})
+        McapWriter(path, {})
     assert path.read_text() == "precious"
 
 
 def test_folder_that_is_missing(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be written: No such file"):
-        LogWriter(tmp_path / "none" / "log.mcap", {})
+        McapWriter(tmp_path / "none" / "log.mcap", {})

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from mcap.opcode import Opcode
 from mcap.stream_reader import StreamReader
 
-from daq import LogWriter
+from daq import McapWriter
 from daq.log.recovery import NotPlainError, PlainLog
 from tests.support.daq.blocks import some_items
 
@@ -17,7 +17,7 @@ from tests.support.daq.blocks import some_items
 def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a log of `some_items` without its end, a chunk every five."""
     path = tmp_path_factory.mktemp("log") / "cut.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for k, item in enumerate(some_items()):
         writer.write(item)
         if k % 5 == 0:
@@ -53,7 +53,7 @@ def test_no_bit_of_an_index_may_be_wrong(cut: Path, data: st.DataObject) -> None
 
 def test_the_end_of_a_sound_log_is_that_of_the_stock_writer(cut: Path) -> None:
     whole = cut.with_name("whole.mcap")
-    writer = LogWriter(whole, {})
+    writer = McapWriter(whole, {})
     for k, item in enumerate(some_items()):
         writer.write(item)
         if k % 5 == 0:

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from daq import Block, FloatArray, LogRecorder, Rotation, read_log, repair_log
+from daq import Block, FloatArray, RotatingWriter, Rotation, read_log, repair_log
 from daq.log.format.preview import View
 from tests.support.daq.blocks import START, contents, make_block
 from tests.support.monitor.rrd_reader import Rrd
@@ -51,7 +51,7 @@ def blocks() -> list[Block]:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("view")
-    recorder = LogRecorder(folder, {"site.toml": "x = 1"}, START, Rotation(), view_rate=VIEW_RATE)
+    recorder = RotatingWriter(folder, {"site.toml": "x = 1"}, START, Rotation(), view_rate=VIEW_RATE)
     for k, item in enumerate(blocks()):
         recorder.write(item)
         if k % 4 == 0:

@@ -14,7 +14,7 @@ from daq import (
     FloatArray,
     Item,
     LogError,
-    LogWriter,
+    McapWriter,
     Recording,
     load_recordings,
     read_log,
@@ -61,7 +61,7 @@ def blocks(
 
 def written(path: Path, *items: Item) -> Path:
     """Write items in the order of their times."""
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for item in sorted(items, key=lambda i: i.pair_time if isinstance(i, Block) else i.time):
         writer.write(item)
     writer.close()

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from daq import Item, LogError, LogState, LogWriter, has_end, inspect_log, read_attachments, read_log, repair_log
+from daq import Item, LogError, LogState, McapWriter, has_end, inspect_log, read_attachments, read_log, repair_log
 from tests.support.daq.blocks import START, contents, some_items
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
@@ -19,7 +19,7 @@ ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a finished log of `some_items`, a chunk every five."""
     path = tmp_path_factory.mktemp("log") / "whole.mcap"
-    writer = LogWriter(path, ATTACHED)
+    writer = McapWriter(path, ATTACHED)
     for k, item in enumerate(some_items()):
         writer.write(item)
         if k % 5 == 0:
@@ -121,7 +121,7 @@ def test_a_log_that_is_cut_and_damaged_is_mended_too(whole: Path, data: st.DataO
 @pytest.mark.parametrize("rest", [b"", b"\0" * 4096, b"\6\0\1"], ids=["none", "zeros of a power cut", "half a chunk"])
 def test_a_log_that_lacks_its_end_gets_it_in_place(whole: Path, rest: bytes) -> None:
     path = whole.with_name("in_place.mcap")
-    writer = LogWriter(path, ATTACHED)
+    writer = McapWriter(path, ATTACHED)
     for item in some_items():
         writer.write(item)
         writer.flush()
@@ -184,7 +184,7 @@ def test_records_behind_one_that_is_stepped_over_are_kept(whole: Path) -> None:
 def test_messages_whose_schema_stood_in_a_lost_chunk_get_it_back(tmp_path: Path) -> None:
     """The first chunk has the schemas and the channel of its message; a cut log repeats neither in a summary."""
     path = tmp_path / "log.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for item in some_items():
         writer.write(item)
         writer.flush()
@@ -273,7 +273,7 @@ def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_a_disk_that_fills_amid_the_end_leaves_the_log_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
-    writer = LogWriter(path, ATTACHED)
+    writer = McapWriter(path, ATTACHED)
     for item in some_items():
         writer.write(item)
         writer.flush()
@@ -295,7 +295,7 @@ def test_a_disk_that_fills_amid_the_end_leaves_the_log_as_it_was(tmp_path: Path)
 
 def test_a_log_that_is_being_written_is_left_alone(whole: Path) -> None:
     path = whole.with_name("open.mcap")
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for item in some_items():
         writer.write(item)
     writer.flush()

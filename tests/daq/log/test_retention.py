@@ -12,11 +12,11 @@ from daq import (
     Block,
     DiskGuard,
     Event,
-    LogKeeper,
-    LogRecorder,
-    LogWriter,
+    McapWriter,
     PartedLog,
+    ResilientWriter,
     Retention,
+    RotatingWriter,
     Rotation,
     inspect_log,
     newest_log,
@@ -29,7 +29,7 @@ EVERY_FLUSH = Rotation(size=1.0)  # fills a file
 
 def run_of(folder: Path, n: int, started: int) -> list[Path]:
     """Record `n` files of a block each."""
-    recorder = LogRecorder(folder, {}, started, EVERY_FLUSH)
+    recorder = RotatingWriter(folder, {}, started, EVERY_FLUSH)
     for k in range(n):
         recorder.write(make_block("a", 250 * k))
         recorder.flush()
@@ -40,7 +40,7 @@ def run_of(folder: Path, n: int, started: int) -> list[Path]:
 def test_the_oldest_go_until_the_rest_is_small_enough_and_nothing_else(tmp_path: Path) -> None:
     later = run_of(tmp_path, 3, START + 10**12)
     older = run_of(tmp_path, 3, START)
-    LogWriter(tmp_path / "imported.mcap", {}).close()
+    McapWriter(tmp_path / "imported.mcap", {}).close()
     (tmp_path / "notes.mcap").write_text("no log")
     size = later[0].stat().st_size
     guard = DiskGuard(tmp_path, Retention(size=3.5 * size))
@@ -96,7 +96,7 @@ def test_newest_never_goes(tmp_path: Path) -> None:
 
 
 def test_what_is_being_written_stays(tmp_path: Path) -> None:
-    recorder = LogRecorder(tmp_path, {}, START)
+    recorder = RotatingWriter(tmp_path, {}, START)
     newest = run_of(tmp_path, 2, START + 10**12)
     guard = DiskGuard(tmp_path, Retention(least_free=1e30))
     surplus = guard.surplus()
@@ -115,8 +115,8 @@ def test_a_file_is_deleted_after_it_was_said(tmp_path: Path) -> None:
         told.append(event)
         assert (tmp_path / event.payload.get("file", old[-1].name)).exists()
 
-    recorder = LogRecorder(tmp_path, {}, START + 10**12)
-    keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention(least_free=1e30)), tell)
+    recorder = RotatingWriter(tmp_path, {}, START + 10**12)
+    keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention(least_free=1e30)), tell)
     keeper.write(make_block("a", 0))
     keeper.flush()
     keeper.close()
@@ -137,8 +137,8 @@ def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, hard))
     try:
-        recorder = LogRecorder(tmp_path, {}, START)
-        keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention()), told.append)
+        recorder = RotatingWriter(tmp_path, {}, START)
+        keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), told.append)
         for k, block in enumerate(blocks):
             keeper.write(block)
             if k % 4 == 3:
@@ -156,9 +156,9 @@ def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_
 
 
 def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    recorder = LogRecorder(tmp_path, {"site.toml": "x = 1"}, START)
+    recorder = RotatingWriter(tmp_path, {"site.toml": "x = 1"}, START)
     told: list[Event] = []
-    keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention()), told.append, kept=10)
+    keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), told.append, kept=10)
     monkeypatch.setattr("daq.log.resilient_writer._RETRY_SECONDS", 0.0)
     with monkeypatch.context() as failing:
         failing.setattr(os, "fdatasync", no_space)
@@ -185,8 +185,8 @@ def test_old_files_go_only_where_that_makes_room(
 ) -> None:
     """A disk that is full or a quota that is used up, not one that is broken, read-only or takes no longer files."""
     old = run_of(tmp_path, 3, START)
-    recorder = LogRecorder(tmp_path, {}, START + 10**12)
-    keeper = LogKeeper(recorder, DiskGuard(tmp_path, Retention()), lambda event: None)
+    recorder = RotatingWriter(tmp_path, {}, START + 10**12)
+    keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), lambda event: None)
 
     def refused(_: int) -> None:
         raise OSError(number, os.strerror(number))
@@ -203,7 +203,7 @@ def test_old_files_go_only_where_that_makes_room(
 
 
 def test_what_the_disk_does_not_take_at_the_end_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    keeper = LogKeeper(LogRecorder(tmp_path, {}, START), DiskGuard(tmp_path, Retention()), lambda event: None)
+    keeper = ResilientWriter(RotatingWriter(tmp_path, {}, START), DiskGuard(tmp_path, Retention()), lambda event: None)
     for k in range(2):
         keeper.write(make_block("a", 250 * k))
         keeper.flush()

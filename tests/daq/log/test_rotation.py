@@ -11,11 +11,11 @@ from daq import (
     Block,
     Channel,
     LogError,
-    LogRecorder,
-    LogThread,
-    LogWriter,
+    McapWriter,
     PartedLog,
+    RotatingWriter,
     Rotation,
+    WriterThread,
     as_logs,
     files_of,
     inspect_log,
@@ -34,7 +34,7 @@ CHANNELS = (Channel(name="a_z", device="a", axis=2),)
 def record(folder: Path, blocks: list[Block], rotation: Rotation, started: int = START) -> AnyLog:
     """Record blocks, flushing after each fourth; return the log."""
     folder.mkdir(exist_ok=True)
-    recorder = LogRecorder(folder, ATTACHED, started, rotation)
+    recorder = RotatingWriter(folder, ATTACHED, started, rotation)
     for k, block in enumerate(blocks):
         recorder.write(block)
         if k % 4 == 3:
@@ -90,7 +90,7 @@ def test_files_in_any_order_are_their_runs(tmp_path: Path) -> None:
     first = record(tmp_path / "log", sine(24), Rotation(seconds=2.0))
     second = record(tmp_path / "log", sine(24), Rotation(seconds=2.0), START + 60 * 10**9)
     single = tmp_path / "log" / "imported.mcap"
-    LogWriter(single, ATTACHED).close()
+    McapWriter(single, ATTACHED).close()
     files = [*reversed(files_of(second)), single, *reversed(files_of(first))]
     assert as_logs(files) == [second, single, first]
     assert set(map(str, as_logs([tmp_path]))) == {str(first), str(second), str(single)}
@@ -117,8 +117,8 @@ def test_a_folder_without_logs_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_thread_rotates_at_its_flushes(tmp_path: Path) -> None:
-    recorder = LogRecorder(tmp_path, ATTACHED, START, Rotation(size=1.0))  # every flush fills a file
-    with LogThread(recorder, lambda item: None, chunk_seconds=0.0) as thread:
+    recorder = RotatingWriter(tmp_path, ATTACHED, START, Rotation(size=1.0))  # every flush fills a file
+    with WriterThread(recorder, lambda item: None, chunk_seconds=0.0) as thread:
         for item in some_items():
             thread.put(item)
     assert thread.failure is None

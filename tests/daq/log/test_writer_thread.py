@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from daq import Item, LogThread, LogWriter, read_log
+from daq import Item, McapWriter, WriterThread, read_log
 from tests.support.daq.blocks import contents, some_items
 
 
 def test_thread_writes_in_order_and_tells_of_each_item(tmp_path: Path) -> None:
     told: list[Item] = []
-    with LogThread(LogWriter(tmp_path / "log.mcap", {}), told.append, chunk_seconds=0.01) as thread:
+    with WriterThread(McapWriter(tmp_path / "log.mcap", {}), told.append, chunk_seconds=0.01) as thread:
         for item in some_items():
             thread.put(item)
             time.sleep(0.002)
@@ -23,7 +23,7 @@ def test_thread_writes_in_order_and_tells_of_each_item(tmp_path: Path) -> None:
 
 
 def test_thread_counts_what_finds_the_queue_full(tmp_path: Path) -> None:
-    thread = LogThread(LogWriter(tmp_path / "log.mcap", {}), lambda item: None, capacity=3)
+    thread = WriterThread(McapWriter(tmp_path / "log.mcap", {}), lambda item: None, capacity=3)
     for item in some_items()[:10]:
         thread.put(item)  # the thread is not started yet: nothing leaves the queue
     assert thread.dropped == 7
@@ -34,7 +34,7 @@ def test_thread_counts_what_finds_the_queue_full(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("failing", ["write", "flush"])
 def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str) -> None:
-    writer = LogWriter(tmp_path / "log.mcap", {})
+    writer = McapWriter(tmp_path / "log.mcap", {})
     writer.write(some_items()[0])
     writer.flush()
 
@@ -43,7 +43,7 @@ def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(writer, failing, fail)
     told: list[Item] = []
-    thread = LogThread(writer, told.append, chunk_seconds=0.0)
+    thread = WriterThread(writer, told.append, chunk_seconds=0.0)
     turned = thread.turned
     for item in some_items():
         thread.put(item)
@@ -58,12 +58,12 @@ def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest
 
 def test_thread_hands_on_when_the_file_cannot_grow(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     told: list[Item] = []
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20_000, hard))
     try:
-        with LogThread(writer, told.append, chunk_seconds=0.0) as thread:
+        with WriterThread(writer, told.append, chunk_seconds=0.0) as thread:
             for item in some_items():
                 thread.put(item)
     finally:
@@ -104,7 +104,7 @@ def test_all_that_several_threads_put_is_flushed_while_nothing_more_comes() -> N
         for item in items:
             thread.put(item)
 
-    with LogThread(writer, lambda item: None, chunk_seconds=0.02) as thread:
+    with WriterThread(writer, lambda item: None, chunk_seconds=0.02) as thread:
         readers = [threading.Thread(target=put) for _ in range(4)]
         for reader in readers:
             reader.start()

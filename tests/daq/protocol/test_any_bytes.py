@@ -24,7 +24,7 @@ from daq import (
     Event,
     LogError,
     LoggedSensor,
-    LogWriter,
+    McapWriter,
     Recording,
     SystemClock,
     export_recording,
@@ -178,7 +178,7 @@ def test_files_of_measurements(
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("log") / "log.mcap"
-    writer = LogWriter(path, {"a": "b"})
+    writer = McapWriter(path, {"a": "b"})
     for k in range(4):
         writer.write(Event(topic="/event/note", time=k, payload={"k": k}))
     writer.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import Assembler, Block, Channel, Event, Flag, FloatArray, Gap, Item, LogWriter, Recording, read_log
+from daq import Assembler, Block, Channel, Event, Flag, FloatArray, Gap, Item, McapWriter, Recording, read_log
 from tests.support.daq.blocks import START
 
 SCALE = 1e-6  # m/s2 a count: rounding is 5e-7
@@ -200,7 +200,7 @@ def test_replay_of_the_log_repeats_every_digit(tmp_path: Path) -> None:
     b = Device(name="b", ppm=-71.0, begin=1.21, jitter=2e-3, seed=6)
     lost = Event(topic="/event/device_lost", time=START + 61_000_000_000, payload={"device": "b", "why": "gone"})
     items: list[Item] = [*by_arrival(a.blocks(0, 60_000), b.blocks(0, 51_000)), lost, *a.blocks(60_000, 75_000)]
-    writer = LogWriter(tmp_path / "log.mcap", {})
+    writer = McapWriter(tmp_path / "log.mcap", {})
     for item in items:
         writer.write(item)
     writer.close()

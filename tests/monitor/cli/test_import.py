@@ -289,13 +289,13 @@ def test_a_recorded_log_takes_its_channels_from_its_settings() -> None:
 
 
 def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
-    from daq import LogError, LogWriter
+    from daq import LogError, McapWriter
 
-    LogWriter(tmp_path / "log.mcap", {}).close()
+    McapWriter(tmp_path / "log.mcap", {}).close()
     for read in (log_recordings, load_recordings):
         with pytest.raises(LogError, match="does not say which channel is which sensor"):
             list(read(tmp_path / "log.mcap"))
-    LogWriter(tmp_path / "bad.mcap", {"channels.json": "[1]"}).close()
+    McapWriter(tmp_path / "bad.mcap", {"channels.json": "[1]"}).close()
     with pytest.raises(LogError, match=r"channels\.json: expected channels and on_grid, found '\[1\]'"):
         list(load_recordings(tmp_path / "bad.mcap"))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import Block, Event, Flag, LogRecorder, LogWriter, Rotation, inspect_log, read_data
+from daq import Block, Event, Flag, McapWriter, RotatingWriter, Rotation, inspect_log, read_data
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.service.startup.repair_logs import mend_logs
 from monitor.views.run import late_devices
@@ -23,7 +23,7 @@ def block(first: int, *, flags: Flag = Flag.NONE, device: str = "beam") -> Block
 def log(tmp_path: Path) -> Path:
     """Return a log: a gap of 500 scans, a restart after 2000 more; one event; cut."""
     path = tmp_path / "log.mcap"
-    writer = LogWriter(path, {"site.toml": "x = 1\n"})
+    writer = McapWriter(path, {"site.toml": "x = 1\n"})
     for item in (
         block(0),
         block(250),
@@ -70,7 +70,7 @@ def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> 
 
 def test_a_start_mends_what_a_kill_left(log: Path) -> None:
     (log.parent / "rest.mcap").write_bytes(b"")
-    writer = LogWriter(log.parent / "open.mcap", {})
+    writer = McapWriter(log.parent / "open.mcap", {})
     said = list(mend_logs(log.parent))
     writer.close()
     assert said == [
@@ -84,7 +84,7 @@ def test_a_start_mends_what_a_kill_left(log: Path) -> None:
 
 def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "damaged.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     writer.write(block(0))
     writer.flush()
     first = path.stat().st_size
@@ -131,7 +131,7 @@ def test_what_is_no_log(
 
 
 def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_path: Path) -> None:
-    recorder = LogRecorder(tmp_path, {}, START, Rotation(size=1.0))
+    recorder = RotatingWriter(tmp_path, {}, START, Rotation(size=1.0))
     for k in range(3):
         recorder.write(block(250 * k))
         recorder.flush()
@@ -142,7 +142,7 @@ def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_pa
         found = json.loads((tmp_path / "info.json").read_text())
         assert found["files"] == list(map(str, recorder.paths))
         assert (found["devices"]["beam"]["scans"], found["devices"]["beam"]["gaps"]) == (750, 0)
-    other = LogRecorder(tmp_path, {}, START + 10**9)
+    other = RotatingWriter(tmp_path, {}, START + 10**9)
     other.close()
     done = modalwatch("log", "info", recorder.paths[0], other.paths[0])
     assert_refused(done, "LOG: expected the files of one run, found those of 2", other.paths[0])

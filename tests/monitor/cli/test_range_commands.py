@@ -8,11 +8,11 @@ from typing import Literal, Self
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, Event, Item, LogWriter, read_data
+from daq import EPSON_SCALE, Block, Event, Item, McapWriter, read_data
 from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
 from monitor.results.events import TOPIC_STOPPED, result_event
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import replay, write_watched
 from monitor.settings import parse_settings
@@ -92,7 +92,7 @@ def second(k: int) -> Block:
 def run(tmp_path: Path) -> Path:
     """Return a log of 60 windows of a second: a baseline at 10 s, alarms from 20 to 30 s and from 40 s on."""
     path = tmp_path / "run.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for k in range(60):
         end = START + (k + 1) * SECOND
         writer.write(second(k))
@@ -155,7 +155,7 @@ def test_the_report_of_a_range_counts_its_windows_apart_from_the_baseline(run: P
 
 def test_a_range_without_a_whole_window_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for k in range(5):
         writer.write(second(k))
     writer.close()
@@ -166,7 +166,7 @@ def test_a_range_without_a_whole_window_is_refused(tmp_path: Path) -> None:
 def test_commands_take_a_range(
     modalwatch: Commands, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn: list[Story] = []
+    drawn: list[RunResults] = []
     monkeypatch.setattr("monitor.cli.data.view.run_report", lambda run, *_: drawn.append(run.story))
     monkeypatch.setattr("monitor.views.viewer.write_recording", lambda _, story: drawn.append(story))
     for command, *options in (("report",), ("view", "--no-open")):

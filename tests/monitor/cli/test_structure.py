@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from daq import LogWriter
+from daq import McapWriter
 from tests.support.monitor.cli import Commands, assert_refused
 from updater import Structure, parse_structure, t_structure_toml
 from updater.planning import look
@@ -217,7 +217,7 @@ def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) 
     log = tmp_path / "log.mcap"
     for more, heard in (("", 40), ("[analysis]\nband = [1, 30]\n", 30)):  # of the slower device; of its band
         site.write_text(slower + more, encoding="utf-8")
-        writer = LogWriter(log, {"structure.toml": bar.read_text(), "site.toml": site.read_text(encoding="utf-8")})
+        writer = McapWriter(log, {"structure.toml": bar.read_text(), "site.toml": site.read_text(encoding="utf-8")})
         writer.close()
         for of in (site, log):
             done = modalwatch("structure", bar, "--channels", of, "--modes", 3)

@@ -7,22 +7,22 @@ import pytest
 from scipy.stats import poisson
 
 from daq import FloatArray
-from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
+from monitor.detection import CHUNK, DETECTORS, DetectionSettings, LawState, ScoredWindows, accept, judge, start
 
 P, STD, STEP = 8, 5e-4, 600.0
 DAY = 144  # windows
-YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+YEARLY = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
 def seconds(n: int) -> FloatArray:
     return np.full(n, STEP)
 
 
-def started(y: FloatArray, temperature: FloatArray, watching: Watching = YEARLY) -> Watched:
+def started(y: FloatArray, temperature: FloatArray, watching: DetectionSettings = YEARLY) -> LawState:
     return start(y, np.full(y.shape, STD), temperature, seconds(y.shape[-2]), watching)
 
 
-def count(judged: list[Judged]) -> FloatArray:
+def count(judged: list[ScoredWindows]) -> FloatArray:
     """False alarms of each detector: pairs of windows for jumps, beginnings for drifts."""
     over = np.concatenate([j.value > j.limit for j in judged], axis=-1)
     jumps = (over[0][:, 1:] & over[0][:, :-1]).sum()
@@ -47,13 +47,13 @@ def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
         return factor * STD * random.standard_normal((n_sites, n, P))
 
     warm = np.full((n_sites, n_baseline), 20.0)
-    watched = started(windows(n_baseline), warm, Watching(rate=rate, overlap=0.0, hold=2))
+    watched = started(windows(n_baseline), warm, DetectionSettings(rate=rate, overlap=0.0, hold=2))
     if not fear:
         law, none = watched.law, np.zeros_like(watched.law.slow)
         law = replace(law, slow=none, feared=none, unknown=law.unknown * 0, rank=law.rank * 0, tail=law.tail * 0 + 100)
         law = replace(law, centre=law.centre * 0, coefficient=law.coefficient * 0)  # the true mean
         watched = replace(watched, law=law)
-    judged: list[Judged] = []
+    judged: list[ScoredWindows] = []
     for _ in range(n_chunks):
         judged.append((found := judge(watched, windows(CHUNK), np.full((n_sites, CHUNK), 20.0), seconds(CHUNK)))[0])
         watched = found[1]
@@ -116,7 +116,7 @@ def test_a_bridge_on_bearings_raises_no_alarm_on_its_second_morning() -> None:
     half_hours = np.full(len(hours), 1800.0)
     rate = 1e-4
     known, later = np.split(y, [n_baseline], axis=1)
-    watching = Watching(rate=rate, overlap=0.0, hold=2)
+    watching = DetectionSettings(rate=rate, overlap=0.0, hold=2)
     watched = start(known, np.full(known.shape, STD), air[:, :n_baseline], half_hours[:n_baseline], watching)
     judged, _ = judge(watched, later, air[:, n_baseline:], half_hours[n_baseline:])
     expected = rate * n_sites * (len(hours) - n_baseline)
@@ -177,7 +177,7 @@ def test_wrong_values_do_not_alarm_where_all_modes_move_by_much_together() -> No
     y = STD * (together[..., None] * np.linspace(0.5, 1.5, P) + wrong * random.standard_normal((n_sites, n, P)))
     warm = np.full((n_sites, n), 20.0)
     known, later = np.split(y, [2 * DAY], axis=1)
-    watched = started(known, warm[:, : 2 * DAY], Watching(rate=rate, overlap=0.0, hold=2))
+    watched = started(known, warm[:, : 2 * DAY], DetectionSettings(rate=rate, overlap=0.0, hold=2))
     judged, _ = judge(watched, later, warm[:, 2 * DAY :], seconds(3 * DAY))
     expected = rate * n_sites * 3 * DAY
     print(f"seed 12, {count([judged])} false alarms where {expected:.0f} are stated")

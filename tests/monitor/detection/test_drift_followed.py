@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from monitor.detection import CHUNK, DETECTORS, Watching, accept, judge, start
+from monitor.detection import CHUNK, DETECTORS, DetectionSettings, accept, judge, start
 from monitor.detection.trend import trend_of
 
 STEP, STD, P = 3 * 3600.0, 5e-4, 6
@@ -17,7 +17,7 @@ def test_drift_of_a_year_is_followed_without_alarm_and_its_rate_is_kept() -> Non
     temperature = 15 + 5 * np.sin(2 * np.pi * time / 86400)
     y = DRIFT * time[:, None] / YEAR - 2e-4 * temperature[:, None] + STD * random.standard_normal((n, P))
     std, seconds = np.full((CHUNK, P), STD), np.full(CHUNK, STEP)
-    watching = Watching(rate=STEP / YEAR / len(DETECTORS), overlap=0.0, hold=2)
+    watching = DetectionSettings(rate=STEP / YEAR / len(DETECTORS), overlap=0.0, hold=2)
     watched = start(y[:CHUNK], std, temperature[:CHUNK], seconds, watching)
     over = 0
     for first in range(CHUNK, n, CHUNK):

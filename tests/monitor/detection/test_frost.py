@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.stats import poisson
 
-from monitor.detection import CHUNK, DETECTORS, Watching, accept, judge, least_unsure, start
+from monitor.detection import CHUNK, DETECTORS, DetectionSettings, accept, judge, least_unsure, start
 from tests.examiner.sites import SimulatedSites, SiteKind
 
 STEP, HOURS, DAYS, SITES = 3600.0, 24, 140, 10
-HOURLY = Watching(rate=1 / 8766 / len(DETECTORS), overlap=0.0, hold=2)
+HOURLY = DetectionSettings(rate=1 / 8766 / len(DETECTORS), overlap=0.0, hold=2)
 P, STD = 6, 5e-4
 
 
@@ -75,7 +75,7 @@ def test_frost_of_unknown_inertia_raises_no_alarm_within_five_weeks() -> None:
     y = -2e-4 * structure[..., None] + stiffening[:, None, :] * np.clip(-structure / 3, 0, 1)[..., None]
     y = y + STD * random.standard_normal(y.shape)
     temperature, seconds = np.tile(air, (n_sites, 1)), np.full(len(time), step)
-    watching = Watching(rate=step / 31.6e6 / len(DETECTORS), overlap=0.0, hold=2)
+    watching = DetectionSettings(rate=step / 31.6e6 / len(DETECTORS), overlap=0.0, hold=2)
     watched = start(y[:, :day], np.full((n_sites, day, P), STD), temperature[:, :day], seconds[:day], watching)
     over = []
     for begin in range(day, len(time) - CHUNK + 1, CHUNK):

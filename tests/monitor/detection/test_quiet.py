@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from monitor.detection import CHUNK, DETECTORS, Watching, accept, detectable_change, judge, start
+from monitor.detection import CHUNK, DETECTORS, DetectionSettings, accept, detectable_change, judge, start
 from tests.examiner.sites import SimulatedSites, SiteKind
 
 STEP, SITES, DAYS, SEED = 600.0, 6, 14, 3
 DAY = round(86400 / STEP)
-WATCHING = Watching(rate=STEP / 31.6e6 / len(DETECTORS), overlap=0.0, hold=2)
+WATCHING = DetectionSettings(rate=STEP / 31.6e6 / len(DETECTORS), overlap=0.0, hold=2)
 KIND = SiteKind(name="quiet", stated=(5e-5, 1.5e-4), step=STEP)
 
 

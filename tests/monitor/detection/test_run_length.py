@@ -6,25 +6,25 @@ from scipy.integrate import quad
 from scipy.stats import chi2, norm, t
 from scipy.stats import f as f_distribution
 
-from monitor.detection.run_length import Watching, averaged, drift_limit, jump_limit, overlapping
+from monitor.detection.run_length import DetectionSettings, averaged, drift_limit, jump_limit, overlapping
 from monitor.detection.scores import distance, normal_score, tamed
 
 
 @pytest.mark.parametrize("freedom", [20.0, 200.0])
 def test_one_window_over_has_the_quantile_of_the_f_distribution(freedom: float) -> None:
     """The predictive distribution of a learnt variance; 0.2 % is the table's interpolation."""
-    found = jump_limit(5, 0, freedom, Watching(rate=1e-4, overlap=0.0, hold=1))
+    found = jump_limit(5, 0, freedom, DetectionSettings(rate=1e-4, overlap=0.0, hold=1))
     assert found == pytest.approx(f_distribution.isf(1e-4, 5, freedom), rel=2e-3)
 
 
 def test_two_windows_in_a_row_of_a_known_variance_have_the_root_of_the_rate() -> None:
-    found = jump_limit(5, 0, 1e4, Watching(rate=1e-6, overlap=0.0, hold=2))
+    found = jump_limit(5, 0, 1e4, DetectionSettings(rate=1e-6, overlap=0.0, hold=2))
     assert found == pytest.approx(chi2.isf(1e-3, 5) / 5, rel=2e-3)
 
 
 def test_what_lasts_and_what_overlaps_raise_the_limit_towards_that_of_one_window() -> None:
-    plain = [jump_limit(5, k, 1e4, Watching(rate=1e-6, overlap=0.0, hold=2)) for k in range(6)]
-    overlapped = jump_limit(5, 0, 1e4, Watching(rate=1e-6, overlap=0.5, hold=2))
+    plain = [jump_limit(5, k, 1e4, DetectionSettings(rate=1e-6, overlap=0.0, hold=2)) for k in range(6)]
+    overlapped = jump_limit(5, 0, 1e4, DetectionSettings(rate=1e-6, overlap=0.5, hold=2))
     assert np.all(np.diff(plain) > 0)
     assert plain[-1] == pytest.approx(chi2.isf(1e-6, 5) / 5, rel=2e-3)
     assert plain[0] < overlapped < plain[-1]
@@ -33,7 +33,7 @@ def test_what_lasts_and_what_overlaps_raise_the_limit_towards_that_of_one_window
 @pytest.mark.parametrize(("n", "lasting"), [(4, 2), (5, 1), (3, 2)])
 def test_two_windows_in_a_row_of_which_a_part_lasts_have_the_rate_of_the_integral(n: int, lasting: int) -> None:
     """P(both over) = integral of the lasting part's density times the chance that both others fill up to the limit."""
-    limit = n * jump_limit(n, lasting, 1e4, Watching(rate=1e-4, overlap=0.0, hold=2))
+    limit = n * jump_limit(n, lasting, 1e4, DetectionSettings(rate=1e-4, overlap=0.0, hold=2))
     free = n - lasting
     below = quad(lambda x: chi2.pdf(x, lasting) * chi2.sf(limit - x, free) ** 2, 0, limit, epsabs=1e-12, limit=200)[0]
     assert below + chi2.sf(limit, lasting) == pytest.approx(1e-4, rel=0.03)  # 0.2 % of the limit
@@ -42,12 +42,12 @@ def test_two_windows_in_a_row_of_which_a_part_lasts_have_the_rate_of_the_integra
 def test_limits_beyond_the_table_go_on_as_the_distribution_does() -> None:
     """Distances of 245 and more, where logarithms of rates are straight to 1 %."""
     for rate in (1e-52, 1e-60):
-        found = jump_limit(5, 0, 1e4, Watching(rate=rate, overlap=0.0, hold=1))
+        found = jump_limit(5, 0, 1e4, DetectionSettings(rate=rate, overlap=0.0, hold=1))
         assert found == pytest.approx(chi2.isf(rate, 5) / 5, rel=2e-3)
 
 
 def test_more_windows_in_a_row_are_as_rare_as_their_power() -> None:
-    found = jump_limit(5, 0, 1e4, Watching(rate=1e-6, overlap=0.0, hold=3))
+    found = jump_limit(5, 0, 1e4, DetectionSettings(rate=1e-6, overlap=0.0, hold=3))
     assert found == pytest.approx(chi2.isf(1e-2, 5) / 5, rel=2e-3)
 
 
@@ -60,7 +60,7 @@ def test_averages_of_overlapping_windows_vary_and_cross_as_simulated(overlap: fl
     windows = np.stack([quarters[:, k * step : k * step + 4].sum(1) / 2 for k in range(120)], axis=1)
     assert np.mean(windows[:, :-1] * windows[:, 1:]) == pytest.approx(overlapping(overlap, 1), abs=0.01)
     variance = averaged(weight, overlap)[0]
-    limit = drift_limit(p, 1e4, weight, Watching(rate=rate, overlap=overlap, hold=2)) * p * variance
+    limit = drift_limit(p, 1e4, weight, DetectionSettings(rate=rate, overlap=overlap, hold=2)) * p * variance
     average = np.sqrt(variance) * random.standard_normal((4000, p))
     distances = []
     for k in range(120):

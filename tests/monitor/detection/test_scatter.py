@@ -5,26 +5,26 @@ import pytest
 from scipy.stats import poisson
 
 from daq import FloatArray
-from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
+from monitor.detection import CHUNK, DETECTORS, DetectionSettings, LawState, ScoredWindows, accept, judge, start
 from monitor.detection.window_variance import first_scatter, follow_scatter, regressors
 from tests.examiner.sites import SimulatedSites, SiteKind, SiteWindows
 from tests.support.thorough import few_of
 
 STEP, DAY = 600.0, 144
-YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+YEARLY = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
 def log_frequency(sites: SimulatedSites, w: SiteWindows) -> tuple[FloatArray, FloatArray]:
     return np.log(w.frequency / sites.frequency[:, None, :]), w.frequency_std / w.frequency
 
 
-def learnt(sites: SimulatedSites) -> Watched:
+def learnt(sites: SimulatedSites) -> LawState:
     w = sites.windows(DAY)
     y, std = log_frequency(sites, w)
     return start(y, std, w.temperature, np.full(DAY, STEP), YEARLY, w.rms)
 
 
-def watch(sites: SimulatedSites, watched: Watched, n: int) -> tuple[list[Judged], Watched]:
+def watch(sites: SimulatedSites, watched: LawState, n: int) -> tuple[list[ScoredWindows], LawState]:
     found = []
     for _ in range(n // CHUNK):
         w = sites.windows(CHUNK)

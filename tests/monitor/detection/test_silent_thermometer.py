@@ -5,12 +5,12 @@ import pytest
 from scipy.stats import poisson
 
 from daq import FloatArray
-from monitor.detection import DETECTORS, Judged, Watched, Watching, accept, judge, least_unsure, start
+from monitor.detection import DETECTORS, DetectionSettings, LawState, ScoredWindows, accept, judge, least_unsure, start
 from monitor.detection.temperature_terms import first_climate, follow
 from tests.support.thorough import few_of
 
 P, STD, STEP, DAY = 6, 5e-4, 600.0, 144
-YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+YEARLY = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
 def air(random: np.random.Generator, n_sites: int, n: int) -> FloatArray:
@@ -50,7 +50,7 @@ def test_silence_raises_no_alarm_while_it_lasts_nor_afterwards(seed: int, hours:
     assert alarmed <= poisson.ppf(1 - 1e-4, n_sites * 4 / 365)
 
 
-def watched_and_silent(hours: float) -> tuple[Watched, Judged]:
+def watched_and_silent(hours: float) -> tuple[LawState, ScoredWindows]:
     random = np.random.default_rng(5)
     celsius = air(random, 1, 8 * DAY)
     y = frequencies(random, celsius)[0]
@@ -70,7 +70,7 @@ def test_a_change_that_temperature_does_not_make_is_found_in_silence_and_what_co
     predicted = law.centre + law.scale * (judged.terms[-1:, 0, :] @ law.coefficient)
     alternating, _ = judge(watched, predicted + 3e-3 * (-1.0) ** np.arange(P), np.full(1, np.nan), seconds(1))
     assert alternating.over.all()
-    last = Judged(
+    last = ScoredWindows(
         value=judged.value[:, -1:],
         limit=judged.limit[:, -1:],
         terms=judged.terms[-1:],

@@ -5,12 +5,12 @@ import pytest
 from scipy.stats import poisson
 
 from daq import FloatArray
-from monitor.detection import CHUNK, DETECTORS, Judged, Watched, Watching, accept, judge, start
+from monitor.detection import CHUNK, DETECTORS, DetectionSettings, LawState, ScoredWindows, accept, judge, start
 from monitor.detection.single_mode import MAX_HOLD_WINDOWS, no_runs, wait
 from tests.support.thorough import few_of
 
 P, STD, STEP, DAY = 6, 5e-4, 600.0, 144
-YEARLY = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+YEARLY = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
 def noise(random: np.random.Generator, n_sites: int, n: int) -> FloatArray:
@@ -27,7 +27,7 @@ def bursts(random: np.random.Generator, n_sites: int, n: int) -> FloatArray:
     return off
 
 
-def watched_days(y: FloatArray, watched: Watched) -> tuple[list[Judged], Watched]:
+def watched_days(y: FloatArray, watched: LawState) -> tuple[list[ScoredWindows], LawState]:
     """Judge, and learn from all that is calm."""
     found = []
     for first in range(0, y.shape[1], CHUNK):
@@ -38,12 +38,12 @@ def watched_days(y: FloatArray, watched: Watched) -> tuple[list[Judged], Watched
     return found, watched
 
 
-def learnt(random: np.random.Generator, n_sites: int) -> Watched:
+def learnt(random: np.random.Generator, n_sites: int) -> LawState:
     y = noise(random, n_sites, DAY)
     return start(y, np.full(y.shape, STD), np.full(y.shape[:2], 15.0), np.full(DAY, STEP), YEARLY)
 
 
-def over(found: list[Judged]) -> FloatArray:
+def over(found: list[ScoredWindows]) -> FloatArray:
     return np.concatenate([judged.over for judged in found], axis=-1).astype(float)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from daq import Event
-from monitor.outputs.notices import Courier, NoticeError, make_sender
+from monitor.outputs.notices import NoticeError, NoticeSender, make_sender
 from monitor.outputs.notices.deadline import DeadlineRunner
 from monitor.settings import NotifySettings
 from tests.support.monitor.notices import ALARM, NOTICE, Server, until
@@ -146,7 +146,9 @@ def test_alarm_waits_for_no_trouble_and_no_other_target(tmp_path: Path) -> None:
     held = NotifySettings(webhook=f"http://127.0.0.1:{listener.getsockname()[1]}/x", timeout_seconds=3.0)
     with listener, trickling(HEADERS) as port:
         hung = NotifySettings(webhook=f"http://127.0.0.1:{port}/x", timeout_seconds=3.0)
-        first, second = (Courier(target, tmp_path / f"{k}.jsonl", "bridge") for k, target in enumerate((hung, held)))
+        first, second = (
+            NoticeSender(target, tmp_path / f"{k}.jsonl", "bridge") for k, target in enumerate((hung, held))
+        )
         for courier in (first, second):
             courier.__enter__()
         for courier in (first, second):
@@ -166,7 +168,7 @@ def test_alarm_that_no_disk_takes_is_delivered_from_memory(tmp_path: Path) -> No
     (tmp_path / "state").write_text("")
     with (
         Server().running() as server,
-        Courier(
+        NoticeSender(
             NotifySettings(webhook=server.url), tmp_path / "state" / "n.jsonl", "bridge", retry_seconds=0.1
         ) as courier,
     ):

@@ -16,7 +16,7 @@ import pytest
 from pydantic import ValidationError
 
 from daq import Event
-from monitor.outputs.notices import Courier, News, NoticeError, make_sender
+from monitor.outputs.notices import NoticeError, NoticeFilter, NoticeSender, make_sender
 from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
 from tests.support.daq.blocks import make_block
@@ -35,7 +35,7 @@ def server() -> Iterator[Server]:
 
 def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
     """A run that learns, watches and finds a mass; without a diagnosis there is nothing to add to the alarm."""
-    news = News("bridge")
+    news = NoticeFilter("bridge")
     told = [notice for event in run_events() if (notice := news.of(event))]
     assert [(notice.kind, notice.alarm == notice.time) for notice in told] == [("alarm", True)]
 
@@ -50,12 +50,12 @@ def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
         diagnosis = {"verdict": "explained", "causes": [found], "rejected": [], "modes": [], "gain": None}
         return replace(alarmed, payload=alarmed.payload | {"diagnosis": diagnosis | LAST})
 
-    news = News("bridge")
+    news = NoticeFilter("bridge")
     events = [window("added_mass", 0.2), ALARM, window("added_mass", 0.21), window("distributed_mass", 0.2)]
     assert [notice.kind for event in events if (notice := news.of(event))] == ["alarm", "update"]
     resumed = change(20, "alarm", kind="resumed", quiet=True, since=10)  # by another analysis, or after a restart
     events = [resumed, window("distributed_mass", 0.21), window("added_mass", 0.2)]
-    for told in (news, News("bridge")):
+    for told in (news, NoticeFilter("bridge")):
         assert [notice.kind for event in events if (notice := told.of(event))] == ["update"]
 
 
@@ -78,7 +78,7 @@ def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
     ],
 )
 def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
-    news = News("bridge")
+    news = NoticeFilter("bridge")
     assert [notice.kind for event in events if (notice := news.of(event))] == kinds
 
 
@@ -86,7 +86,7 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
     """Sensors that hang on nothing send data all the while: no device is lost, and no window overdue."""
     good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
     bad = replace(good, payload=good.payload | {"novelty": None, "modes": [], "problem": "no resonance stands out"})
-    news = News("bridge")
+    news = NoticeFilter("bridge")
     told = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
     assert [i for i, notice in enumerate(told) if notice] == [6, 9]
     assert "no usable result from the last 3 windows: no resonance stands out" in told[6].text  # type: ignore[union-attr]
@@ -94,7 +94,7 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
 
 
 def test_failure_beside_the_verdict_is_told_once() -> None:
-    news = News("bridge")
+    news = NoticeFilter("bridge")
     events = [change(k, "alarm", text, kind="failed", quiet=True) for k, text in enumerate("aab")]
     assert [bool(news.of(event)) for event in events] == [True, False, True]
 
@@ -192,7 +192,7 @@ def test_what_cannot_be_delivered_says_why(target: NotifySettings, says: str) ->
 def test_server_that_is_down_gets_everything_later_in_one_message(server: Server, tmp_path: Path) -> None:
     server.answer = 503
     target, spool = NotifySettings(webhook=server.url), tmp_path / "notices.jsonl"
-    with Courier(target, spool, "bridge", retry_seconds=0.05) as courier:
+    with NoticeSender(target, spool, "bridge", retry_seconds=0.05) as courier:
         courier.put(ALARM)
         until(lambda: courier.problem)
         courier.put(change(20, "normal", "over", lasted=10.0))
@@ -226,7 +226,7 @@ def test_webhook_that_asks_to_wait_is_not_asked_before(
     """But an alarm is tried at once all the same."""
     date = formatdate(time.time() + seconds, usegmt=True)
     server.answer, server.retry_after = 429, date if asked == "a date" else asked
-    with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as courier:
+    with NoticeSender(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as courier:
         courier.put(LOST)
         until(lambda: courier.problem)
         left = courier.others.due - time.monotonic()
@@ -239,12 +239,12 @@ def test_webhook_that_asks_to_wait_is_not_asked_before(
 
 def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server: Server, tmp_path: Path) -> None:
     spool = tmp_path / "notices.jsonl"
-    with Courier(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as courier:
         courier.put(ALARM)
     assert spool.exists()
     with spool.open("a") as file:
         file.write('{"of": "another version"}\n{"cut')
-    with Courier(NotifySettings(webhook=server.url), spool, "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge") as courier:
         until(lambda: server.got)
     assert list(courier.said()) == [(TOPIC_BACK, {"to": "webhook"})]
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
@@ -254,7 +254,7 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
     """Troubles of an earlier run that still wait for the hour make no alarm report a recovery."""
     spool = tmp_path / "n_other.jsonl"
     spool.write_text(json.dumps(asdict(replace(NOTICE, kind="trouble"))) + "\n", encoding="utf-8")
-    with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
         courier.others.due = time.monotonic() + 60.0
         courier.put(ALARM)
         until(lambda: server.got)
@@ -263,7 +263,7 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
 
 
 def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
-    with Courier(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
         courier.put(LOST)
         until(lambda: len(server.got) == 1)
         courier.put(LOST)
@@ -277,7 +277,7 @@ def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, 
 
 def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Path) -> None:
     target = NotifySettings(webhook=server.url, on=("alarm",))
-    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
         courier.put(LOST)
         courier.put(ALARM)
         until(lambda: server.got)
@@ -287,8 +287,8 @@ def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Pa
 def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Server, tmp_path: Path) -> None:
     """What the one before is about to send would be sent twice from the same files; here each has its own."""
     target = NotifySettings(webhook=server.url)
-    with Courier(target, tmp_path / "before.jsonl", "bridge") as before:
-        after = Courier(target, tmp_path / "after.jsonl", "bridge")
+    with NoticeSender(target, tmp_path / "before.jsonl", "bridge") as before:
+        after = NoticeSender(target, tmp_path / "after.jsonl", "bridge")
         after.go_on_from(before)
         with after:
             after.put(LOST)
@@ -301,7 +301,7 @@ def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Se
 
 def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
-    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
         time.sleep(0.5)
         assert server.got == []
         courier.put(make_block("left", 0))

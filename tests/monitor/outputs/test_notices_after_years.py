@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from daq import Event
-from monitor.outputs.notices import Courier, make_sender
+from monitor.outputs.notices import NoticeSender, make_sender
 from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
 from monitor.settings import NotifySettings
 from monitor.text.notice_template import TemplateFailure
@@ -39,7 +39,7 @@ def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Ser
     server.answer = 503
     template = "{% if notices|length > 1 %}{{ notice.nothing }}{% else %}{{ notice.text }}{% endif %}"
     target = NotifySettings(webhook=server.url, template=template)
-    with Courier(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
         courier.put(ALARM)
         courier.put(change(20, "normal", "over", lasted=10.0))
         until(lambda: (tmp_path / "n.jsonl").exists() and len((tmp_path / "n.jsonl").read_text().splitlines()) == 2)
@@ -53,7 +53,7 @@ def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> Non
     """A name with a zero byte fits into no environment of a program."""
     script = "import os, sys; open(sys.argv[1], 'a').write(os.environ['MODALWATCH_TEXT'] + '|')"
     target = NotifySettings(command=(sys.executable, "-c", script, str(tmp_path / "got")))
-    with Courier(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
         courier.put(change(10, "alarm", "ALARM: a \0 mass"))
         until(lambda: courier.problem)
         courier.put(change(20, "normal", "over", lasted=10.0))
@@ -79,7 +79,7 @@ def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, t
     """Nothing else may have to be told for years: the page would say all the while that notices are in trouble."""
     server.answer = 503
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
-    with Courier(target, tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
         courier.put(make_block("left", 0))
         until(lambda: courier.problem)
         server.answer = 200
@@ -89,7 +89,9 @@ def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, t
 
 def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:
     server.answer = 503
-    with Courier(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0) as courier:
+    with NoticeSender(
+        NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0
+    ) as courier:
         courier.put(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
         until(lambda: courier.problem)
         server.answer = 200
@@ -101,7 +103,7 @@ def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(serv
     """Chat servers refuse long texts: one that grew while they were away would never be taken."""
     server.answer = 503
     spool = tmp_path / "n.jsonl"
-    with Courier(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as courier:
+    with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as courier:
         for k in range(20_000):
             courier.put(Event(topic="/event/device_lost", time=k, payload={"device": "left"}))
             if k == 7:

@@ -14,7 +14,16 @@ from monitor.results.correlation import discrepancy_result
 from oma.windows import Windows
 from tests.support.monitor import answers
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Body, Explained, ModalMean, Reference, build_model, learn_reference, stack_tracks, virtual_sensing
+from updater import (
+    Body,
+    DiagnosisResult,
+    ModalMean,
+    Reference,
+    build_model,
+    learn_reference,
+    stack_tracks,
+    virtual_sensing,
+)
 from updater.validation import as_before
 
 TRACK = np.arange(8)
@@ -23,7 +32,7 @@ SEED = 21
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[Reference, ModalMean, Explained]:
+def found() -> tuple[Reference, ModalMean, DiagnosisResult]:
     """A reference, the modes of a true frame with a body that it does not know, and its structure with the body."""
     print(f"seed {SEED}")
     random = np.random.default_rng(SEED)
@@ -31,7 +40,11 @@ def found() -> tuple[Reference, ModalMean, Explained]:
     reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(8)], [TRACK] * 8)
     changed = build_model(bare.structure.with_bodies((BODY,)), shear_flexible=True, mass="consistent")
     measured = reference.mean_of(stack_tracks([measure(changed, random, np.ones(12)) for _ in range(5)], [TRACK] * 5))
-    return reference, measured, Explained(answers.diagnosis(), reference.calibration.structure.with_bodies((BODY,)))
+    return (
+        reference,
+        measured,
+        DiagnosisResult(answers.diagnosis(), reference.calibration.structure.with_bodies((BODY,))),
+    )
 
 
 def signals(modes: ModalMean, random: np.random.Generator) -> Recording:
@@ -47,7 +60,7 @@ def signals(modes: ModalMean, random: np.random.Generator) -> Recording:
     return Recording(channels=channels, data=data, rate=rate, start=0)
 
 
-def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, Explained]) -> None:
+def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, DiagnosisResult]) -> None:
     reference, measured, extended = found
     random = np.random.default_rng((SEED, 2))
     shown = discrepancy_result(reference, measured, extended, signals(measured, random))
@@ -75,16 +88,20 @@ def test_a_mode_that_the_reference_lacks_is_not_compared() -> None:
     windows = [measure(bare, random, np.ones(12)) for _ in range(13)]
     reference = learn_reference(t_frame(), windows[:8], [lacking] * 8)
     measured = reference.mean_of(stack_tracks(windows[8:], [TRACK] * 5))
-    shown = discrepancy_result(reference, measured, Explained(answers.diagnosis(), None))
+    shown = discrepancy_result(reference, measured, DiagnosisResult(answers.diagnosis(), None))
     pairs = [m for m in shown.modes if m.measured is not None and m.simulated is not None]
     assert len(pairs) == 8
     (alone,) = [m for m in pairs if not m.compared]
     assert alone.measured == pytest.approx(float(np.exp(measured.log_frequency[3])))
     whole = learn_reference(t_frame(), windows[:8], [TRACK] * 8)
-    assert all(m.compared for m in discrepancy_result(whole, measured, Explained(answers.diagnosis(), None)).modes)
+    assert all(
+        m.compared for m in discrepancy_result(whole, measured, DiagnosisResult(answers.diagnosis(), None)).modes
+    )
 
 
-def test_a_drawn_signal_is_the_measured_one_between_its_samples(found: tuple[Reference, ModalMean, Explained]) -> None:
+def test_a_drawn_signal_is_the_measured_one_between_its_samples(
+    found: tuple[Reference, ModalMean, DiagnosisResult],
+) -> None:
     reference, measured, extended = found
     recording = signals(measured, np.random.default_rng((SEED, 3)))
     signal = discrepancy_result(reference, measured, extended, recording).signals[0]
@@ -97,7 +114,7 @@ def test_a_drawn_signal_is_the_measured_one_between_its_samples(found: tuple[Ref
     assert np.abs(error).max() < 0.02 * np.abs(drawn).max()
 
 
-def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, Explained]) -> None:
+def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, DiagnosisResult]) -> None:
     reference, measured, extended = found
     recording = signals(measured, np.random.default_rng((SEED, 4)))
     short = replace(recording, data=recording.data[:20])
@@ -108,12 +125,12 @@ def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, Exp
 
 
 def test_forces_that_a_sensor_leaves_over_are_not_drawn_on_the_structure(
-    found: tuple[Reference, ModalMean, Explained],
+    found: tuple[Reference, ModalMean, DiagnosisResult],
 ) -> None:
     reference, measured, _ = found
     gain = answers.diagnosis().causes[1]
     only = answers.diagnosis().model_copy(update={"causes": (gain,)})
-    shown = discrepancy_result(reference, measured, Explained(only, None))
+    shown = discrepancy_result(reference, measured, DiagnosisResult(only, None))
     assert shown.balance is None
     assert "come from the sensors" in shown.note
 

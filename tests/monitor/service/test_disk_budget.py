@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, LogWriter
+from daq import EPSON_SCALE, Block, McapWriter
 from monitor.service.startup.disk_budget import BYTES_A_SCAN, disk_plan
 from monitor.settings import parse_settings
 
@@ -46,7 +46,7 @@ def test_plan_says_what_happens_to_the_disk(recorder: str, free: float, says: st
 def test_logs_take_no_more_than_the_plan_says(tmp_path: Path, rms: float, most: float) -> None:
     """White motion over a sensor's own noise (72 counts), five seconds of two devices."""
     random = np.random.default_rng(1)
-    writer = LogWriter(tmp_path / "log.mcap", {})
+    writer = McapWriter(tmp_path / "log.mcap", {})
     for k in range(25):
         for name in ("a", "b"):
             counts = np.rint(random.normal(0, np.hypot(72, rms), (200, 3))).astype(np.int32)

@@ -14,8 +14,8 @@ import pytest
 from daq import SystemClock
 from monitor.errors import StartError
 from monitor.service.startup.instance_lock import only_one
-from monitor.watch.memory import Recalled
-from tests.support.monitor.runs import QuietWorker, Watched, blocks, watched_site
+from monitor.watch.memory import LoadedState
+from tests.support.monitor.runs import LawState, QuietWorker, blocks, watched_site
 from tests.support.processes import script_process
 
 PORTS = Path(__file__).parents[2] / "support" / "daq" / "emulated_ports.py"
@@ -23,7 +23,7 @@ HOUR = 3600 * 10**9  # ns
 
 
 @pytest.fixture
-def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
     return watched_site(tmp_path, monkeypatch)
 
 
@@ -36,10 +36,10 @@ def ports() -> Iterator[list[str]]:
 
 
 @pytest.mark.live
-def test_restart_goes_on_without_a_device_that_is_gone(watched: Watched, ports: list[str]) -> None:
+def test_restart_goes_on_without_a_device_that_is_gone(watched: LawState, ports: list[str]) -> None:
     """After a power cut one of two is dead: the other one is watched, and that is told."""
     watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": (ports[1], 500.0)})
-    watched.recalled = Recalled(text="of a run before")
+    watched.recalled = LoadedState(text="of a run before")
     with watched.running() as ended:
         watched.until_told("device_lost", 1)
         watched.flows("beam_right")
@@ -50,15 +50,15 @@ def test_restart_goes_on_without_a_device_that_is_gone(watched: Watched, ports: 
 
 @pytest.mark.live
 @pytest.mark.parametrize("text", [None, "of a run before"])
-def test_start_without_any_device_is_no_start(watched: Watched, text: str | None) -> None:
+def test_start_without_any_device_is_no_start(watched: LawState, text: str | None) -> None:
     watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": ("/dev/nothing", 500.0)})
-    watched.recalled = Recalled(text=text)
+    watched.recalled = LoadedState(text=text)
     with watched.running() as ended, pytest.raises(StartError, match=r"device beam_left: .*nowhere"):
         ended.result()
 
 
 @pytest.mark.live
-def test_first_start_wants_every_device(watched: Watched, ports: list[str]) -> None:
+def test_first_start_wants_every_device(watched: LawState, ports: list[str]) -> None:
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": ("/dev/nowhere", 500.0)})
     with watched.running() as ended, pytest.raises(StartError, match=r"device beam_right: .*nowhere"):
         ended.result()
@@ -110,12 +110,12 @@ def test_clock_goes_evenly_until_it_is_told_to_follow(monkeypatch: pytest.Monkey
 @pytest.mark.live
 @pytest.mark.parametrize("hours", [-3, 5])
 def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
-    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch, hours: int
+    watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch, hours: int
 ) -> None:
     """Within a log times go evenly; the devices are set up anew, and the shift is told once."""
     host, shown = SetClock(), list[object]()
     monkeypatch.setattr("daq.timing.host_clock.time", host)
-    monkeypatch.setattr("monitor.service.site_run.Outlets.show_again", lambda outlets: shown.append(outlets))
+    monkeypatch.setattr("monitor.service.site_run.Outputs.show_again", lambda outlets: shown.append(outlets))
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
     with watched.running() as ended:
         watched.flows("beam_left")
@@ -136,7 +136,7 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
 
 @pytest.mark.live
 def test_analysis_that_says_no_last_word_holds_up_no_reload(
-    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
+    watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It may be amid a diagnosis: the watchdog is not to be left without food for as long."""
     monkeypatch.setattr("monitor.service.log_and_analysis._LAST_WORDS", 0.3)
@@ -157,7 +157,7 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
 
 @pytest.mark.live
 def test_log_that_has_ended_for_good_is_told(
-    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
+    watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What no disk has done yet: data flow on, and nothing of them is written. The watchdog ends that in a while."""
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
@@ -167,7 +167,7 @@ def test_log_that_has_ended_for_good_is_told(
         def fail(_: object) -> None:
             raise OSError(5, "Input/output error")
 
-        monkeypatch.setattr("daq.LogKeeper.flush", fail)
+        monkeypatch.setattr("daq.ResilientWriter.flush", fail)
         watched.flows("beam_left")
         watched.flows("beam_left")
         watched.stop()
@@ -185,7 +185,7 @@ class Circle:
 
 @pytest.mark.live
 def test_circles_are_freed_without_waiting_for_python(
-    watched: Watched, ports: list[str], monkeypatch: pytest.MonkeyPatch
+    watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.service.site_run._SWEEP", 0.1)
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})

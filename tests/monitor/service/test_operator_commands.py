@@ -13,7 +13,7 @@ from monitor.detection.alarm import Alarm, AlarmRules, Change
 from monitor.results.events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
 from monitor.results.windows import AlarmResult
 from monitor.service.operator_commands import Acknowledgement, Inbox, leave
-from monitor.service.status import NAME, Pace, Vitals
+from monitor.service.status import NAME, MonitorStatus, Pace
 from monitor.settings import parse_settings
 from monitor.text.alarms import acknowledged_said
 from monitor.text.quantities import duration_text
@@ -102,7 +102,7 @@ def test_command_waits_until_the_word_is_taken(
 ) -> None:
     """A monitor that runs takes it at once; one that stands still is told of."""
     state = site.parent / "state"
-    Vitals(state / NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write({})
+    MonitorStatus(state / NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write({})
     monkeypatch.setattr("monitor.cli.site.send._WAIT", 0.2)
     assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
     monkeypatch.setattr("monitor.cli.site.send._WAIT", 10.0)

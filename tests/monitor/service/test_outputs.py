@@ -10,8 +10,8 @@ from typing import cast
 import pytest
 
 from daq import Item
-from monitor.outputs.notices import Courier
-from monitor.service.outputs import Outlets
+from monitor.outputs.notices import NoticeSender
+from monitor.service.outputs import Outputs
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site, load_site
 from monitor.settings import NotifySettings
@@ -54,7 +54,7 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     now = 100.0
     monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
     view = View()
-    outlets = Outlets(site, cast("LiveView", view))
+    outlets = Outputs(site, cast("LiveView", view))
     assert list(outlets.said()) == []
     view.problem, view.port_taken = "its process ended with code -9", True
     assert list(outlets.said()) == [("/event/no_viewer", {"why": "its process ended with code -9"})]
@@ -69,7 +69,7 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
 
 
 def test_view_that_nobody_asked_for_is_not_said_to_be_new(site: Site) -> None:
-    outlets = Outlets(site, cast("LiveView", View()))
+    outlets = Outputs(site, cast("LiveView", View()))
     assert list(outlets.renew(site, analysed_alike=False)) == []
     site.path.write_text(f"{SITE}[viewer]\n", encoding="utf-8")
     for _ in range(2):  # it is asked for; then it is to show another analysis
@@ -82,7 +82,7 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
     site.path.write_text(f"{SITE}[web]\nport = {port}\n", encoding="utf-8")
     now = 100.0
     monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
-    with Outlets(load_site(site.path), None) as outlets:
+    with Outputs(load_site(site.path), None) as outlets:
         [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
         server.kill()
         server.join()
@@ -96,11 +96,11 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
 def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> None:
     """An alarm that the old one has told of ends: the new one tells of that end, and of which alarm's."""
     over, waiting = change(START + 10**9, "normal", lasted=1.0), {}
-    old = Courier(NotifySettings(command=("true",)), tmp_path / "old.jsonl", "bridge")
+    old = NoticeSender(NotifySettings(command=("true",)), tmp_path / "old.jsonl", "bridge")
     old.put(change(START, "alarm"))
     for before in (old, None):
         spool = tmp_path / f"{before is old}.jsonl"
-        courier = Courier(NotifySettings(command=("false",)), spool, "bridge")  # which delivers nothing
+        courier = NoticeSender(NotifySettings(command=("false",)), spool, "bridge")  # which delivers nothing
         if before:
             courier.go_on_from(before)
         with courier:

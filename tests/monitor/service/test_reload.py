@@ -10,18 +10,18 @@ import pytest
 
 from daq import Flag
 from monitor.service.daemon import reload_on_signal
-from tests.support.monitor.runs import QuietWorker, Watched, blocks, watched_site
+from tests.support.monitor.runs import LawState, QuietWorker, blocks, watched_site
 from tests.support.monitor.service_manager import Listener
 from tests.support.processes import script_process
 
 
 @pytest.fixture
-def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
     return watched_site(tmp_path, monkeypatch)
 
 
 @pytest.mark.live
-def test_what_is_not_changed_loses_no_scan(watched: Watched, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A device moves to another port, gets another rate; a bad file is refused; the other one streams on.
 
     The service manager hears of it; the analysis that dies, and the one that falls behind, give way to others.
@@ -68,7 +68,7 @@ def test_what_is_not_changed_loses_no_scan(watched: Watched, tmp_path: Path, mon
 _ANEW = ("RELOADING", "READY")
 
 
-def _assert_told(watched: Watched) -> None:
+def _assert_told(watched: LawState) -> None:
     """Assert that the log says what was done, and that only the device that was moved has a gap."""
     moved, rated = (event.payload for event in watched.events("reloaded"))
     assert moved == {"changed": "device beam_right"}

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from monitor.service.log_and_analysis import new_analysis
-from monitor.service.outputs import Outlets
-from tests.support.monitor.runs import QuietWorker, Watched, watched_site
+from monitor.service.outputs import Outputs
+from tests.support.monitor.runs import LawState, QuietWorker, watched_site
 from tests.support.processes import script_process
 
 NOTIFY = '[[notify]]\nwebhook = "http://127.0.0.1:1/x"\ntemplate = "{}"\n'
@@ -54,13 +54,13 @@ def test_watch_goes_on_with_the_settings_it_has(tmp_path: Path, monkeypatch: pyt
     assert report.disk_failure is None
 
 
-def _fail_while_it_is_put_into_effect(watched: Watched, good: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def _fail_while_it_is_put_into_effect(watched: LawState, good: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts that fail when they are renewed cost no other part its change, and the log goes on."""
 
     def fails(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(Outlets, "_renew_couriers", fails)
+    monkeypatch.setattr(Outputs, "_renew_couriers", fails)
     monkeypatch.setattr("monitor.service.log_and_analysis.new_analysis", fails)
     watched.path.write_text(
         good.replace("min_free_gb = 0", "min_free_gb = 0.001") + NOTIFY.format("x"), encoding="utf-8"

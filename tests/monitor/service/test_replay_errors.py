@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from daq import LogError, LogWriter
+from daq import LogError, McapWriter
 from monitor.errors import SettingsError
 from monitor.service.replay import replay
 from tests.support.daq.blocks import make_block
@@ -21,7 +21,7 @@ channels = {y = "beam_left_y", z = "beam_left_z"}
 
 def log(path: Path, *devices: str, site: str = SITE) -> Path:
     """Write a log of two chunks, a block a device in each."""
-    writer = LogWriter(path, {"site.toml": site, "structure.toml": t_structure_toml()})
+    writer = McapWriter(path, {"site.toml": site, "structure.toml": t_structure_toml()})
     for first in (0, 250):
         for device in devices:
             writer.write(make_block(device, first))

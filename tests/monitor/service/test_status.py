@@ -9,7 +9,7 @@ import pytest
 from daq import Event, SystemClock
 from monitor.results.events import event_result, result_event
 from monitor.results.windows import WindowResult
-from monitor.service.status import NAME, Pace, Vitals
+from monitor.service.status import NAME, MonitorStatus, Pace
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events
 from tests.support.monitor.status import PACE, WELL
@@ -18,7 +18,7 @@ EVENTS = run_events()
 
 
 def test_vitals_follow_devices(tmp_path: Path) -> None:
-    vitals = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock())
+    vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock())
     vitals.take(make_block("left", 0))
     vitals.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
     vitals.take(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
@@ -33,7 +33,7 @@ def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
     """NTP may set it by hours, to and fro: what flows goes on flowing, and a device that falls silent is told."""
     wall, ages = [1e9], [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime(wall, ages))
-    vitals = Vitals(tmp_path / NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
+    vitals = MonitorStatus(tmp_path / NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
     for step in (7200.0, -9000.0):
         vitals.take(make_block("left", 0))
         wall[0] += step
@@ -65,7 +65,7 @@ def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.Mo
     """Blocks come in pieces: of each second alone it would be 750 one time and 1250 the next."""
     ages = [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
-    vitals, first = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
+    vitals, first = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
     for second in range(60):
         for _ in range(3 if second % 2 else 5):
             vitals.take(make_block("left", first, n=250))
@@ -81,7 +81,7 @@ def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkey
     """Blocks of 0.7 s, looked at each second: over ten seconds of the clock they would be 9.8 or 10.5 s of scans."""
     ages, rates = [0.0], []
     monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
-    vitals, first = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
+    vitals, first = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
     for tick in range(1, 601):  # tenths of a second
         ages[0] = 0.1 * tick
         if tick % 7 == 0 and tick < 400:
@@ -99,7 +99,7 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
     """Ports may have been given out anew: whoever has two sensors swapped is to hear of it before the alarm."""
     told = []
     for serial in ("S1", "S1", "S2", "S2"):
-        vitals = Vitals(tmp_path / NAME, ("left",), PACE, SystemClock())
+        vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock())
         payload = {"device": "left", "serial": serial, "filter_delay": 0.1}
         vitals.take(Event(topic="/event/device_open", time=1, payload=payload))
         told.append(list(vitals.said()))
@@ -112,7 +112,7 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
     """One window may miss a channel for a gap; copies are told together; a window without modes tells nothing."""
     dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
     rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
-    vitals, told = Vitals(tmp_path / NAME, (), PACE, SystemClock()), {}
+    vitals, told = MonitorStatus(tmp_path / NAME, (), PACE, SystemClock()), {}
     for index, row in enumerate(rows):
         heard = [channel for channel in "abcd" if channel not in (row or {})]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
@@ -131,7 +131,9 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
 
 def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Path) -> None:
     """What is dead on another device is; and so is what is still not heard when the device is back."""
-    vitals = Vitals(tmp_path / NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"})
+    vitals = MonitorStatus(
+        tmp_path / NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"}
+    )
     gone = dict.fromkeys("ab", "0% of the samples are there")
     rows = [gone | {"c": "constant"}] * 3 + ["device_back"] + [{"a": "constant", "c": "constant"}] * 2
     told = []
@@ -162,7 +164,7 @@ class FastClock:
 def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
     """A result 5 s of data after the end of its window came 0.5 s of wall time after it."""
     raised = next(e for e in EVENTS if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
-    vitals = Vitals(tmp_path / NAME, ("left",), PACE, FastClock(raised.time + 5_000_000_000))
+    vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, FastClock(raised.time + 5_000_000_000))
     vitals.take(raised)
     vitals.take(next(e for e in EVENTS if e.topic == "/result/window" and e.time == raised.time))
     vitals.write(WELL)
@@ -171,7 +173,7 @@ def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
 
 def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_path: Path) -> None:
     """An overloaded machine analyses a window now and then: that does not make it well. Ten in a row do."""
-    vitals = Vitals(tmp_path / NAME, ("left",), Pace(step=600.0, window=600.0), SystemClock())
+    vitals = MonitorStatus(tmp_path / NAME, ("left",), Pace(step=600.0, window=600.0), SystemClock())
     window = next(result for event in EVENTS if isinstance(result := event_result(event), WindowResult))
     skipped = window.model_copy(update={"skipped": True, "problem": "left out"})
 

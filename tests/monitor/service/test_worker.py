@@ -14,7 +14,7 @@ import pytest
 
 from daq import Event
 from monitor.results.events import TOPIC_STOPPED
-from monitor.service.worker import AnalysisError, Told, Worker
+from monitor.service.worker import AnalysisError, Worker, WorkerMessage
 from tests.support.monitor.recorded_runs import START, site_toml
 from updater import t_structure_toml
 
@@ -32,7 +32,7 @@ def pid() -> int:
     return process.pid or 0
 
 
-def results(running: Worker) -> list[Told | None]:
+def results(running: Worker) -> list[WorkerMessage | None]:
     """Wait for results, 40 s at the most."""
     end = time.monotonic() + 40
     while time.monotonic() < end:

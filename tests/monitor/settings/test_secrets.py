@@ -18,7 +18,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from pydantic import BaseModel, SecretStr
 
-from daq import LogWriter, read_attachments
+from daq import McapWriter, read_attachments
 from monitor.errors import SettingsError
 from monitor.outputs.notices import NoticeError, make_sender
 from monitor.rig import T_DEVICES
@@ -259,7 +259,7 @@ def test_no_secret_in_any_byte_that_is_written_or_served(
 
 def test_log_of_an_earlier_version_gives_no_secret_to_its_report(tmp_path: Path, modalwatch: Commands) -> None:
     text = 'structure = "a.toml"\n' + DEVICE + SECRETS % 1
-    writer = LogWriter(tmp_path / "old.mcap", {"site.toml": text, "structure.toml": t_structure_toml()})
+    writer = McapWriter(tmp_path / "old.mcap", {"site.toml": text, "structure.toml": t_structure_toml()})
     for event in run_events():
         if event.topic.startswith("/result/"):
             writer.write(event)

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.detection import DETECTORS, GUARD, Watching, detectable_change, judge, start
+from monitor.detection import DETECTORS, GUARD, DetectionSettings, detectable_change, judge, start
 from monitor.results.windows import AlarmResult, DetectableChange, WindowResult
 from monitor.text.detectability import NO_THERMOMETER, detectable_text
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run, without_answers
 
 P, STD, DAY, SEED = 5, 3e-4, 144, 4
-WATCHING = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+WATCHING = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
 def test_stated_change_is_the_one_that_brings_a_detector_to_its_limit() -> None:

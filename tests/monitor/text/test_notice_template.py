@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daq import Channel, LogWriter
+from daq import Channel, McapWriter
 from monitor.analysis.logs import log_channels
 from monitor.settings import parse_attached
 from monitor.text.notice_template import TemplateFailure, render_bounded
@@ -71,6 +71,6 @@ def test_settings_of_a_log_are_read_without_notices(tmp_path: Path) -> None:
     begun = time.process_time()
     assert parse_attached(SITE).notify == ()
     path = tmp_path / "log.mcap"
-    LogWriter(path, {"site.toml": SITE}).close()
+    McapWriter(path, {"site.toml": SITE}).close()
     assert log_channels(path) == (Channel(name="a", device="imu", axis=0),)
     assert time.process_time() - begun < 1.0

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.detection import CHUNK, DETECTORS, GUARD, Trend, TrendWatch, Watching, judge, start
-from monitor.outputs.notices import News
+from monitor.detection import CHUNK, DETECTORS, GUARD, DetectionSettings, Trend, TrendWatch, judge, start
+from monitor.outputs.notices import NoticeFilter
 from monitor.results.events import result_event
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult
 from monitor.text.verdicts import headline
 from monitor.watch.detector import Detector, DetectorState
@@ -52,10 +52,10 @@ def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPa
     assert np.isnan(again.novelty.trend.modes[-1].percent_per_year)
     reference = next(r for r in found if isinstance(r, ReferenceResult))
     alarms = tuple(r for r in found if isinstance(r, AlarmResult))
-    story = Story(name="frame", reference=reference, windows=tuple(judged(found)), alarms=alarms)
+    story = RunResults(name="frame", reference=reference, windows=tuple(judged(found)), alarms=alarms)
     assert headline(story, None).startswith(f"No sudden change in {GUARD + CHUNK + 1} windows; slow trend of the freq")
-    assert News("site").of(result_event(event)) is None
-    notice = News("site").of(result_event(event.model_copy(update={"quiet": False})))
+    assert NoticeFilter("site").of(result_event(event)) is None
+    notice = NoticeFilter("site").of(result_event(event.model_copy(update={"quiet": False})))
     assert notice is not None
     assert notice.kind == "trend"
     played.settings = site_settings('trend = "forgive"\nself_test_days = 0')
@@ -71,7 +71,7 @@ def test_trend_forgiven_so_far_is_reported_after_the_setting_changes(monkeypatch
 
     monkeypatch.setattr("monitor.watch.detector.follow_trend", follow)
     y = 1e-4 * np.random.default_rng(5).standard_normal((100, 3))
-    watching = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+    watching = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
     watched = start(y, np.full(y.shape, 1e-4), np.full(100, 15.0), np.full(100, 600.0), watching)
     calm, watched = judge(watched, y[:1], np.array([15.0]), np.array([600.0]))
     state, found = DetectorState(watched=watched, before=0), []

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from daq import FloatArray, Recording
-from monitor.detection import DETECTORS, Watched, Watching, accept, judge, least_unsure, start
-from monitor.results.story import Story
+from monitor.detection import DETECTORS, DetectionSettings, LawState, accept, judge, least_unsure, start
+from monitor.results.story import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, WindowResult
 from monitor.service.replay import ReplayReport
 from monitor.text.verdicts import headline
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run, without_answers
 
 P, STD, DAY = 6, 5e-4, 144
-WEEK = Watching(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
+WEEK = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
-def at(watched: Watched, celsius: float, change: float) -> tuple[float, float | None]:
+def at(watched: LawState, celsius: float, change: float) -> tuple[float, float | None]:
     """Return how far a noiseless window, all frequencies changed alike, is over the jump's limit, and the least."""
     known, _ = judge(watched, np.zeros((1, P)), np.array([celsius]), np.array([600.0]))
     predicted = watched.law.centre + watched.law.scale * (known.terms[..., 0, :] @ watched.law.coefficient)
@@ -26,7 +26,7 @@ def at(watched: Watched, celsius: float, change: float) -> tuple[float, float | 
     return float(found.value[0, 0] / found.limit[0, 0]), least_unsure(after, found)
 
 
-def learnt(temperature: FloatArray, *, tailed: bool = False) -> Watched:
+def learnt(temperature: FloatArray, *, tailed: bool = False) -> LawState:
     random = np.random.default_rng(11)
     drawn = random.standard_t(4, (len(temperature), P)) if tailed else random.standard_normal((len(temperature), P))
     stated = np.full(drawn.shape, STD)
@@ -72,7 +72,7 @@ def test_report_does_not_say_that_nothing_has_changed_where_that_cannot_be_known
         windows = tuple(judged(results)[:n])
         told = tuple(r for r in results if isinstance(r, AlarmResult))
         reference = next(r for r in results if isinstance(r, ReferenceResult))
-        return headline(Story(name="frame", reference=reference, windows=windows, alarms=told), None)
+        return headline(RunResults(name="frame", reference=reference, windows=windows, alarms=told), None)
 
     assert said(BASELINE + 4) == "Nothing has changed in 4 windows."
     unsure = [w.novelty.unsure for w in judged(results) if w.novelty and w.novelty.unsure]

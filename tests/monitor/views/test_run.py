@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, Channel, Event, Flag, LogWriter, Recording
+from daq import EPSON_SCALE, Block, Channel, Event, Flag, McapWriter, Recording
 from monitor.errors import ResultsError
 from monitor.results.windows import Novelty, ReferenceResult, WindowResult
 from monitor.views.run import find_log, last_signals, late_devices, load_run, slower
@@ -53,7 +53,7 @@ def window(index: int) -> Event:
 
 
 def log(path: Path, *items: Block | Event) -> Path:
-    writer = LogWriter(path, {"site.toml": SITE})
+    writer = McapWriter(path, {"site.toml": SITE})
     for item in items:
         writer.write(item)
     writer.close()

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from daq import Event, Item, LogWriter
-from monitor.outputs.notices.filter import News
+from daq import Event, Item, McapWriter
+from monitor.outputs.notices.filter import NoticeFilter
 from monitor.results.events import TOPIC_STOPPED, result_event
 from monitor.results.windows import Result, WindowResult
 from monitor.service.replay import replay
-from monitor.service.worker import Kept, Worker
+from monitor.service.worker import SavedState, Worker
 from monitor.settings import parse_settings
 from monitor.watch.backlog import MOST_WINDOWS, SKIPPED, Backlog
 from monitor.watch.pipeline import Pipeline
@@ -60,7 +60,7 @@ def test_watch_goes_on_past_windows_that_were_left_out(monkeypatch: pytest.Monke
     assert [w.index for w in windows if w.novelty] == [i for i in range(BASELINE + 1, BASELINE + 8) if i not in out]
     assert windows[-1].start - windows[-2].start == STEP * 10**9
 
-    news = News("frame")
+    news = NoticeFilter("frame")
     told = [notice.text for w in windows if (notice := news.of(result_event(w))) is not None]
     assert told == ["windows are left out: the analysis has fallen behind"] * 2  # each time once
 
@@ -77,14 +77,14 @@ def test_what_was_left_out_live_is_left_out_in_replay(tmp_path: Path) -> None:
             worker.feed(item)
         while True:
             results = list(worker.results(30.0))
-            found += [r for r in results if r is not None and not isinstance(r, Kept)]
+            found += [r for r in results if r is not None and not isinstance(r, SavedState)]
             if None in results:
                 break
     windows = [r for r in found if isinstance(r, WindowResult)]
     assert len(windows) == SECONDS // 4
     assert [w.skipped for w in windows] == [True] * (len(windows) - 1) + [False]
 
-    writer = LogWriter(tmp_path / "log.mcap", {"site.toml": SITE, "structure.toml": t_structure_toml()})
+    writer = McapWriter(tmp_path / "log.mcap", {"site.toml": SITE, "structure.toml": t_structure_toml()})
     items = (*blocks, *map(result_event, found), stopped)
     for item in items:
         writer.write(item)

@@ -10,8 +10,8 @@ from daq import SystemClock
 from monitor.results.events import result_event
 from monitor.results.windows import WindowResult
 from monitor.service.servers.web.source import problems
-from monitor.service.status import NAME, Pace, Vitals
-from monitor.watch.blindness import Unheard
+from monitor.service.status import NAME, MonitorStatus, Pace
+from monitor.watch.blindness import MissingChannels
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
 from tests.support.monitor.status import WELL
 
@@ -33,7 +33,7 @@ def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
     assert DEAD not in looked[0].sensors
     assert len(looked[0].sensors) == 11
     for n, said in ((0, []), (1, []), (2, [f"{DEAD} is left out: constant"])):
-        vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        vitals = MonitorStatus(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
         for window in (calm[-1], *last[:n]):
             vitals.take(result_event(window))
         vitals.write(WELL)
@@ -45,7 +45,7 @@ def test_a_dead_channel_that_a_person_takes_out_of_the_settings_is_not_back() ->
     dead = WindowResult(
         index=0, start=0, end=1, phase="watching", channels=["a", "b"], faults={"c": "constant"}, modes=[], rms={}
     )
-    known = Unheard().after(dead).after(dead)
+    known = MissingChannels().after(dead).after(dead)
     assert known.gone == ((("c",), "constant"),)
     without = known.after(dead.model_copy(update={"faults": {}}))
     assert (without.texts, without.back) == ([], ())

@@ -8,7 +8,7 @@ import pytest
 
 from daq import FloatArray, SystemClock
 from monitor.outputs.history import HistoryStore, Reader, Span
-from monitor.outputs.notices.filter import News
+from monitor.outputs.notices.filter import NoticeFilter
 from monitor.results.events import result_event
 from monitor.results.windows import Result, SelfTestResult, WindowResult
 from monitor.service.servers.web import Source
@@ -16,7 +16,7 @@ from monitor.service.servers.web.metrics import metrics
 from monitor.service.servers.web.source import problems
 from monitor.service.servers.web.status_page import state_html
 from monitor.service.site_run import pace_of
-from monitor.service.status import NAME, Pace, Vitals, last_written
+from monitor.service.status import NAME, MonitorStatus, Pace, last_written
 from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.self_test import DRAWS, with_mass
 from tests.support.monitor.played_windows import BASELINE, STEP, Played, judged, run, site_settings, without_answers
@@ -115,7 +115,7 @@ FAILED = TEST.model_copy(update={"detected": 3, "passed": False})
 def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
     assert TEST.text == "self-test passed: 150 g would raise the alarm at 20 of 24 places"
     assert TEST.probability == pytest.approx(20 / 24)
-    news = News("frame")
+    news = NoticeFilter("frame")
     assert news.of(result_event(TEST)) is None
     told = [news.of(result_event(test)) for test in (FAILED, FAILED, TEST, TEST)]
     assert [(notice.kind, notice.text) if notice else None for notice in told] == [
@@ -146,7 +146,7 @@ def test_last_test_outlives_a_restart(tmp_path: Path, text: str, found: object) 
 def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
     source = Source(name="frame", state=tmp_path, url=f"sqlite:///{tmp_path / 'history.sqlite'}")
     for test, ratio, count in ((TEST, 20 / 24, 1), (FAILED, 3 / 24, 2)):
-        vitals = Vitals(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        vitals = MonitorStatus(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
         vitals.take(result_event(test))
         vitals.write(WELL)
         text = metrics(source.vitals()).decode()
@@ -163,7 +163,7 @@ def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, day
     """A test has failed before tests were turned off, or before all was learnt anew."""
     path, pace = tmp_path / NAME, pace_of(site_settings(f"self_test_days = {days}"))
     path.write_text(json.dumps({"self_test": FAILED.payload() | {"text": FAILED.text}}))
-    vitals = Vitals(path, (), pace, SystemClock())
+    vitals = MonitorStatus(path, (), pace, SystemClock())
     window = {"index": 0, "start": 0, "end": 1, "phase": phase, "channels": [], "modes": []}
     vitals.take(result_event(WindowResult.model_validate(window)))
     vitals.write(WELL)

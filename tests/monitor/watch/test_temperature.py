@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from daq import Channel, Event, Recording, SystemClock
-from monitor.analysis.temperature import Weather, reading
+from monitor.analysis.temperature import SiteTemperature, reading
 from monitor.errors import SettingsError
 from monitor.results.windows import WindowResult
 from monitor.service.acquisition.thermometer import CsvThermometer, Thermometer, thermometer
@@ -44,8 +44,8 @@ def window(start: float, own: float = math.nan) -> Recording:
     )
 
 
-def told(*readings: tuple[float, float]) -> Weather:
-    weather = Weather(60.0)
+def told(*readings: tuple[float, float]) -> SiteTemperature:
+    weather = SiteTemperature(60.0)
     for minute, celsius in readings:
         weather.take(reading(round(minute * MINUTE), celsius, "air"))
     return weather
@@ -69,7 +69,7 @@ def test_devices_go_on_for_a_thermometer_that_fails_without_a_step() -> None:
 def test_devices_replace_a_failed_thermometer_after_a_restart_too() -> None:
     weather = told((101, 4.0))
     weather.of(window(100, own=12.0))
-    assert Weather(60.0, weather.offset).of(window(300, own=10.0)) == pytest.approx(2.0)
+    assert SiteTemperature(60.0, weather.offset).of(window(300, own=10.0)) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("own", [21.0, math.nan])

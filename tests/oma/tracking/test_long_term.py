@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from daq import FloatArray
-from oma import Followed, Follower, ModalEstimate, Tracks, normalise
+from oma import FollowedModes, LongTermTracker, ModalEstimate, Tracks, normalise
 from tests.support.monitor.seasons import FREQUENCY, RARE, STRANGE, WINDOW, Month, month
 
 WEEK = Month(days=5, rare=0.1)  # the whole season's drift in five days
 
 
-def identities(what: Month, seed: int) -> tuple[dict[int, Counter[int]], Followed]:
+def identities(what: Month, seed: int) -> tuple[dict[int, Counter[int]], FollowedModes]:
     """Return for each mode how often it got which identity, and the end of it."""
     tracks, found = None, defaultdict[int, Counter[int]](Counter)
     for estimate, modes in month(what, seed):
-        followed = Follower().follow(tracks, estimate)
+        followed = LongTermTracker().follow(tracks, estimate)
         tracks = followed.tracks
         assert len(set(followed.identity.tolist())) == estimate.n_modes
         for mode, identity in zip(modes.tolist(), followed.identity.tolist(), strict=True):
@@ -40,7 +40,7 @@ def test_modes_keep_their_identities_through_drift_crossing_and_outages(seed: in
     assert fourth > fifth
     assert fourth == pytest.approx(FREQUENCY[3] * 1.05, rel=0.01)
     # a false mode in each tenth window leaves nothing behind that counts as known
-    assert (tracks.seen >= Follower().confirm).sum() == len(FREQUENCY)
+    assert (tracks.seen >= LongTermTracker().confirm).sum() == len(FREQUENCY)
 
 
 def test_a_sudden_change_is_inherited_after_some_windows() -> None:
@@ -48,7 +48,7 @@ def test_a_sudden_change_is_inherited_after_some_windows() -> None:
     for mode in set(found) - {STRANGE, RARE}:
         (best, total), others = found[mode].most_common(1)[0], sum(found[mode].values())
         assert best in found[mode]
-        assert others - total == Follower().confirm - 1  # new ones, until they are seen often enough
+        assert others - total == LongTermTracker().confirm - 1  # new ones, until they are seen often enough
 
 
 def test_what_is_remembered_survives_a_restart_to_the_last_digit() -> None:
@@ -56,8 +56,8 @@ def test_what_is_remembered_survives_a_restart_to_the_last_digit() -> None:
     tracks: Tracks | None = None
     restarted: Tracks | None = None
     for estimate, _ in windows:
-        followed = Follower().follow(tracks, estimate)
-        again = Follower().follow(restarted, estimate)
+        followed = LongTermTracker().follow(tracks, estimate)
+        again = LongTermTracker().follow(restarted, estimate)
         assert followed.identity.tolist() == again.identity.tolist()
         tracks, restarted = followed.tracks, Tracks.from_json(again.tracks.to_json())
     assert tracks is not None
@@ -91,14 +91,14 @@ def two(k: int, frequency: list[float], angle: float) -> ModalEstimate:
 def test_modes_that_mix_are_said_to_be_doubtful_and_others_not() -> None:
     tracks: Tracks | None = None
     for k in range(20):
-        followed = Follower().follow(tracks, two(k, [5.0, 5.01], 0.0))
+        followed = LongTermTracker().follow(tracks, two(k, [5.0, 5.01], 0.0))
         tracks = followed.tracks
         assert not followed.doubtful.any()
     assert followed.known.all()
-    mixed = Follower().follow(tracks, two(20, [5.004, 5.006], np.pi / 4))
+    mixed = LongTermTracker().follow(tracks, two(20, [5.004, 5.006], np.pi / 4))
     assert mixed.doubtful.all()
     assert sorted(mixed.identity.tolist()) == [1, 2]
-    crossed = Follower().follow(tracks, two(20, [4.995, 5.015], np.pi / 2))
+    crossed = LongTermTracker().follow(tracks, two(20, [4.995, 5.015], np.pi / 2))
     assert crossed.identity.tolist() == [2, 1]
     assert not crossed.doubtful.any()
 
@@ -106,14 +106,14 @@ def test_modes_that_mix_are_said_to_be_doubtful_and_others_not() -> None:
 def test_a_mode_not_seen_goes_where_the_others_go() -> None:
     tracks: Tracks | None = None
     for k in range(20):
-        tracks = Follower().follow(tracks, two(k, [5.0, 7.0], 0.0)).tracks
+        tracks = LongTermTracker().follow(tracks, two(k, [5.0, 7.0], 0.0)).tracks
     assert tracks is not None
     warm = two(20 + 144, [5.05, 7.07], 0.0)  # a day later, both 1 % higher; the second is not seen
     names = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
     alone = replace(warm, **{name: getattr(warm, name)[:1] for name in names})
-    moved = Follower().follow(tracks, alone).tracks
+    moved = LongTermTracker().follow(tracks, alone).tracks
     # of 1 %, the share that the common walk has in both walks
-    follower = Follower()
+    follower = LongTermTracker()
     share = 1 / (1 + (follower.own_drift / follower.common_drift) ** 2)
     assert np.log(moved.frequency[1] / 7.0) == pytest.approx(np.log(1.01) * share, rel=0.05)
     # known to what one walks by itself in a day, and to as much of the other's own walk as was taken for common
@@ -123,8 +123,8 @@ def test_a_mode_not_seen_goes_where_the_others_go() -> None:
 
 def test_unrelated_channels_are_refused() -> None:
     first = two(0, [5.0, 6.0], 0.0)
-    tracks = Follower().follow(None, first).tracks
+    tracks = LongTermTracker().follow(None, first).tracks
     with pytest.raises(ValueError, match="expected at least 2 of the channels"):
-        Follower().follow(tracks, replace(first, channels=("d", "e", "f")))
+        LongTermTracker().follow(tracks, replace(first, channels=("d", "e", "f")))
     fewer = replace(first, channels=("a", "b"), shape=first.shape[:, :2], shape_std=first.shape_std[:, :2])
-    assert Follower().follow(tracks, fewer).identity.tolist() == [1, 2]
+    assert LongTermTracker().follow(tracks, fewer).identity.tolist() == [1, 2]

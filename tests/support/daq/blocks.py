@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import EPSON_SCALE, Block, Event, Flag, Item, LogWriter
+from daq import EPSON_SCALE, Block, Event, Flag, Item, McapWriter
 
 START = 1_767_225_600_000_000_000  #: ns UTC
 
@@ -69,7 +69,7 @@ def some_items() -> list[Item]:
 
 def write_log(path: Path, blocks: list[Block]) -> Path:
     """Write a log of blocks and nothing else."""
-    writer = LogWriter(path, {})
+    writer = McapWriter(path, {})
     for block in blocks:
         writer.write(block)
     writer.close()

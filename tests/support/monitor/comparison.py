@@ -7,11 +7,11 @@ import numpy as np
 from monitor.results.comparison import (
     BalanceResult,
     DiscrepancyResult,
-    ModeBeside,
+    FrequencyTrend,
+    ModeComparison,
     PlaceDensity,
-    SensorBeside,
-    SignalBeside,
-    TrendBeside,
+    SensorComparison,
+    SignalComparison,
 )
 from tests.support.monitor import results as made
 from updater import build_model
@@ -26,7 +26,7 @@ def shown(log_odds: float = 40.0, peak: int = 7) -> DiscrepancyResult:
     values = np.full(len(NODES), 0.001)
     values[[peak, peak + 1]] = 0.12, 0.119
     line = tuple(values.tolist())
-    signal = SignalBeside(
+    signal = SignalComparison(
         channel="beam_left_z",
         start=1.0,
         step=1e-3,
@@ -40,24 +40,28 @@ def shown(log_odds: float = 40.0, peak: int = 7) -> DiscrepancyResult:
     pair: dict[str, Any] = {"off_percent_after": 0.01, "mac_after": 0.9999}
     return DiscrepancyResult(
         modes=(
-            ModeBeside(simulated=10.8, measured=10.4, off_percent=-3.7, std_percent=0.1, mac=0.98, **pair),
-            ModeBeside(simulated=38.6, measured=37.2, off_percent=-3.6, std_percent=0.05, mac=0.99, **pair),
-            ModeBeside(simulated=60.0, measured=None, off_percent=None, std_percent=None, mac=None),
-            ModeBeside(simulated=None, measured=71.5, off_percent=None, std_percent=None, mac=None),
+            ModeComparison(simulated=10.8, measured=10.4, off_percent=-3.7, std_percent=0.1, mac=0.98, **pair),
+            ModeComparison(simulated=38.6, measured=37.2, off_percent=-3.6, std_percent=0.05, mac=0.99, **pair),
+            ModeComparison(simulated=60.0, measured=None, off_percent=None, std_percent=None, mac=None),
+            ModeComparison(simulated=None, measured=71.5, off_percent=None, std_percent=None, mac=None),
         ),
         rows=(10.8, 38.6, 60.0),
         columns=(10.4, 37.2, 71.5),
         mac=((0.98, 0.01, 0.2), (0.0, 0.99, 0.1), (0.1, 0.0, None)),
         sensors=(
-            SensorBeside(channel="beam_left_z", comac=0.99, residual=0.08, noise=0.01, missed=0.1, missed_least=0.02),
-            SensorBeside(channel="col_037_x", comac=0.999, residual=0.01, noise=0.01, missed=0.03, missed_least=0.02),
+            SensorComparison(
+                channel="beam_left_z", comac=0.99, residual=0.08, noise=0.01, missed=0.1, missed_least=0.02
+            ),
+            SensorComparison(
+                channel="col_037_x", comac=0.999, residual=0.01, noise=0.01, missed=0.03, missed_least=0.02
+            ),
         ),
         balance=BalanceResult(
             loss=line, loss_std=(0.002,) * len(NODES), added=line, added_std=(0.002,) * len(NODES), log_odds=log_odds
         ),
         signals=(signal,),
         trends=(
-            TrendBeside(
+            FrequencyTrend(
                 mode=10.4, over="temperature", unit="K", at=(10.0, 20.0), change_percent=(0.1, -0.1),
                 std_percent=(0.02, 0.02), slope=-0.02, slope_std=0.003,
             ),

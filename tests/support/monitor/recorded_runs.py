@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import EPSON_SCALE, Block, Event, LogWriter
+from daq import EPSON_SCALE, Block, Event, McapWriter
 from monitor.rig import T_DEVICES, Scenario, make_sources
 from updater import parse_structure, t_structure_toml
 
@@ -52,7 +52,7 @@ def blocks(scenario: Scenario, seconds: float) -> Iterator[Block]:
 
 def write_log(path: Path, scenario: Scenario, seconds: float, site: str) -> None:
     """Write what the devices of a scenario measure in `seconds` as a log."""
-    writer = LogWriter(path, {"site.toml": site, "structure.toml": t_structure_toml()})
+    writer = McapWriter(path, {"site.toml": site, "structure.toml": t_structure_toml()})
     for i, block in enumerate(blocks(scenario, seconds)):
         writer.write(block)
         if i % 12 == 11:

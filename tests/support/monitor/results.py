@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import Channel as RecordedChannel
 from daq import FloatArray, Recording
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import (
     AlarmResult,
     Interval,
@@ -236,7 +236,7 @@ def vector(values: FloatArray) -> Vector:
 
 
 def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: int = 8) -> dict[str, Any]:
-    """Return the fields of a `Story` for a run that learns, watches, and finds the mass.
+    """Return the fields of a `RunResults` for a run that learns, watches, and finds the mass.
 
     Mode 2 is not seen in the second watched window; the last window before the change gives no modes at all.
     """
@@ -267,10 +267,10 @@ def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: in
     }
 
 
-def story(run: dict[str, Any]) -> Story:
+def story(run: dict[str, Any]) -> RunResults:
     """Return a run as the drawings take it."""
     fields: dict[str, Any] = run | {"windows": tuple(run["windows"]), "alarms": tuple(run["alarms"])}
-    return Story(**fields)
+    return RunResults(**fields)
 
 
 def without_modes(window: WindowResult, problem: str) -> WindowResult:

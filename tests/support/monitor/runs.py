@@ -14,7 +14,7 @@ from daq import Block, Event, Item, read_log
 from monitor.service.daemon import RunReport, run
 from monitor.service.site import Site, load_site
 from monitor.service.worker import AnalysisError
-from monitor.watch.memory import NOTHING, Recalled
+from monitor.watch.memory import NOTHING, LoadedState
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -58,13 +58,13 @@ class QuietWorker:
             yield None
 
 
-class Watched:
+class LawState:
     """A run in a thread of its own, and the settings that it is given."""
 
     def __init__(self, path: Path) -> None:
         self.path, self._stop, self._again = path, threading.Event(), threading.Event()
         self.items: list[Item] = []
-        self.recalled: Recalled = NOTHING  #: of a run before
+        self.recalled: LoadedState = NOTHING  #: of a run before
 
     def write(self, devices: dict[str, tuple[str, float]], more: str = "") -> None:
         text = (
@@ -124,12 +124,12 @@ class Watched:
         self.until(lambda: self.scans(device) > before + 100)
 
 
-def watched_site(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
+def watched_site(folder: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
     """Return a site in a folder whose analysis says nothing."""
     monkeypatch.setattr("monitor.service.log_and_analysis.Worker", QuietWorker)
     QuietWorker.made.clear()
     (folder / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
-    return Watched(folder / "site.toml")
+    return LawState(folder / "site.toml")
 
 
 def blocks(paths: tuple[Path, ...], device: str) -> list[Block]:

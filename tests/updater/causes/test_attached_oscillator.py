@@ -10,7 +10,7 @@ from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Circumstances,
-    Explained,
+    DiagnosisResult,
     ModalMean,
     Model,
     Reference,
@@ -24,7 +24,7 @@ from updater import (
 )
 from updater.causes import AddedMass
 from updater.diagnosis.next_measurement import next_measurement
-from updater.diagnosis.weighing import Weighing
+from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
 
 GAIN = np.ones(12)
@@ -64,7 +64,7 @@ def event_of(reference: Reference, model: Model, seed: int, n_modes: int = 9) ->
     return matched(reference.baseline, event), known
 
 
-def explained(learnt: tuple[Reference, Model], model: Model, seed: int, n_modes: int = 9) -> Explained:
+def explained(learnt: tuple[Reference, Model], model: Model, seed: int, n_modes: int = 9) -> DiagnosisResult:
     event, known = event_of(learnt[0], model, seed, n_modes)
     return diagnose(learnt[0], event, circumstances=known)
 
@@ -202,7 +202,7 @@ def test_what_to_measure_next_beside_an_oscillator(learnt: tuple[Reference, Mode
     """Hypotheses with and without motions of their own are set against each other."""
     reference, bare = learnt
     event, known = event_of(reference, hung(bare, (0.3, 0.0, 1.48), 2, 0.05, 120.0), 872)
-    weighing = Weighing(reference, compare(reference, event, circumstances=known))
+    weighing = EvidenceComparison(reference, compare(reference, event, circumstances=known))
     singles = {c.names: c.chosen for c in weighing.singles()}
     open_ones = [singles[("attached_oscillator",)], singles[("added_mass",)]]
     bodies = weighing.causes["added_mass"]

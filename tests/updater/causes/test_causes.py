@@ -17,7 +17,7 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.causes import CATALOGUE, Cause, Chosen, prediction
+from updater.causes import CATALOGUE, Cause, SelectedCause, prediction
 from updater.inference import Comparison, compare, fit
 from updater.modal_data import Trend
 from updater.reference import channel_rows
@@ -52,14 +52,14 @@ def compared() -> tuple[Reference, Comparison]:
     return reference, Comparison(**(vars(data) | {"base": data.model_base, "base_lag": np.zeros(data.base.shape)}))
 
 
-def drawn(cause: Cause, random: np.random.Generator) -> Chosen:
+def drawn(cause: Cause, random: np.random.Generator) -> SelectedCause:
     """Some alternative, half as strong as the prior expects: the axes of a spring that the data can show."""
     row = int(random.integers(len(cause.lower)))
     theta = np.maximum(0.5 * cause.prior_std * random.uniform(0.1, 0.3, len(cause.prior_std)), cause.lower[row])
-    return Chosen(cause, row, theta)
+    return SelectedCause(cause, row, theta)
 
 
-def in_full(reference: Reference, chosen: Chosen, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+def in_full(reference: Reference, chosen: SelectedCause, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Frequencies and complex shapes of the extended structure, written to TOML and read back."""
     extended = chosen.cause.extend(reference.calibration.structure, chosen.row, chosen.theta)
     extended = parse_structure(dump_structure(extended))

@@ -5,7 +5,7 @@ import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
-    Explained,
+    DiagnosisResult,
     Model,
     Structure,
     build_model,
@@ -28,7 +28,7 @@ def coarse(elements: int) -> Structure:
     return structure.model_copy(update={"member": members})
 
 
-def asked(structure: Structure, truth: Model, seed: int) -> Explained:
+def asked(structure: Structure, truth: Model, seed: int) -> DiagnosisResult:
     print(f"seed {seed}")
     random = np.random.default_rng(seed)
     windows = stack_tracks([measure(truth, random, GAIN) for _ in range(5)], [TRACK] * 5)

@@ -11,7 +11,7 @@ from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Circumstances,
     Diagnosis,
-    Explained,
+    DiagnosisResult,
     Model,
     Reference,
     build_model,
@@ -52,7 +52,7 @@ def denser(model: Model, factor: float) -> Model:
 
 def found(
     learnt: tuple[Reference, Model], model: Model, circumstances: Circumstances, seed: int, clock: float = 1.0
-) -> Explained:
+) -> DiagnosisResult:
     reference, random = learnt[0], np.random.default_rng(seed)
     print(f"seed {seed}")
     windows = [measure(model, random, GAIN) for _ in range(5)]

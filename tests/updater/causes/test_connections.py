@@ -9,7 +9,7 @@ from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.frames import t_frame
 from updater import Reference, learn_reference, parse_structure
-from updater.structure import Axis, Structure, apply_knobs, flexibility_unit, knobs_of, with_springs
+from updater.structure import Axis, Structure, apply_parameters, flexibility_unit, model_parameters_of, with_springs
 from updater.structure.parameters import meetings
 
 
@@ -26,7 +26,7 @@ def _off(reference: Reference) -> float:
 
 
 def _springs(structure: Structure) -> list[str]:
-    return [knob.name for knob in knobs_of(structure) if knob.kind in {"support", "joint"}]
+    return [knob.name for knob in model_parameters_of(structure) if knob.kind in {"support", "joint"}]
 
 
 @pytest.mark.parametrize("name", few_of(["portal", *sorted({*DESIGNS} - {"portal"})]))
@@ -72,8 +72,8 @@ def test_only_a_bearing_gives_along_an_axis() -> None:
 @pytest.mark.parametrize("axis", ["z", "rx"])
 def test_a_knob_writes_its_flexibility(axis: Axis) -> None:
     structure = parse_structure(BRIDGE.toml())
-    (knob,) = (k for k in knobs_of(structure) if k.name == f"support 1 flexibility {axis}")
-    changed = apply_knobs(structure, [knob], np.array([1e-3])).support[1]
+    (knob,) = (k for k in model_parameters_of(structure) if k.name == f"support 1 flexibility {axis}")
+    changed = apply_parameters(structure, [knob], np.array([1e-3])).support[1]
     assert axis not in changed.fixed
     assert changed.stiffness[axis] == pytest.approx(1e3 * flexibility_unit(structure, axis))
 

@@ -9,9 +9,9 @@ from tests.examiner.path import answer, structure_of
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
-from updater.causes import Cause, Chosen, ModelParameters, prediction, propose_model_parameters
+from updater.causes import Cause, ModelParameters, SelectedCause, prediction, propose_model_parameters
 from updater.inference import Comparison, Fit, compare, fit, linearised
-from updater.structure import Structure, knobs_of
+from updater.structure import Structure, model_parameters_of
 
 TRACK = np.arange(8)
 
@@ -36,7 +36,7 @@ def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> 
     theta = np.maximum(np.where(cause.lower[0] > -0.5 * cause.prior_std, np.abs(theta), theta), cause.lower[0])
     extended = cause.extend(reference.calibration.structure, 0, theta)
     exact = build_model(extended, shear_flexible=True, mass="consistent").modes(40).frequency
-    found = data.frequency[data.paired] * np.exp(prediction(data, [Chosen(cause, 0, theta)]).log_ratio[0])
+    found = data.frequency[data.paired] * np.exp(prediction(data, [SelectedCause(cause, 0, theta)]).log_ratio[0])
     assert np.abs(np.log(found / data.frequency[data.paired])).max() > 0.005
     assert np.abs(np.log(found[:, None] / exact)).min(1).max() < 2e-3
 
@@ -48,7 +48,7 @@ def test_members_that_meet_at_a_point_have_one_weld_and_no_more_than_all_of_it()
     prop = beam.model_copy(update={"name": "prop", "start": column.end, "end": (0.0, 0.4, column.end[2])})
     ends = {"start": column.end, "end": (0.45, 0.0, column.end[2])}
     tee = frame.model_copy(update={"member": (column, beam.model_copy(update=ends), prop), "sensor": frame.sensor[:6]})
-    assert sum(knob.kind == "weld" for knob in knobs_of(tee)) == 1
+    assert sum(knob.kind == "weld" for knob in model_parameters_of(tee)) == 1
     reference, data = _asked(structure_of("frame: "), np.random.default_rng(958))
     cause = propose_model_parameters(reference, data)
     assert cause is not None

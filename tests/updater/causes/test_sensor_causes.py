@@ -14,7 +14,7 @@ from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Circumstances,
     Diagnosis,
-    Explained,
+    DiagnosisResult,
     ModalMean,
     Model,
     Reference,
@@ -59,7 +59,7 @@ class Rig:
         windows = [self.window(model or self.bare, self.gain * gain, self.late + late) for _ in range(5)]
         return matched(self.reference.baseline, self.reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
 
-    def explained(self, event: ModalMean, faults: dict[str, ChannelFault] | None = None) -> Explained:
+    def explained(self, event: ModalMean, faults: dict[str, ChannelFault] | None = None) -> DiagnosisResult:
         known = Circumstances(devices=DEVICES, faults=faults or {})
         return diagnose(self.reference, event, circumstances=known)
 

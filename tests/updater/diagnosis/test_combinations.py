@@ -5,9 +5,9 @@ import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
-from updater.causes import AddedMass, Chosen
+from updater.causes import AddedMass, SelectedCause
 from updater.diagnosis.combinations import likeliest_pair
-from updater.diagnosis.weighing import Weighing
+from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
 
 TRACK = np.arange(8)
@@ -21,18 +21,20 @@ def learnt() -> tuple[Reference, Model]:
     return learn_reference(t_frame(), [measure(bare, random, GAIN) for _ in range(8)], [TRACK] * 8), bare
 
 
-def pair_of(learnt: tuple[Reference, Model], bodies: tuple[Body, ...], gain: np.ndarray, seed: int) -> list[Chosen]:
+def pair_of(
+    learnt: tuple[Reference, Model], bodies: tuple[Body, ...], gain: np.ndarray, seed: int
+) -> list[SelectedCause]:
     print(f"seed {seed}")
     reference, bare = learnt
     model = build_model(bare.structure.with_bodies(bodies), shear_flexible=True, mass="consistent")
     windows = [measure(model, np.random.default_rng((seed, k)), gain) for k in range(5)]
     event = matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
-    found = likeliest_pair(Weighing(reference, compare(reference, event)))
+    found = likeliest_pair(EvidenceComparison(reference, compare(reference, event)))
     assert found is not None
     return list(found)
 
 
-def place(chosen: Chosen) -> np.ndarray:
+def place(chosen: SelectedCause) -> np.ndarray:
     assert isinstance(chosen.cause, AddedMass)
     member = t_frame().member[chosen.cause.member[chosen.row]]
     return np.array(member.point(float(chosen.cause.position[chosen.row])))

@@ -7,10 +7,10 @@ import pytest
 
 from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import Change, learnt, names
-from updater import Body, Explained, diagnose
+from updater import Body, DiagnosisResult, diagnose
 
 
-def explained(seed: int, change: Change) -> Explained:
+def explained(seed: int, change: Change) -> DiagnosisResult:
     reference, _, event = learnt(seed)
     return diagnose(reference, event(change), heldout=event(change))
 

@@ -11,7 +11,7 @@ from updater import Body, diagnose
 from updater.causes import prediction
 from updater.diagnosis.held_out_gain import change_gain_left_out, change_gain_on
 from updater.diagnosis.model_extension import agreeing
-from updater.diagnosis.weighing import Weighing
+from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
 
 CHANGE = Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))  # over 1 % in frequency
@@ -39,7 +39,7 @@ def test_the_extended_model_takes_up_what_the_reference_gets_wrong() -> None:
     """Of 400 g: what decides leaves 1 % of the shift; the extended model is as near to the frequencies as it can be."""
     reference, _, event = learnt(306)
     data = compare(reference, event(Change(bodies=(Body(at=(0.1, 0, 1.48), mass=0.4),))))
-    (mass,) = (c for c in Weighing(reference, data).singles() if c.names == ("added_mass",))
+    (mass,) = (c for c in EvidenceComparison(reference, data).singles() if c.names == ("added_mass",))
     close = agreeing(data, mass.chosen)
     rest = [np.linalg.norm(data.log_ratio - prediction(data, c).log_ratio[0]) for c in (mass.chosen, close)]
     assert rest[1] < rest[0]
@@ -80,7 +80,7 @@ def test_what_may_be_chance_is_not_significant() -> None:
     """A thousandth of a mass that nobody could see, on data in which nothing has changed."""
     reference, _, event = learnt(304)
     data = compare(reference, event(Change()))
-    (mass,) = (c for c in Weighing(reference, data).singles() if c.names == ("added_mass",))
+    (mass,) = (c for c in EvidenceComparison(reference, data).singles() if c.names == ("added_mass",))
     small = tuple(replace(c, theta=c.theta * 1e-3) for c in mass.chosen)
     assert not change_gain_on(data, small).significant
     assert not change_gain_left_out(data, small).significant

@@ -7,7 +7,7 @@ from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import TRACK
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
-    Explained,
+    DiagnosisResult,
     Structure,
     TrackedModes,
     diagnose,
@@ -19,7 +19,7 @@ from updater import (
 )
 
 
-def asked(structure: Structure, windows: TrackedModes) -> Explained:
+def asked(structure: Structure, windows: TrackedModes) -> DiagnosisResult:
     reference = nominal_reference(structure, windows)
     return diagnose(reference, matched(reference.baseline, reference.mean_of(windows)))
 

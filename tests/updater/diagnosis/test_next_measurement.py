@@ -11,10 +11,10 @@ from oma import ModalEstimate
 from tests.support.updater.diagnosis_data import TRACK, Change, learnt
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Structure, diagnose, learn_reference, matched, stack_tracks
-from updater.causes import AddedMass, Chosen
+from updater.causes import AddedMass, SelectedCause
 from updater.diagnosis.naming import named_causes, oddest
 from updater.diagnosis.next_measurement import next_measurement
-from updater.diagnosis.weighing import Weighing
+from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
 from updater.structure import Sensor
 
@@ -44,11 +44,11 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     now = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(5)]
     event = matched(reference.baseline, reference.mean_of(stack_tracks(now, [TRACK] * 5)))
     data = compare(reference, event)
-    masses = Weighing(reference, data).causes["added_mass"]
+    masses = EvidenceComparison(reference, data).causes["added_mass"]
     assert isinstance(masses, AddedMass)
     beam = [m.name for m in structure.member].index("crossbeam")
     rows = [int(np.argmin(np.abs(masses.position - at) + 10 * (masses.member != beam))) for at in (0.2, 0.6)]
-    left_or_right = [(Chosen(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
+    left_or_right = [(SelectedCause(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
     said = next_measurement(reference, event, data, masses, left_or_right)
     place = re.search(
         r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: "
@@ -99,11 +99,13 @@ def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyP
 def test_a_frequency_that_fits_is_not_called_odd() -> None:
     reference, _, event = learnt(505)
     data = compare(reference, event(Change()))
-    masses = Weighing(reference, data).causes["added_mass"]
+    masses = EvidenceComparison(reference, data).causes["added_mass"]
     assert isinstance(masses, AddedMass)
 
     def said(kg: float) -> str:
-        return oddest(replace(data, shaped=np.zeros_like(data.shaped)), [Chosen(masses, 5, np.array([kg, 0, 0, 0]))])
+        return oddest(
+            replace(data, shaped=np.zeros_like(data.shaped)), [SelectedCause(masses, 5, np.array([kg, 0, 0, 0]))]
+        )
 
     assert "no frequency 2 standard deviations off by itself" in said(0.0)
     assert "Hz 0 stand" not in said(0.0)

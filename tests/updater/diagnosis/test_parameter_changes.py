@@ -8,14 +8,14 @@ from monitor.text.causes import cause_text
 from tests.examiner.cases import draw
 from tests.examiner.path import FRAME, after, stiffer
 from tests.support.updater.diagnosis_data import Change, learnt
-from updater import Explained, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
+from updater import DiagnosisResult, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
 from updater.quantities import ParameterChange
 
 TOO_STIFF = 1.2
 LEAST_FLEXIBILITY = 1.5e-5  # c E I / L under which a connection is written as rigid
 
 
-def _of_a_stiff_file(seed: int) -> Explained:
+def _of_a_stiff_file(seed: int) -> DiagnosisResult:
     case = draw("built frame: nothing", seed)
     random = np.random.default_rng((case.seed, 6))
     measured, heldout = (after(case, random) for _ in range(2))
@@ -23,15 +23,15 @@ def _of_a_stiff_file(seed: int) -> Explained:
 
 
 @pytest.fixture(scope="module")
-def found() -> Explained:
+def found() -> DiagnosisResult:
     return _of_a_stiff_file(961)
 
 
-def _changes(found: Explained) -> dict[str, ParameterChange]:
+def _changes(found: DiagnosisResult) -> dict[str, ParameterChange]:
     return {change.name: change for cause in found.diagnosis.causes for change in cause.changes}
 
 
-def test_each_change_has_its_place_its_unit_and_both_values(found: Explained) -> None:
+def test_each_change_has_its_place_its_unit_and_both_values(found: DiagnosisResult) -> None:
     changes = _changes(found)
     modulus = changes["steel.E"]
     assert (modulus.unit, modulus.position, modulus.quantity) == ("Pa", None, "Young's modulus")
@@ -45,7 +45,7 @@ def test_each_change_has_its_place_its_unit_and_both_values(found: Explained) ->
     assert [cause.where for cause in found.diagnosis.causes] == [None]
 
 
-def test_what_is_within_two_deviations_of_the_file_is_no_change(found: Explained) -> None:
+def test_what_is_within_two_deviations_of_the_file_is_no_change(found: DiagnosisResult) -> None:
     """A connection's flexibility, which the file has as 0, has the relative deviation of its stiffness."""
     changes = _changes(found)
     assert changes
@@ -56,14 +56,14 @@ def test_what_is_within_two_deviations_of_the_file_is_no_change(found: Explained
             assert abs(change.after - change.before) > 1.9 * change.std, change
 
 
-def test_it_is_said_in_engineering_units(found: Explained) -> None:
+def test_it_is_said_in_engineering_units(found: DiagnosisResult) -> None:
     text = cause_text(found.diagnosis.causes[0])
     assert "Young's modulus of steel 252 -> 2" in text
     assert " GPa (-1" in text
     assert "L/(E I)" not in text
 
 
-def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(found: Explained) -> None:
+def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(found: DiagnosisResult) -> None:
     assert found.extended is not None
     text = dump_structure(found.extended, t_structure_toml())
     written = parse_structure(text)
@@ -77,7 +77,7 @@ def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(foun
         assert len(f"{value:.12g}".strip("0").replace(".", "").strip("0")) <= 5, value
 
 
-def test_rounding_moves_no_frequency_by_more_than_a_tenth_of_what_is_measured(found: Explained) -> None:
+def test_rounding_moves_no_frequency_by_more_than_a_tenth_of_what_is_measured(found: DiagnosisResult) -> None:
     """Frequencies scatter by 0.02 to 0.07 % in a window; the file's are compared with the fit's own prediction."""
     assert found.extended is not None
     own = build_model(found.extended, shear_flexible=True, mass="consistent").modes(40).frequency

@@ -14,12 +14,12 @@ from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
 from updater import Body, Diagnosis, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
-from updater.causes import Cause, Chosen, LocalStiffness
+from updater.causes import Cause, LocalStiffness, SelectedCause
 from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.simplification import is_significant, merged, significant_only
-from updater.diagnosis.weighing import Weighing
+from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import Comparison, compare
 
 
@@ -68,16 +68,16 @@ def halves_at_most(reference: Reference, comparison: Comparison) -> LocalStiffne
     return replace(cause, kinds=LENGTHS, **everywhere(cause.cells, LENGTHS, 4))
 
 
-def weighing_of(before: State, after: State, seed: int) -> Weighing:
+def weighing_of(before: State, after: State, seed: int) -> EvidenceComparison:
     random = np.random.default_rng((seed, 6))
     windows = observation(before, estimated(before, N_BEFORE, random, noise="law"))
     reference = learn_reference(structure_of("frame: "), windows.estimates, windows.tracks, windows.lateness.delays)
     now = observation(after, estimated(after, N_AFTER, random, noise="law")).modes
-    return Weighing(reference, compare(reference, matched(reference.baseline, reference.mean_of(now))))
+    return EvidenceComparison(reference, compare(reference, matched(reference.baseline, reference.mean_of(now))))
 
 
-def begun(cause: Cause) -> Chosen:
-    return Chosen(cause, 0, np.zeros(len(cause.prior_std)))
+def begun(cause: Cause) -> SelectedCause:
+    return SelectedCause(cause, 0, np.zeros(len(cause.prior_std)))
 
 
 def test_two_stretches_that_touch_and_agree_are_merged() -> None:
@@ -112,7 +112,7 @@ def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
         )
         reference = nominal_reference(structure, windows)
         data = compare(reference, matched(reference.baseline, reference.mean_of(windows)))
-        weighing = Weighing(reference, data, allowed=(names := ("model_parameters", "added_mass")))
+        weighing = EvidenceComparison(reference, data, allowed=(names := ("model_parameters", "added_mass")))
         two = Compositions(weighing).settled(tuple(begun(weighing.causes[n]) for n in names))
         assert two is not None
         parameters = two.parts[two.names.index("model_parameters")]

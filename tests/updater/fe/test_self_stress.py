@@ -9,7 +9,7 @@ from daq import FloatArray
 from tests.examiner.path import structure_of
 from tests.support.updater.reference_frame import measure
 from updater import Reference, build_model, learn_reference
-from updater.causes import CATALOGUE, Chosen, prediction
+from updater.causes import CATALOGUE, SelectedCause, prediction
 from updater.fe import self_stress
 from updater.inference import Comparison, compare
 from updater.structure import Joint, Structure, Support, with_springs
@@ -67,13 +67,13 @@ def test_frequencies_of_what_gives_much_are_the_extended_structures(
     cause = CATALOGUE[name](reference, data)
     assert cause is not None
     rows = np.random.default_rng(4).choice(len(cause.lower), 5, replace=False)
-    chosen = [Chosen(cause, int(row), np.array(parameters, float)) for row in rows]
+    chosen = [SelectedCause(cause, int(row), np.array(parameters, float)) for row in rows]
     errors, without = zip(*(_errors(reference, data, one) for one in chosen), strict=True)
     assert max(errors) < 1e-3, errors
     assert max(without) > 1e-2, without
 
 
-def _errors(reference: Reference, data: Comparison, chosen: Chosen) -> tuple[float, float]:
+def _errors(reference: Reference, data: Comparison, chosen: SelectedCause) -> tuple[float, float]:
     """Return how far off ln f is predicted at the most, with self-stress and without."""
     extended = chosen.cause.extend(reference.calibration.structure, chosen.row, chosen.theta)
     exact = build_model(extended, shear_flexible=True, mass="consistent").modes(len(reference.frequency))

@@ -8,7 +8,7 @@ from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body
 from updater.causes import Nothing
 from updater.diagnosis.model_extension import fixed
-from updater.diagnosis.weighing import Weighing
+from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare, fit, freedom_of_frequencies
 
 
@@ -33,7 +33,7 @@ def test_freedom_of_frequencies_is_what_a_refit_leaves_of_their_errors() -> None
     """Shapes determine most of a body's place and mass, so that less than its four parameters is lost."""
     reference, _, event = learnt(184)
     data = compare(reference, event(Change(bodies=(Body(at=(0.2, 0.0, 1.48), mass=0.3),))))
-    (chosen,) = Weighing(reference, data).singles(("added_mass",))[0].chosen
+    (chosen,) = EvidenceComparison(reference, data).singles(("added_mass",))[0].chosen
     alone = fixed(data, (chosen,))
     freedom = freedom_of_frequencies(data, fit(data, alone))
     ratio, left = data.log_ratio.copy(), []

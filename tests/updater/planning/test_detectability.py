@@ -11,17 +11,25 @@ from scipy.stats import binom, chi2
 from daq import FloatArray
 from tests.support.updater.frames import beam, clamped, t_frame
 from tests.support.updater.planned_records import TrueRig, away
-from updater import Body, ModelError, Record, Structure, build_model, foresee, parse_structure
+from updater import Body, ModelError, Record, Structure, build_model, parse_structure, study_detectability
 from updater.inference import SHAPE_BIAS, likeliest_place, places
-from updater.planning import Foresight, Outlook, Target, ever_fewer, one_more, seen_by, vagueness
+from updater.planning import (
+    DetectabilityStudy,
+    LocalizationSimulation,
+    Target,
+    backward_elimination,
+    best_additional_sensor,
+    mean_position_std,
+    seen_by,
+)
 from updater.structure import Sensor
 
 MINUTE = Record(seconds=60.0)
 
 
 @cache
-def t_outlook() -> Outlook:
-    return foresee(t_frame(), MINUTE)
+def t_outlook() -> DetectabilityStudy:
+    return study_detectability(t_frame(), MINUTE)
 
 
 def steel_beam() -> Structure:
@@ -82,7 +90,7 @@ def test_the_weakest_mass_at_a_cantilevers_tip_raises_the_alarm_nineteen_times_i
     Shear and rotary inertia change that by under 1 % here. 4000 events estimate 95 % to 1.2 % (three deviations).
     """
     record = Record(seconds=600.0)
-    outlook = foresee(steel_beam(), record)
+    outlook = study_detectability(steel_beam(), record)
     tip = int(np.argmax(outlook.point[:, 0]))
     mass = outlook.weakest_mass()[tip]
     n, total = len(outlook.frequency), 1.0
@@ -107,7 +115,7 @@ def test_a_longer_record_sees_less_and_locates_better() -> None:
 
 def test_a_body_on_a_frame_of_another_kind_is_found_as_foreseen() -> None:
     """50 g at 0.20 m on the beam, a minute before and after."""
-    foresight = Foresight(t_outlook(), Target(mass=0.05))
+    foresight = LocalizationSimulation(t_outlook(), Target(mass=0.05))
     away_from = np.linalg.norm(t_outlook().point[foresight.places] - (0.2, 0, 1.48), axis=1)
     assert foresight.chance(60.0, foresight.places[[np.argmin(away_from)]])[0] > 0.95
     rig, body = TrueRig(seed=31, record=MINUTE), Body(at=(0.2, 0, 1.48), mass=0.05)
@@ -120,16 +128,18 @@ def test_sensors_on_the_middle_line_cannot_tell_left_from_right() -> None:
     """The T is symmetric: its modes at the column are the same for a body on either arm."""
     plain = t_frame()
     column = tuple(s for s in plain.sensor if s.at[0] == 0 and s.at[2] < 1.4)
-    outlook = foresee(plain.model_copy(update={"sensor": column}), MINUTE)
+    outlook = study_detectability(plain.model_copy(update={"sensor": column}), MINUTE)
     right = int(np.argmin(np.linalg.norm(outlook.point - (0.3, 0, 1.48), axis=1)))
     # every other answer of 200 is on the wrong arm, to three binomial deviations
-    assert Foresight(outlook, Target(mass=0.1)).chance(600.0, np.array([right]))[0] == pytest.approx(0.5, abs=0.11)
-    assert Foresight(t_outlook(), Target(mass=0.1)).chance(600.0, np.array([right]))[0] > 0.99
+    assert LocalizationSimulation(outlook, Target(mass=0.1)).chance(600.0, np.array([right]))[0] == pytest.approx(
+        0.5, abs=0.11
+    )
+    assert LocalizationSimulation(t_outlook(), Target(mass=0.1)).chance(600.0, np.array([right]))[0] > 0.99
 
 
 def test_the_record_needed_gives_the_chance_asked_for() -> None:
     target = Target(mass=0.02)
-    foresight = Foresight(t_outlook(), target)
+    foresight = LocalizationSimulation(t_outlook(), target)
     place = foresight.places[[33]]
     seconds = float(foresight.seconds_needed(place)[0])
     assert foresight.records[0] < seconds < foresight.records[-1]
@@ -141,12 +151,12 @@ def test_the_record_needed_gives_the_chance_asked_for() -> None:
 
 def test_ever_fewer_sensors_know_ever_less_and_one_more_knows_more() -> None:
     outlook = t_outlook()
-    choices = ever_fewer(outlook, 0.075)
+    choices = backward_elimination(outlook, 0.075)
     assert [len(choice.sensors) for choice in choices] == list(range(11, 1, -1))
-    known = [vagueness(outlook, 0.075), *(choice.vagueness for choice in choices)]
+    known = [mean_position_std(outlook, 0.075), *(choice.mean_position_std for choice in choices)]
     assert all(a <= b * (1 + 1e-9) for a, b in itertools.pairwise(known))
-    added = one_more(outlook, 0.075)
-    assert added.vagueness < known[0]
+    added = best_additional_sensor(outlook, 0.075)
+    assert added.mean_position_std < known[0]
     assert added.changed not in t_frame().sensor
 
 
@@ -154,20 +164,20 @@ def test_one_more_sensor_goes_where_nothing_is_seen() -> None:
     """Sensors across the beam in y only: the one more measures z."""
     bar = steel_beam()
     in_y = tuple(Sensor(channel=f"y{x}", at=(x, 0, 0), direction=(0, 1, 0)) for x in (0.3, 0.5, 0.8, 1.0))
-    outlook = foresee(bar.model_copy(update={"sensor": in_y}), Record(highest=2000.0))
-    assert one_more(outlook, 0.01).changed.direction == (0, 0, 1)
+    outlook = study_detectability(bar.model_copy(update={"sensor": in_y}), Record(highest=2000.0))
+    assert best_additional_sensor(outlook, 0.01).changed.direction == (0, 0, 1)
 
 
 def test_a_target_as_heavy_as_the_structure_is_refused() -> None:
     with pytest.raises(ModelError, match=r"expected a target of at most 1\.5 kg, found 20 kg"):
-        Foresight(t_outlook(), Target(mass=20.0))
+        LocalizationSimulation(t_outlook(), Target(mass=20.0))
 
 
 @pytest.mark.parametrize("sensors", [0, 1])
 def test_too_few_sensors_are_refused_by_name(sensors: int) -> None:
     few = t_frame().model_copy(update={"sensor": t_frame().sensor[:sensors]})
     with pytest.raises(ModelError, match=f"expected two sensors or more that see three modes .* found {sensors} that"):
-        foresee(few, MINUTE)
+        study_detectability(few, MINUTE)
 
 
 @pytest.mark.parametrize(
@@ -205,11 +215,11 @@ def test_places_are_near_enough_to_be_told_apart_or_refused() -> None:
     sensors = tuple(s.model_copy(update={"at": (1000 * s.at[0], 0.0, 0.0)}) for s in bar.sensor)
     long = bar.model_copy(update={"member": (member,), "sensor": sensors})
     slow = Record(highest=100.0)
-    assert len(foresee(long, slow).member) == pytest.approx(600, abs=2)
-    assert len(foresee(long, slow, within=2.5).member) == pytest.approx(1000, abs=2)
-    assert len(foresee(bar, Record(highest=2000.0), within=0.005).member) == 501
+    assert len(study_detectability(long, slow).member) == pytest.approx(600, abs=2)
+    assert len(study_detectability(long, slow, within=2.5).member) == pytest.approx(1000, abs=2)
+    assert len(study_detectability(bar, Record(highest=2000.0), within=0.005).member) == 501
     with pytest.raises(ModelError, match=r"0\.05 m on 1000 m of members are too many places; expected 1 m or more"):
-        foresee(long, slow, within=0.05)
+        study_detectability(long, slow, within=0.05)
 
 
 def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
@@ -219,8 +229,8 @@ def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
     aslant = tuple(Sensor(channel=f"{x}", at=(x, 0, 0), direction=(0, 1, 1)) for x in (0.3, 0.5, 1.0))
     round_bar = bar.model_copy(update={"section": {"s": square}})
     record = Record(highest=2000.0)
-    frequency = foresee(round_bar.model_copy(update={"sensor": aslant}), record).frequency
-    both = foresee(round_bar, record).frequency
+    frequency = study_detectability(round_bar.model_copy(update={"sensor": aslant}), record).frequency
+    both = study_detectability(round_bar, record).frequency
     np.testing.assert_allclose(frequency, both[::2], rtol=1e-6)
     np.testing.assert_allclose(both[::2], both[1::2], rtol=1e-6)
 
@@ -237,7 +247,7 @@ def test_a_bar_that_twists_is_not_seen_on_its_axis() -> None:
     assert twists.sum() == 1
     assert seen[twists].max() < 1e-3  # rounding, over a millionth of a typical motion
     assert seen[~twists].min() > 0.5
-    foresee(bar, Record())
+    study_detectability(bar, Record())
 
 
 BAR = """
@@ -268,7 +278,7 @@ def test_bounds_are_those_of_all_channels(n_sensors: int) -> None:
         Sensor(channel=f"s{k}", at=(0.0, 0.0, z), direction=(way[0], way[1], way[2]))
         for k, (z, way) in enumerate(zip(at, itertools.cycle(ways[:2]), strict=False))
     )
-    outlook = foresee(t_frame().model_copy(update={"sensor": sensors}), MINUTE)
+    outlook = study_detectability(t_frame().model_copy(update={"sensor": sensors}), MINUTE)
     paired, modes = outlook.reference.paired, outlook.reference.at_channels(outlook.reference.baseline.channels)
     unit = modes[:, paired] / np.linalg.norm(modes[:, paired], axis=0)
     rows = outlook._of_modes

@@ -14,7 +14,7 @@ from updater.localization import spread_mass
 from updater.reference import Prior, best_model, fit_parameters
 from updater.reference.calibration import _Misfit
 from updater.reference.sensitivity_method import frequency_slope
-from updater.structure import knobs_of
+from updater.structure import model_parameters_of
 
 
 class Linear:
@@ -93,7 +93,7 @@ def test_slope_of_frequencies_is_their_derivative() -> None:
 
 def test_slope_of_the_calibration_is_its_derivative(rig: Rig) -> None:
     """Central differences of a thousandth: (1e-3)^2 of curvatures of a few times the slope."""
-    knobs = knobs_of(t_frame())
+    knobs = model_parameters_of(t_frame())
     problem = _Misfit(t_frame(), knobs, rig.reference.baseline, int(rig.reference.paired.max()) + 1)
     x = np.array([0.02, *np.full(len(knobs) - 1, 0.01)])
     slope, step = problem.slope(x), 1e-3 * np.array([1.0, *np.full(len(knobs) - 1, 0.01)])

@@ -7,17 +7,17 @@ from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, StructureError, calibrate, diagnose, dump_structure, parse_structure, t_structure_toml
 from updater.diagnosis import allowed_causes
 from updater.reference import best_model, parameter_sensitivities
-from updater.structure import Knob, apply_knobs, as_filed, knobs_of, with_springs
+from updater.structure import ModelParameter, apply_parameters, as_filed, model_parameters_of, with_springs
 
 FRAME = t_structure_toml()
 
 
 def _keys(text: str) -> list[str]:
-    return [knob.key for knob in knobs_of(parse_structure(text))]
+    return [knob.key for knob in model_parameters_of(parse_structure(text))]
 
 
-def _knob(text: str, key: str) -> Knob:
-    return next(knob for knob in knobs_of(parse_structure(text)) if knob.key == key)
+def _knob(text: str, key: str) -> ModelParameter:
+    return next(knob for knob in model_parameters_of(parse_structure(text)) if knob.key == key)
 
 
 def test_a_fixed_parameter_is_not_updated_by_its_own_name_a_pattern_or_its_member() -> None:
@@ -32,7 +32,7 @@ def test_bounds_are_given_in_physical_units() -> None:
     text = FRAME + '[updating.bounds]\n"steel.E" = [200e9, 215e9]\n"support 0.ry" = [5e5, 1e9]\n'
     modulus, foot = _knob(text, "steel.E"), _knob(text, "support 0.ry")
     np.testing.assert_allclose(np.exp([modulus.lower, modulus.upper]), [200 / 210, 215 / 210])
-    softest = apply_knobs(parse_structure(FRAME), [foot], np.array([foot.upper])).support[0]
+    softest = apply_parameters(parse_structure(FRAME), [foot], np.array([foot.upper])).support[0]
     np.testing.assert_allclose(softest.stiffness["ry"], 5e5)
 
 
@@ -98,14 +98,14 @@ def test_sensitivities_are_what_a_changed_model_shows() -> None:
     """Against models solved anew with a hundredth of each step; 1 % of the largest, for what is of second order."""
     structure = parse_structure(FRAME)
     frequency, found = parameter_sensitivities(structure, 8)
-    knobs, sprung = knobs_of(structure), with_springs(structure)
+    knobs, sprung = model_parameters_of(structure), with_springs(structure)
     assert [one.name for one in found] == [knob.key for knob in knobs]
     for i, (knob, one) in enumerate(zip(knobs, found, strict=True)):
         start, moved = as_filed(knobs), as_filed(knobs)
         moved[i] += 0.01 * (-knob.prior if knob.kind == "stiffness" else knob.prior)
         if knob.kind == "weld":
             start[i] = 1e-6
-        before, after = (best_model(apply_knobs(sprung, knobs, x)).modes(8).frequency for x in (start, moved))
+        before, after = (best_model(apply_parameters(sprung, knobs, x)).modes(8).frequency for x in (start, moved))
         change = 100 * np.log(after / before)
         np.testing.assert_allclose(one.change, change, atol=0.01 * np.abs(change).max(), err_msg=knob.key)
     np.testing.assert_allclose(frequency[:2], [10.78, 10.97], rtol=1e-3)

@@ -7,7 +7,16 @@ import pytest
 
 from daq import FloatArray
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Body, ModalDataError, ModalMean, build_model, learn_reference, mean_modes, set_beside, stack_tracks
+from updater import (
+    Body,
+    ModalDataError,
+    ModalMean,
+    build_model,
+    correlate_modes,
+    learn_reference,
+    mean_modes,
+    stack_tracks,
+)
 from updater.structure import Correction
 from updater.validation import as_before, as_extended
 
@@ -46,7 +55,7 @@ def random() -> np.random.Generator:
 
 def test_the_same_modes_leave_nothing(random: np.random.Generator) -> None:
     same = modes(random)
-    found = set_beside(same, same)
+    found = correlate_modes(same, same)
     assert found.partner.tolist() == list(range(6))
     np.testing.assert_allclose(found.off, 0, atol=1e-12)
     np.testing.assert_allclose(found.comac, 1)
@@ -56,7 +65,7 @@ def test_the_same_modes_leave_nothing(random: np.random.Generator) -> None:
 
 def test_what_has_no_partner_is_listed(random: np.random.Generator) -> None:
     every = modes(random)
-    found = set_beside(every.only(np.array([0, 1, 2, 4, 5])), every.only(np.array([0, 2, 3, 4, 5])))
+    found = correlate_modes(every.only(np.array([0, 1, 2, 4, 5])), every.only(np.array([0, 2, 3, 4, 5])))
     assert found.partner.tolist() == [0, -1, 1, 3, 4]
     assert found.unseen.tolist() == [1]
     assert found.extra.tolist() == [2]
@@ -66,7 +75,7 @@ def test_what_has_no_partner_is_listed(random: np.random.Generator) -> None:
 def test_a_gain_shows_in_its_sensors_residual_to_which_comac_is_blind(random: np.random.Generator) -> None:
     """sum |g phi phi'| squared over the squares does not see a factor g common to all modes, to first order."""
     before = modes(random)
-    found = set_beside(before, scaled(before, np.where(np.arange(9) == 4, 0.8, 1.0)))
+    found = correlate_modes(before, scaled(before, np.where(np.arange(9) == 4, 0.8, 1.0)))
     assert int(np.argmax(found.residual)) == 4
     others = np.delete(found.residual, 4)
     assert found.residual[4] > 3 * others.max()
@@ -77,7 +86,7 @@ def test_a_sensor_that_does_not_see_the_modes_has_the_lowest_comac(random: np.ra
     before = modes(random)
     shape = before.shape.copy()
     shape[:, 6] = 0.3 * random.standard_normal(6)
-    found = set_beside(before, scaled(replace(before, shape=shape), np.ones(9)))
+    found = correlate_modes(before, scaled(replace(before, shape=shape), np.ones(9)))
     assert int(np.argmin(found.comac)) == 6
 
 
@@ -88,7 +97,7 @@ def test_noise_alone_leaves_what_is_said(random: np.random.Generator) -> None:
     for _ in range(30):
         shape = before.shape + STD * random.standard_normal((6, 9))
         now = scaled(replace(before, shape=shape, shape_std=np.full((6, 9), STD)), np.ones(9))
-        found = set_beside(before, now)
+        found = correlate_modes(before, now)
         rest.append((found.residual / found.residual_std) ** 2)
     # unit norm and best scale take one of nine components
     assert np.mean(rest) == pytest.approx(8 / 9, abs=0.12)
@@ -97,7 +106,7 @@ def test_noise_alone_leaves_what_is_said(random: np.random.Generator) -> None:
 def test_fewer_than_two_channels_are_refused(random: np.random.Generator) -> None:
     before = modes(random)
     with pytest.raises(ModalDataError, match="expected at least 2 in both, found 0"):
-        set_beside(before, replace(before, channels=tuple(f"other{i}" for i in range(9))))
+        correlate_modes(before, replace(before, channels=tuple(f"other{i}" for i in range(9))))
 
 
 def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
@@ -109,9 +118,9 @@ def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
     changed = build_model(bare.structure.with_bodies((body,)), shear_flexible=True, mass="consistent")
     measured = mean_modes(stack_tracks([measure(changed, random, np.ones(12)) for _ in range(8)], [TRACK] * 8))
     expected = as_before(reference, float(np.exp(measured.log_frequency.max())))
-    before = set_beside(expected, measured)
+    before = correlate_modes(expected, measured)
     extended = reference.calibration.structure.with_bodies((body,))
-    after = set_beside(as_extended(reference, extended, expected), measured)
+    after = correlate_modes(as_extended(reference, extended, expected), measured)
     assert not len(after.extra)
     error = [float(np.sqrt(np.nanmean(d.off**2))) for d in (before, after)]
     assert error[1] < 0.1 * error[0]  # 3 to 5 % before; modal truncation and the frame's own errors leave 0.1 %
@@ -136,7 +145,7 @@ def test_a_mode_measured_before_is_compared_with_itself_though_no_mode_of_the_mo
         unanswered=replace(lone, log_frequency=lone.log_frequency + 0.1),
     )
     modes = replace(modes, log_frequency=modes.log_frequency + far)
-    found = set_beside(as_before(reference, float(np.exp(modes.log_frequency.max()))), modes)
+    found = correlate_modes(as_before(reference, float(np.exp(modes.log_frequency.max()))), modes)
     row = int(np.flatnonzero(found.partner == 7)[0])
     assert abs(found.off[row]) < 4 * found.off_std[row]
     assert not len(found.extra)

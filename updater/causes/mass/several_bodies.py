@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.causes.composite import Beside, Chosen
+from updater.causes.composite import JointHypothesis, SelectedCause
 from updater.causes.mass.added_mass import LARGEST_REMOVED, AddedMass, along
 from updater.inference import Effect, no_effect
 from updater.structure import fineness
@@ -38,9 +38,11 @@ class Bodies:
         """Number of bodies."""
         return int(self.member.shape[1])
 
-    def beside(self, free: AddedMass) -> Beside[AddedMass]:
+    def beside(self, free: AddedMass) -> JointHypothesis[AddedMass]:
         """Return one mass at any position beside the one alternative there is; all parameters are fitted together."""
-        return Beside(free, (Chosen(cast(Cause, self), 0, self.start[0]),))  # a fit asks nothing that it cannot say
+        return JointHypothesis(
+            free, (SelectedCause(cast(Cause, self), 0, self.start[0]),)
+        )  # a fit asks nothing that it cannot say
 
     @property
     def prior_std(self) -> FloatArray:

@@ -13,16 +13,16 @@ from scipy.special import log_ndtr
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
-from updater.causes.modal_loads import borne, borne_by_spring
+from updater.causes.modal_loads import modal_section_forces, modal_spring_force
 from updater.fe import Model
 from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity
 from updater.reference import Reference, spring_of
 from updater.structure import (
     TURNS,
-    Knob,
+    ModelParameter,
     Structure,
-    apply_knobs,
+    apply_parameters,
     connection_of,
     flexibility_unit,
     physical_slope,
@@ -49,7 +49,7 @@ class ModelParameters(Discrete):
 
     comparison: Comparison
     filed: Structure  #: as in the file
-    knobs: tuple[Knob, ...]
+    knobs: tuple[ModelParameter, ...]
     said: FloatArray  #: (n_knobs,) what the file's model has for them
     moved: FloatArray  #: (n_knobs,) what the reference's model has over that
     compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds to the reference's model
@@ -141,7 +141,7 @@ class ModelParameters(Discrete):
         del row
         moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
         value = self.said + np.minimum(theta, self._upper)
-        return apply_knobs(structure, [self.knobs[k] for k in moved], value[moved])
+        return apply_parameters(structure, [self.knobs[k] for k in moved], value[moved])
 
 
 def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
@@ -167,7 +167,7 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     )
 
 
-def _prior(knob: Knob, wider: float) -> float:
+def _prior(knob: ModelParameter, wider: float) -> float:
     """Return the standard deviation of a parameter about what the file says, of one that is far off a wider one."""
     if knob.kind == "stiffness":
         return wider * _STIFFNESS_STD
@@ -175,14 +175,14 @@ def _prior(knob: Knob, wider: float) -> float:
     return wider * _GIVES if rigid else knob.prior
 
 
-def _said(model: Model, knob: Knob) -> float:
+def _said(model: Model, knob: ModelParameter) -> float:
     """Return what the model has for a parameter."""
     if knob.kind in ("stiffness", "weld"):
         return 0.0
     return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
 
 
-def _compliance(reference: Reference, knob: Knob, value: float, file: Structure) -> FloatArray:
+def _compliance(reference: Reference, knob: ModelParameter, value: float, file: Structure) -> FloatArray:
     """Return the compliance (n_modes + n_stress, same) that one of a parameter adds; of ln E, that there is.
 
     Parameters
@@ -204,7 +204,7 @@ def _compliance(reference: Reference, knob: Knob, value: float, file: Structure)
         parts = [_between(reference, members.index(m), np.array([start, end]), _TURNED) for m, start, end in zones]
         return np.asarray(-np.sum(parts, axis=0)) / (1 - value)
     row, _ = spring_of(model, knob)
-    force = borne_by_spring(reference, connection_of(model.structure, knob), knob.axis, row)
+    force = modal_spring_force(reference, connection_of(model.structure, knob), knob.axis, row)
     return np.outer(force, force) / flexibility_unit(file, knob.axis)
 
 
@@ -212,6 +212,8 @@ def _between(reference: Reference, member: int, edges: FloatArray, actions: slic
     """Return the compliance (n_modes + n_stress, same) of a member between edges (n,) [m], by some of its actions."""
     half = np.diff(edges)[:, None] / 2
     at = (edges[:-1, None] + half * (_POINTS + 1)).ravel()
-    found = borne(reference, {member: at})[member][:, actions] * np.sqrt((half * _WEIGHTS).reshape(-1, 1, 1))
+    found = modal_section_forces(reference, {member: at})[member][:, actions] * np.sqrt(
+        (half * _WEIGHTS).reshape(-1, 1, 1)
+    )
     flat = found.reshape(-1, found.shape[2])
     return flat.T @ flat

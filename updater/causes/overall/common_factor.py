@@ -12,7 +12,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
-from updater.causes.modal_loads import borne_by_spring
+from updater.causes.modal_loads import modal_spring_force
 from updater.fe import self_stress
 from updater.inference import Comparison, Effect, no_effect
 from updater.reference import Reference
@@ -84,7 +84,7 @@ def ground_compliance(reference: Reference) -> FloatArray:
     found = np.zeros(2 * (len(reference.frequency) + stress.n,))
     for support in reference.calibration.structure.support:
         for axis, stiffness in support.stiffness.items():
-            force = borne_by_spring(reference, support, axis, model.node_rows(support.at, AXES.index(axis)))
+            force = modal_spring_force(reference, support, axis, model.node_rows(support.at, AXES.index(axis)))
             found += np.outer(force, force) / stiffness
     return found
 

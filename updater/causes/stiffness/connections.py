@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
-from updater.causes.modal_loads import borne_by_spring
+from updater.causes.modal_loads import modal_spring_force
 from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
@@ -179,7 +179,7 @@ def _springs(
     for i, (connection, axes, rows) in enumerate(sprung):
         for a, axis in enumerate(axes):
             if np.isfinite(stiffness[i, a]):
-                both[i, a] = borne_by_spring(reference, connection, axis, rows[a])
+                both[i, a] = modal_spring_force(reference, connection, axis, rows[a])
     before_std = np.array([[reference.calibration.flexibility_std(c, a) for a in axes] for c, axes, _ in sprung])
     which, active = _together(stiffness)
     couple = np.where(active[:, :, None], both[which], 0.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells, cut
-from updater.causes.modal_loads import borne
+from updater.causes.modal_loads import modal_section_forces
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
 from updater.inference import Comparison, Effect, log_uniform, no_effect
 from updater.quantities import Quantity
@@ -156,6 +156,6 @@ def compliances(reference: Reference, actions: tuple[slice, ...]) -> tuple[Cells
     The latter (n_compliances, n_edges, n_modes + n_stress, same).
     """
     cells = cut(reference.calibration.structure.member)
-    found = borne(reference, {m: cells.middles(m) for m in range(len(cells.members))})
+    found = modal_section_forces(reference, {m: cells.middles(m) for m in range(len(cells.members))})
     own = [found[m] for m in range(len(cells.members))]
     return cells, np.stack([cells.summed([each[:, which] for each in own]) for which in actions])

@@ -28,7 +28,7 @@ from daq import (
     FloatArray,
     IntArray,
     Item,
-    LogWriter,
+    McapWriter,
     Recording,
     ScaledClock,
     load_recordings,
@@ -162,7 +162,7 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
 def test_a_log_keeps_which_devices_share_a_clock(tmp_path: Path, clock: str, apart: bool) -> None:
     channels = tuple(Channel(name=name, device=name, axis=0) for name in ("d1", "d2"))
     attached = {CHANNELS: ChannelMap(channels=channels, on_grid=False).to_json()}
-    writer = LogWriter(tmp_path / "log.mcap", attached)
+    writer = McapWriter(tmp_path / "log.mcap", attached)
     for first in range(7000, 12000, 200):
         counts = np.rint(1e6 * np.sin(0.3 * np.arange(first, first + 200)))[:, None].astype(np.int32)
         for late, name in enumerate(("d1", "d2")):  # the second one's frames arrive 0.4 ms after the first one's

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from daq.drivers.serial.buffered_port import Bites
+from daq.drivers.serial.buffered_port import BufferedPort
 
 pytestmark = pytest.mark.live
 
@@ -41,7 +41,7 @@ def send(master: int, seconds: float, step: float, size: int) -> threading.Threa
     return thread
 
 
-def read_all(bites: Bites) -> list[bytes]:
+def read_all(bites: BufferedPort) -> list[bytes]:
     """Return reads until the port is gone."""
     reads = []
     while True:
@@ -54,7 +54,7 @@ def read_all(bites: Bites) -> list[bytes]:
 def test_fast_bytes_come_in_few_reads_and_a_port_that_goes_meanwhile_is_seen(pty: tuple[int, int]) -> None:
     master, slave = pty
     thread = send(master, 0.6, 0.01, 240)
-    reads = read_all(Bites(slave, most_seconds=GATHERED, least_rate=500.0))
+    reads = read_all(BufferedPort(slave, most_seconds=GATHERED, least_rate=500.0))
     seen = time.monotonic()
     thread.join()
     sent, found = b"".join(bytes([k]) * 240 for k in range(60)), b"".join(reads)
@@ -67,14 +67,14 @@ def test_fast_bytes_come_in_few_reads_and_a_port_that_goes_meanwhile_is_seen(pty
 def test_slow_bytes_are_read_when_they_come(pty: tuple[int, int]) -> None:
     master, slave = pty
     thread = send(master, 0.3, 0.03, 8)
-    reads = read_all(Bites(slave, most_seconds=GATHERED, least_rate=500.0))
+    reads = read_all(BufferedPort(slave, most_seconds=GATHERED, least_rate=500.0))
     thread.join()
     assert len([data for data in reads if data]) > 7  # of ten; a busy host may find two at once
 
 
 def test_what_came_last_is_not_later_for_being_waited_upon(pty: tuple[int, int]) -> None:
     master, slave = pty
-    bites = Bites(slave, most_seconds=GATHERED, least_rate=500.0)
+    bites = BufferedPort(slave, most_seconds=GATHERED, least_rate=500.0)
     time.sleep(0.02)
     os.write(master, bytes(240))
     bites.read(1.0)  # 12 kB/s: the next ones gather

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daq import DeviceLost, Driver, DriverError, EmulatedNode, SystemClock, make_driver
-from daq.drivers.serial.node import Believer
+from daq.drivers.serial.node import FrameValidator
 from daq.protocol import node
 from daq.protocol.node import NodeScans
 from tests.support.daq.can_buses import serving
@@ -110,7 +110,7 @@ def test_node_that_starts_anew_is_lost_and_taken_back() -> None:
     device.close()
 
 
-def fed(believer: Believer, scans: NodeScans, cuts: list[int]) -> tuple[list[tuple[int, ...]], int]:
+def fed(believer: FrameValidator, scans: NodeScans, cuts: list[int]) -> tuple[list[tuple[int, ...]], int]:
     """Return what is believed of scans that come in pieces, and how many are refused."""
     edges = [0, *cuts, len(scans.counter)]
     pairs = [believer.consider(scans[a:b]) for a, b in itertools.pairwise(edges)]
@@ -129,7 +129,7 @@ def test_scans_are_believed_and_false_ones_are_not(seed: int) -> None:
     expected = [value for k, value in enumerate(values(scans)) if k in set(true.tolist())]
     for n_cuts in (0, 10, 100):
         cuts = sorted(random.integers(0, 400, n_cuts).tolist())
-        found, refused = fed(believer := Believer(1000.0), scans, cuts)
+        found, refused = fed(believer := FrameValidator(1000.0), scans, cuts)
         assert (found, refused) == (expected, len(false))
         assert not believer.restarted
 
@@ -137,13 +137,13 @@ def test_scans_are_believed_and_false_ones_are_not(seed: int) -> None:
 def test_gaps_are_believed_however_long() -> None:
     parts = [some_scans(1, 5, first=first) for first in (10, 1000, 2**31, 2**32 + 5)]
     scans = node.joined(node.joined(parts[0], parts[1]), node.joined(parts[2], parts[3]))
-    found, refused = fed(believer := Believer(1000.0), scans, list(range(1, 20)))
+    found, refused = fed(believer := FrameValidator(1000.0), scans, list(range(1, 20)))
     assert (found, refused) == (values(scans), 0)
     assert not believer.restarted
 
 
 def test_one_scan_alone_waits_for_another() -> None:
-    scans, believer = some_scans(1, 3), Believer(1000.0)
+    scans, believer = some_scans(1, 3), FrameValidator(1000.0)
     assert values(believer.consider(scans[:1])[0]) == []
     assert values(believer.consider(node.NO_SCANS)[0]) == []
     assert values(believer.consider(scans[1:])[0]) == values(scans)

@@ -11,7 +11,7 @@ from daq import SystemClock
 from monitor.outputs.history import HistoryStore
 from monitor.service.operator_commands import Inbox
 from monitor.service.servers.web import Source, web_process
-from monitor.service.status import NAME, Vitals
+from monitor.service.status import NAME, MonitorStatus
 from tests.support.browser import BROWSER, Tab, browser_tab
 from tests.support.monitor.history import run_events, sqlite_url
 from tests.support.monitor.status import PACE, WELL
@@ -27,7 +27,7 @@ def tab(tmp_path: Path) -> Iterator[Tab]:
     events = run_events()
     with HistoryStore(sqlite_url(tmp_path)) as store:
         store.write(events)
-    vitals = Vitals(tmp_path / NAME, (), PACE, SystemClock())
+    vitals = MonitorStatus(tmp_path / NAME, (), PACE, SystemClock())
     for event in events:
         vitals.take(event)
     vitals.write(WELL)

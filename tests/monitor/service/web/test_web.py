@@ -20,7 +20,7 @@ from monitor.errors import StartError
 from monitor.outputs.history import HistoryStore
 from monitor.service.operator_commands import Inbox
 from monitor.service.servers.web import Source, make_app, web_process
-from monitor.service.status import NAME, Vitals
+from monitor.service.status import NAME, MonitorStatus
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events, sqlite_url
 from tests.support.monitor.status import PACE, WELL
@@ -44,7 +44,7 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def source(tmp_path: Path, history: Path) -> Source:
     """Return what a run leaves behind that goes on."""
     shutil.copytree(history, tmp_path, dirs_exist_ok=True)
-    vitals = Vitals(tmp_path / NAME, ("left", "right"), PACE, SystemClock())
+    vitals = MonitorStatus(tmp_path / NAME, ("left", "right"), PACE, SystemClock())
     for name in ("left", "right"):
         vitals.take(make_block(name, 0))
     for event in EVENTS:
@@ -130,7 +130,7 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
     """Data flow and windows are analysed, yet none says anything: that is worth as little as no watch."""
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     unseen: dict[str, Any] = dict.fromkeys(("t2", "limit"), math.nan) | {"modes": [], "detectors": []}
-    vitals = Vitals(source.state / NAME, (), PACE, SystemClock())
+    vitals = MonitorStatus(source.state / NAME, (), PACE, SystemClock())
     for nothing, well in ((0, True), (2, True), (3, False), (0, True)):
         vitals.take(replace(window, payload=window.payload | {"problem": None}))
         for _ in range(nothing):
@@ -157,7 +157,7 @@ def test_smallest_detectable_change_stays_over_a_window_without_modes(source: So
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     found = {"alike_percent": 0.57, "modes_percent": [1.0, 2.0], "thermometer": True}
     novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "detectable": found}
-    vitals = Vitals(source.state / NAME, (), PACE, SystemClock())
+    vitals = MonitorStatus(source.state / NAME, (), PACE, SystemClock())
     vitals.take(replace(window, payload=window.payload | {"novelty": novelty}))
     vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": None, "problem": "no modes"}))
     vitals.write(WELL)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor.errors import ResultsError
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import AcceptedShift, AlarmResult, OtherPlace
 from monitor.text.quantities import utc
 from monitor.text.verdicts import headline as verdict
@@ -49,7 +49,7 @@ class Page(HTMLParser):
         self.words += " " + data
 
 
-def run_of(story: Story, path: Path) -> Run:
+def run_of(story: RunResults, path: Path) -> Run:
     path.write_bytes(b"log")
     device = DeviceQuality(device="beam", rate=100.0, scans=12345, gaps=1, missing=7, exact=False)
     return Run(log=path, story=story, devices=[device], dropped=3, ended=False, site_text="a = '<b>'")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
-from monitor.results.story import Story
+from monitor.results.story import RunResults
 from monitor.results.windows import AlarmResult, WindowResult
 from monitor.settings import parse_settings
 from monitor.views.viewer.live import LiveResults
@@ -30,7 +30,7 @@ channels = {y = "beam_left_y"}
 
 
 @pytest.fixture(scope="module")
-def run() -> Story:
+def run() -> RunResults:
     """Return a watch with troubled windows now and then, the last in the very last one, and two alarms."""
     template = made.whole_run(SITE, n_learning=N_LEARNING, n_before=2, n_after=2)
     windows: list[WindowResult] = template["windows"][:N_LEARNING]
@@ -44,12 +44,12 @@ def run() -> Story:
     for index in (60, 110):
         alarms.append(made.alarm(windows[index], "alarm", f"ALARM of window {index}"))
         alarms.append(made.alarm(windows[index + 7], "normal", f"over since window {index + 7}"))
-    return Story(
+    return RunResults(
         name="bridge", reference=template["reference"], windows=tuple(windows), alarms=tuple(alarms), signals=None
     )
 
 
-def test_a_long_watch_is_told_once_and_is_not_kept(run: Story, tmp_path: Path) -> None:
+def test_a_long_watch_is_told_once_and_is_not_kept(run: RunResults, tmp_path: Path) -> None:
     recording = rr.RecordingStream(APPLICATION, recording_id="long")
     recording.save(tmp_path / "long.rrd")
     live = LiveResults(recording, run.name, parse_settings(SETTINGS))
