@@ -4,7 +4,8 @@ The device's clock is off by so much, or wanders by so much over the hour. Its a
 milliseconds; the host wakes up 0.1 ms after that on the mean, exponentially, and one read in a hundred 5 to 30 ms
 later. Reads are as long as `daq.drivers.serial.buffered_port` makes them. These arrivals go through the drivers'
 `BlockBuilder` and the `ClockFit` of live and replayed data; the error of a scan's time is what the fit says two
-seconds after it, when windows are cut, against when it was taken. Jitter is its standard deviation over the hour, late its mean.
+seconds after it, when windows are cut, against when it was taken. Jitter is its standard deviation over the hour,
+late its mean.
 
 Usage: python benchmarks/daq/jitter.py [SECONDS], or make bench-jitter
 """
