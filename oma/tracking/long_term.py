@@ -72,7 +72,7 @@ class LongTermTracker:
 
         Returns
         -------
-        Followed
+        FollowedModes
 
         Raises
         ------

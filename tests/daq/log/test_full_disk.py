@@ -18,12 +18,12 @@ RECORDER = """
 import json, shutil, sys, time
 from pathlib import Path
 from tests.support.daq.blocks import START, make_block
-from daq import DiskGuard, LogKeeper, LogRecorder, LogThread, Retention, Rotation
+from daq import DiskGuard, ResilientWriter, RotatingWriter, WriterThread, Retention, Rotation
 folder, out, ballast = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[1]) / "ballast"
 told = []
-recorder = LogRecorder(folder, {"site.toml": "x"}, START, Rotation(size=100_000 if sys.argv[3] == "many" else 1e9))
-keeper = LogKeeper(recorder, DiskGuard(folder, Retention()), lambda event: told.append([event.topic, event.payload]))
-with LogThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
+recorder = RotatingWriter(folder, {"site.toml": "x"}, START, Rotation(size=100_000 if sys.argv[3] == "many" else 1e9))
+keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), lambda event: told.append([event.topic, event.payload]))
+with WriterThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
     for k in range(400):
         log.put(make_block("a", 250 * k))
         time.sleep(0.001)

@@ -17,8 +17,8 @@ WRITER = """
 import sys, time
 from pathlib import Path
 from tests.support.daq.blocks import make_block
-from daq import LogThread, LogWriter
-with LogThread(LogWriter(Path(sys.argv[1]), {"site.toml": "x"}), lambda item: None) as log:
+from daq import WriterThread, McapWriter
+with WriterThread(McapWriter(Path(sys.argv[1]), {"site.toml": "x"}), lambda item: None) as log:
     for k in range(10**6):
         log.put(make_block("a", 250 * k))
         print(k, flush=True)
