@@ -89,7 +89,10 @@ def recorded(seed: int) -> None:
 
 def main(seeds: int) -> None:
     """Print the table."""
-    ways: dict[str, Callable[[Month, int], list[Label]]] = {"`LongTermTracker`": followed, "`Tracker`, first day": compared}
+    ways: dict[str, Callable[[Month, int], list[Label]]] = {
+        "`LongTermTracker`": followed,
+        "`Tracker`, first day": compared,
+    }
     print("| month of 10 min windows | " + " | ".join(f"{way} | false ones taken" for way in ways) + " |")
     print("| --- |" + " --- | --- |" * len(ways))
     began, windows = time.process_time(), 0

@@ -22,7 +22,8 @@ from daq import DiskGuard, ResilientWriter, RotatingWriter, WriterThread, Retent
 folder, out, ballast = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[1]) / "ballast"
 told = []
 recorder = RotatingWriter(folder, {"site.toml": "x"}, START, Rotation(size=100_000 if sys.argv[3] == "many" else 1e9))
-keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), lambda event: told.append([event.topic, event.payload]))
+guard = DiskGuard(folder, Retention())
+keeper = ResilientWriter(recorder, guard, lambda event: told.append([event.topic, event.payload]))
 with WriterThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
     for k in range(400):
         log.put(make_block("a", 250 * k))
