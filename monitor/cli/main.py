@@ -49,7 +49,7 @@ def demo(
     speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
     short: Annotated[bool, typer.Option("--short", help="A quarter of the length, less sure answers.")] = False,
 ) -> None:
-    """Tell the whole story on an emulated rig: run, alarm, viewer file, answer."""
+    """Monitor an emulated rig from baseline to diagnosis."""
     from monitor.cli.demo.demo import FULL, SHORT, demo_command
 
     raise typer.Exit(demo_command(out, seed, speed=speed, plan=SHORT if short else FULL))
@@ -64,7 +64,7 @@ def rig(
     ),
     report: Annotated[Path, typer.Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
 ) -> None:
-    """Play a virtual rig: real protocols on ptys, and a timeline of what happens to the structure."""
+    """Run a virtual rig with emulated devices."""
     from monitor.rig import run_rig
 
     done = run_rig(scenario, speed=speed, ports=ports, report=report)

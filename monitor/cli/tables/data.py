@@ -1,4 +1,4 @@
-"""The table of commands about files: measurements, structures, logs."""
+"""Signatures of the commands that work on files: measurements, structures, logs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,46 +21,60 @@ def import_(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
-    rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], if DATA has no times.", min=1e-6)] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples per second [Hz], if DATA has no times.", min=1e-6)] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Of the numbers: m/s2, mm/s2, g, mg; as their columns say, or m/s2.")
+        str | None,
+        typer.Option(help="Unit of the numbers: m/s2, mm/s2, g, mg. Default: that of the column names, else m/s2."),
     ] = None,
-    scale: Annotated[float | None, typer.Option(help="Units a number, if not 1.", min=1e-12)] = None,
+    scale: Annotated[float | None, typer.Option(help="Factor from numbers to units. Default: 1.", min=1e-12)] = None,
     start: Annotated[
-        str | None, typer.Option(help="Time of the first sample, ISO 8601; as DATA says, else 1970.")
+        str | None, typer.Option(help="Time of the first sample, ISO 8601. Default: that of DATA, else 1970.")
     ] = None,
     time: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Column of times; t or time (t_ms, time [s]) unless given."),
+        typer.Option(metavar="NAME", help="Column of times. Default: t or time (t_ms, time [s])."),
     ] = None,
     time_unit: Annotated[
-        str | None, typer.Option(help="Of the times: s, ms, us, ns, min, h, d; as their column's name says, or s.")
+        str | None,
+        typer.Option(help="Unit of the times: s, ms, us, ns, min, h, d. Default: that of the column name, else s."),
     ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME[=SENSOR]", help="Column to take, and the sensor it is; repeat. All unless given."),
+        typer.Option(
+            metavar="NAME[=SENSOR]", help="Column to import, and its sensor. Repeatable. Default: all columns."
+        ),
     ] = None,
     velocity: Annotated[
-        list[str] | None, typer.Option(metavar="SENSOR", help="Sensor whose numbers are velocities [m/s]; repeat.")
+        list[str] | None, typer.Option(metavar="SENSOR", help="Sensor that measures velocity [m/s]. Repeatable.")
     ] = None,
     temperature: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Column of temperatures; those whose unit says so unless given."),
+        typer.Option(metavar="NAME", help="Column of temperatures. Default: columns with a unit of temperature."),
     ] = None,
     transpose: Annotated[
         bool | None,
-        typer.Option("--transpose/--no-transpose", help="Each row of an array is a channel; asked for if in doubt."),
+        typer.Option(
+            "--transpose/--no-transpose",
+            help="Rows of an array are channels (or columns are). Required where the shape is ambiguous.",
+        ),
     ] = None,
     structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
     site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
     new_site: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="SITE.toml to write for the channels, and to attach; with --structure."),
+        typer.Option(metavar="FILE", help="SITE.toml to write for the channels and to attach. Requires --structure."),
     ] = None,
-    dbc: Annotated[Path | None, typer.Option(metavar="FILE", help="Of CAN traffic: what the frames say.")] = None,
-    counter: Annotated[str | None, typer.Option(metavar="SIGNAL", help="Of CAN traffic: what counts scans.")] = None,
+    dbc: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="DBC file that describes the frames of CAN traffic.")
+    ] = None,
+    counter: Annotated[
+        str | None, typer.Option(metavar="SIGNAL", help="Signal of CAN traffic that counts scans.")
+    ] = None,
 ) -> None:
-    """Make a log of measurements: one column a channel, named as its sensor."""
+    """Convert files of measurements to a log.
+
+    One column per channel, named as its sensor.
+    """
     from daq import CAN_LOGS
     from monitor.cli.data.import_ import ImportOptions, import_command
     from monitor.cli.data.import_can import import_can_command
@@ -89,34 +103,40 @@ def import_(
 @data_app.command()
 def identify(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
-    method: Annotated[str, typer.Option(help="Way of identification.")] = "ssi-data",
+    method: Annotated[str, typer.Option(help="Identification method.")] = "ssi-data",
     window: Annotated[
         float | None,
-        typer.Option(help="Length of a window [s]; that of the log's settings, else the whole log.", min=0.1),
+        typer.Option(help="Length of a window [s]. Default: that of the log's settings, else the whole log.", min=0.1),
     ] = None,
     band: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Where modes are sought [Hz].")
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequency band of the modes [Hz].")
     ] = None,
     structure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="structure.toml to compare with; the log's own unless given.")
+        Path | None,
+        typer.Option(metavar="FILE", help="structure.toml to compare with. Default: the one attached to the log."),
     ] = None,
     reference: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Sensor that stays while others move, each log being a set-up; repeat."),
+        typer.Option(
+            metavar="NAME",
+            help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
+        ),
     ] = None,
     start: From = None,
     stop: To = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="PICTURE.png", help="Spectrum, stabilization diagram and shapes.")
+        Path | None,
+        typer.Option(metavar="PICTURE.png", help="Picture to write: spectrum, stabilization diagram, mode shapes."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder that gets modes.json, modes.unv (UFF 55) and pictures.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
     ] = None,
 ) -> None:
-    """Identify the modes of logs: one estimate, averaged over all windows, with its uncertainty.
+    """Identify the modes of logs.
 
-    All logs count as one record for --from and --to; with --reference each log separately.
+    One estimate with its uncertainty, averaged over all windows. All logs count as one record for
+    --from and --to; with --reference each log separately.
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.identify import Options, identify_command
@@ -137,7 +157,7 @@ def diagnose(
     structure: Annotated[Path, typer.Argument(metavar="STRUCTURE.toml")],
     logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
     reference: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure as it was; may be repeated.")
+        list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure before the change. Repeatable.")
     ] = None,
     holdout: Annotated[
         list[Path] | None, typer.Option(metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable.")
@@ -145,16 +165,20 @@ def diagnose(
     start: From = None,
     stop: To = None,
     reference_start: Annotated[
-        str | None, typer.Option("--reference-from", metavar="TIME", help="The same of the reference logs.")
+        str | None,
+        typer.Option("--reference-from", metavar="TIME", help="Range of the reference logs, like --from and --to."),
     ] = None,
     reference_stop: Annotated[
-        str | None, typer.Option("--reference-to", metavar="TIME", help="The same of the reference logs.")
+        str | None,
+        typer.Option("--reference-to", metavar="TIME", help="Range of the reference logs, like --from and --to."),
     ] = None,
-    window: Annotated[float | None, typer.Option(help="Length of a window [s]; chosen unless given.", min=0.1)] = None,
+    window: Annotated[
+        float | None, typer.Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder that gets report, extended model and diagnosis.json.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
     ] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the diagnosis.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
     only: Annotated[
         list[str] | None, typer.Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")
     ] = None,
@@ -174,7 +198,9 @@ def diagnose(
         typer.Option(metavar="NAME=LEAST:GREATEST", help="Bounds of a model parameter, in its unit. Repeatable."),
     ] = None,
 ) -> None:
-    """Name what has changed since the reference logs; without them, what the model gets wrong about the logs.
+    """Diagnose a change, or the errors of a model.
+
+    With --reference: what has changed since the reference logs. Without: what the structure file gets wrong.
 
     --from and --to limit LOG, not the logs of --reference and --holdout. A log that shows both states can be LOG with
     --from and --reference with --reference-to.
@@ -197,11 +223,18 @@ def diagnose(
 @data_app.command()
 def bodies(
     file: Annotated[
-        Path, typer.Argument(metavar="BODIES.toml", help="Structure, bodies, and per record places and frequencies.")
+        Path,
+        typer.Argument(
+            metavar="BODIES.toml",
+            help="TOML file with the structure, the bodies, and places and frequencies per record.",
+        ),
     ],
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the result.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
 ) -> None:
-    """Identify which bodies at known places were taken off or added, by several records together."""
+    """Identify bodies removed or added at known places.
+
+    Several records are used together.
+    """
     from monitor.cli.data.bodies import bodies_command
 
     raise typer.Exit(bodies_command(file, json_path=json))
@@ -210,25 +243,35 @@ def bodies(
 @data_app.command()
 def structure(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="structure.toml.")],
-    modes: Annotated[int, typer.Option(help="How many modes to list.", min=1, max=100)] = 12,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
-    out: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Picture; beside FILE unless given.")] = None,
-    channels: Annotated[
-        Path | None, typer.Option(metavar="SITE.toml|LOG", help="Channels to set against the sensors.")
+    modes: Annotated[int, typer.Option(help="Number of modes to list.", min=1, max=100)] = 12,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE.")
     ] = None,
-    record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before a change, and after.")] = 600.0,
+    channels: Annotated[
+        Path | None,
+        typer.Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
+    ] = None,
+    record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before and after a change.")] = 600.0,
     damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
     highest: Annotated[
         float | None,
-        typer.Option(metavar="HZ", help="Frequency up to which modes are identified: of --channels, else 400."),
+        typer.Option(
+            metavar="HZ", help="Frequency up to which modes are identified [Hz]. Default: from --channels, else 400."
+        ),
     ] = None,
-    target: Annotated[str | None, typer.Option(metavar="MASS", help="A mass to be found, such as 50g.")] = None,
-    within: Annotated[str, typer.Option(metavar="LENGTH", help="How near it must be found.")] = "50mm",
+    target: Annotated[str | None, typer.Option(metavar="MASS", help="Mass that must be located, such as 50g.")] = None,
+    within: Annotated[
+        str, typer.Option(metavar="LENGTH", help="Largest error of its position, such as 50mm.")
+    ] = "50mm",
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List the model parameters that may be updated, with sensitivities.")
     ] = False,
 ) -> None:
-    """Draw a structure, list its modes, and say what its sensors see of them and of a mass put on it."""
+    """Draw a structure, and report what its sensors detect.
+
+    Lists its modes, which of them the sensors measure, and the smallest added mass that raises an alarm.
+    """
     from monitor.cli.data.structure import Asked, structure_command
 
     asked = Asked(
@@ -247,14 +290,14 @@ def structure(
 @data_app.command()
 def report(
     path: Annotated[Path, typer.Argument(metavar="DIR|LOG.mcap")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page; beside the log unless given.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Page to write. Default: next to the log.")] = None,
     diagnosis: Annotated[
-        Path | None, typer.Option(help="What `diagnose --json` wrote, to show instead of the log's own.")
+        Path | None, typer.Option(help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
     ] = None,
     start: From = None,
     stop: To = None,
 ) -> None:
-    """Write what a log says as one HTML page, the verdict first.
+    """Write a report of a log as one HTML page.
 
     With a range, only windows entirely inside it are shown. The baseline and an alarm that is active at --from are
     taken from earlier.
@@ -267,7 +310,7 @@ def report(
 
 @data_app.command()
 def repair(log: Annotated[Path, typer.Argument(metavar="LOG.mcap")]) -> None:
-    """Mend a log that was cut or damaged, in place: every whole chunk is kept."""
+    """Repair a truncated or damaged log in place. Every complete chunk is kept."""
     from monitor.cli.data.log import repair_command
 
     raise typer.Exit(repair_command(log))
@@ -276,12 +319,12 @@ def repair(log: Annotated[Path, typer.Argument(metavar="LOG.mcap")]) -> None:
 @data_app.command()
 def view(
     target: Annotated[str, typer.Argument(metavar="DIR|LOG.mcap|URL")],
-    out: Annotated[Path | None, typer.Option(help="File that gets the recording; a cache unless given.")] = None,
-    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the rerun viewer on it.")] = True,
+    out: Annotated[Path | None, typer.Option(help="Recording to write. Default: in a cache folder.")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the rerun viewer on the recording.")] = True,
     start: From = None,
     stop: To = None,
 ) -> None:
-    """Open the rerun viewer on what a log says, or on a monitor that runs.
+    """Open the rerun viewer on a log or a running monitor.
 
     A range is shown as by `report`.
     """

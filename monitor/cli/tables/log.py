@@ -1,4 +1,4 @@
-"""`modalwatch log`: its table of commands."""
+"""Signatures of the commands of `modalwatch log`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,17 +7,20 @@ import typer
 
 from monitor.cli.range_options import From, To
 
-log_app = typer.Typer(no_args_is_help=True, help="Look into logs.")
+log_app = typer.Typer(no_args_is_help=True, help="Inspect and export logs.")
 
-_Logs = Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")]
+_Logs = Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")]
 
 
 @log_app.command("info")
 def log_info(
     log: _Logs,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the figures.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
 ) -> None:
-    """Say what is in a log: devices, scans, gaps, events, attachments, cut or whole."""
+    """Summarize a log.
+
+    Devices, scans, gaps, events, attachments, completeness.
+    """
     from monitor.cli.data.log import info_command
 
     raise typer.Exit(info_command(log, json))
@@ -26,13 +29,13 @@ def log_info(
 @log_app.command("export")
 def log_export(
     log: _Logs,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="New .csv, .npz, .mat or .uff.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="File to write: .csv, .npz, .mat or .uff.")],
     start: From = None,
     stop: To = None,
 ) -> None:
-    """Write the signals of a log, on one time grid, to a file that other programs and `import` read.
+    """Export the signals of a log on one time grid.
 
-    Delays of devices that the log's newest baseline has found are removed; `import` restores devices and start.
+    Device delays found by the newest baseline of the log are removed. `import` restores devices and start time.
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.log import export_command
@@ -43,11 +46,16 @@ def log_export(
 @log_app.command("expand")
 def log_expand(
     log: _Logs,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="New MCAP file of ROS 2 messages.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="MCAP file to write, with ROS 2 messages.")
+    ],
     start: From = None,
     stop: To = None,
 ) -> None:
-    """Write the signals of a log, a message a scan, to a file that stock rerun and Foxglove plot."""
+    """Export a log as one message per scan.
+
+    Stock rerun and Foxglove plot it.
+    """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.log import expand_command
 

@@ -1,4 +1,4 @@
-"""The table of commands about a site that is watched."""
+"""Signatures of the commands that work on a site."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +19,9 @@ _Given = Annotated[
 def run(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
     given: _Given = None,
-    json_log: Annotated[bool, typer.Option("--json-log", help="Say what happens as one JSON object a line.")] = False,
+    json_log: Annotated[bool, typer.Option("--json-log", help="Print events as JSON, one object per line.")] = False,
 ) -> None:
-    """Watch a site until SIGTERM or Ctrl-C."""
+    """Monitor a site until SIGTERM or Ctrl-C."""
     from monitor.cli.site.run import run_command
 
     raise typer.Exit(run_command(site, given or (), as_json=json_log))
@@ -29,11 +29,15 @@ def run(
 
 @site_app.command()
 def settings(
-    site: Annotated[Path | None, typer.Argument(metavar="SITE.toml", help="Site; the defaults unless given.")] = None,
-    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON Schema that editors use.")] = False,
+    site: Annotated[
+        Path | None, typer.Argument(metavar="SITE.toml", help="SITE.toml. Default: the default settings.")
+    ] = None,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON Schema of the settings, for editors.")
+    ] = False,
     given: _Given = None,
 ) -> None:
-    """Print all settings as TOML, each with what it means."""
+    """Print all settings as TOML, each with its meaning."""
     from monitor.cli.site.settings import settings_command
 
     raise typer.Exit(settings_command(site, given or (), schema=schema))
@@ -42,13 +46,19 @@ def settings(
 @site_app.command("install-service")
 def install_service(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
-    user: Annotated[bool, typer.Option("--user", help="For your own service manager, not the system's.")] = False,
-    only_print: Annotated[bool, typer.Option("--print", help="Print the unit, write nothing.")] = False,
+    user: Annotated[
+        bool, typer.Option("--user", help="Unit for the user's service manager instead of the system's.")
+    ] = False,
+    only_print: Annotated[bool, typer.Option("--print", help="Print the unit instead of writing it.")] = False,
     run_as: Annotated[
-        str | None, typer.Option("--as", metavar="USER", help="Run as this user; the owner of the folder unless given.")
+        str | None,
+        typer.Option("--as", metavar="USER", help="User that runs the service. Default: the owner of the folder."),
     ] = None,
 ) -> None:
-    """Write the systemd unit that runs a site: from boot, watched, with no more rights than it needs."""
+    """Write a systemd unit for a site.
+
+    The service starts at boot, is supervised by systemd, and has minimal rights.
+    """
     from monitor.cli.site.service import install_command
 
     raise typer.Exit(install_command(site, of_user=user, only_print=only_print, run_as=run_as))
@@ -56,7 +66,10 @@ def install_service(
 
 @site_app.command()
 def health(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
-    """Ask a site's running monitor, by its [web] section, whether it is well; 1 with what is stale if not."""
+    """Check the health of a running monitor.
+
+    Uses its [web] section. Prints the problems, with exit code 1, if it is not healthy.
+    """
     from monitor.cli.site.service import health_command
 
     raise typer.Exit(health_command(site))
@@ -66,13 +79,16 @@ def health(site: Annotated[Path, typer.Argument(metavar="SITE.toml")]) -> None:
 def history(
     target: Annotated[str, typer.Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
     days: Annotated[
-        float | None, typer.Option(help="Only the last days, counted from now; all of them unless given.", min=0.0)
+        float | None, typer.Option(help="Number of days, counted back from now. Default: all.", min=0.0)
     ] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets the modes' courses.")] = None,
-    plot: Annotated[Path | None, typer.Option(metavar="PICTURE.png", help="Novelty and shifts over time.")] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets all of it.")] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="CSV file to write: modes over time.")] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="PICTURE.png", help="Picture to write: novelty and frequency shifts over time."),
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
 ) -> None:
-    """Say what has been found over the years: alarms, courses of the modes, events."""
+    """List alarms, modes and events of a site over time."""
     from monitor.cli.site.history import Outputs, history_command
 
     raise typer.Exit(history_command(target, days, Outputs(csv=csv, plot=plot, json=json)))
@@ -81,10 +97,10 @@ def history(
 @site_app.command()
 def acknowledge(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
-    by: Annotated[str, typer.Option(help="Who knows of the alarm.")] = "",
-    note: Annotated[str, typer.Option(help="What they know.")] = "",
+    by: Annotated[str, typer.Option(help="Name of the person.")] = "",
+    note: Annotated[str, typer.Option(help="Comment.")] = "",
 ) -> None:
-    """Tell a running monitor that a person knows of its alarm."""
+    """Acknowledge the alarm of a running monitor."""
     from monitor.cli.site.run import acknowledge_command
 
     raise typer.Exit(acknowledge_command(site, by, note))
@@ -95,14 +111,16 @@ def accept(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
     alarm: Annotated[
         str | None,
-        typer.Argument(metavar="ALARM", help="When it was raised, as `history` shows it; the one that stands."),
+        typer.Argument(
+            metavar="ALARM", help="Time at which the alarm was raised, as in `history`. Default: the active alarm."
+        ),
     ] = None,
-    cause: Annotated[str, typer.Option("--as", help="What the change is, such as 'pump, 150 g'.")] = "",
-    by: Annotated[str, typer.Option(help="Who accepts it.")] = "",
-    undo: Annotated[bool, typer.Option("--undo", help="Take the last acceptance back.")] = False,
-    note: Annotated[str, typer.Option(help="Why it is taken back.")] = "",
+    cause: Annotated[str, typer.Option("--as", help="Cause of the change, such as 'pump, 150 g'.")] = "",
+    by: Annotated[str, typer.Option(help="Name of the person.")] = "",
+    undo: Annotated[bool, typer.Option("--undo", help="Undo the last acceptance.")] = False,
+    note: Annotated[str, typer.Option(help="Reason for the undo.")] = "",
 ) -> None:
-    """Make the change that raised the alarm the new normal: an intended or explained one."""
+    """Accept an alarmed change as the new reference."""
     from monitor.cli.site.accept import accept_command, undo_command
 
     raise typer.Exit(undo_command(site, by, note) if undo else accept_command(site, alarm, cause, by))
@@ -111,15 +129,18 @@ def accept(
 @site_app.command()
 def prove(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
-    mass: Annotated[float, typer.Option(help="That hangs on now [kg].", min=1e-6)],
-    at: Annotated[str, typer.Option(metavar="X,Z|X,Y,Z", help="Where, on a member [m].")],
+    mass: Annotated[float, typer.Option(help="Known mass that is attached now [kg].", min=1e-6)],
+    at: Annotated[str, typer.Option(metavar="X,Z|X,Y,Z", help="Its position on a member [m].")],
     log: Annotated[
         list[Path] | None,
-        typer.Option(metavar="LOG.mcap|DIR", help="Look at this log instead of what the monitor remembers; repeat."),
+        typer.Option(metavar="LOG.mcap|DIR", help="Log to use instead of the saved state of the monitor. Repeatable."),
     ] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets it all.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
 ) -> None:
-    """Commission a site: hang a known mass on, wait for the alarm, see whether the answer holds."""
+    """Commission a site with a known mass.
+
+    Attach the mass and wait for the alarm. The answer is compared with mass and position.
+    """
     from monitor.cli.site.prove import prove_command
 
     raise typer.Exit(prove_command(site, mass, at, log or [], json))
@@ -127,20 +148,23 @@ def prove(
 
 @site_app.command()
 def replay(
-    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="A log, files of a run, or its folder.")],
-    site: Annotated[Path | None, typer.Option(help="Settings to use instead of those attached to the log.")] = None,
+    log: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")],
+    site: Annotated[
+        Path | None, typer.Option(help="SITE.toml to use instead of the settings attached to the log.")
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="WATCHED.mcap", help="Log that gets it all, for `report` and `view`."),
+        typer.Option("-o", "--out", metavar="WATCHED.mcap", help="Log to write, with signals and results."),
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="File that gets what was found.")] = None,
+    json: Annotated[Path | None, typer.Option(help="JSON file to write.")] = None,
     start: From = None,
     stop: To = None,
     given: _Given = None,
 ) -> None:
-    """Run the same loop over a log, as fast as it goes.
+    """Repeat the analysis of a log at full speed.
 
-    With --from the baseline is learnt from there on, so that nothing can be compared with what was found live.
+    Results are compared with the live ones. With --from the baseline is learned from that time on, and
+    nothing is compared.
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.site.run import replay_command
@@ -150,7 +174,7 @@ def replay(
 
 @site_app.command()
 def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")], given: _Given = None) -> None:
-    """Validate settings, ask each device who it is and how fast it sends, say what would run."""
+    """Check the settings, the devices and their rates before a run."""
     from monitor.cli.site.check import check_command
 
     raise typer.Exit(check_command(site, given or ()))
@@ -159,14 +183,16 @@ def check(site: Annotated[Path, typer.Argument(metavar="SITE.toml")], given: _Gi
 @site_app.command()
 def devices(
     port: Annotated[
-        list[str] | None, typer.Option(metavar="PORT", help="Look at this port only; repeat. All unless given.")
+        list[str] | None, typer.Option(metavar="PORT", help="Port to search. Repeatable. Default: all ports.")
     ] = None,
-    probe: Annotated[bool, typer.Option("--probe/--no-probe", help="Ask who answers.")] = True,
-    every: Annotated[bool, typer.Option("--all", help="Ask at ports too that are not USB.")] = False,
-    bitrate: Annotated[int, typer.Option(help="Of a bus behind an SLCAN adapter [bit/s].", min=10_000)] = 1_000_000,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="File that gets what was found.")] = None,
+    probe: Annotated[bool, typer.Option("--probe/--no-probe", help="Query devices at the ports.")] = True,
+    every: Annotated[bool, typer.Option("--all", help="Also query ports that are not USB.")] = False,
+    bitrate: Annotated[
+        int, typer.Option(help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
+    ] = 1_000_000,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
 ) -> None:
-    """List serial ports and CAN adapters, ask who answers there, and print settings to paste."""
+    """List ports and devices, with settings to paste."""
     from monitor.cli.site.devices import Asked, devices_command
 
     asked = Asked(ports=tuple(port or ()), probe=probe, every=every, bitrate=bitrate)
